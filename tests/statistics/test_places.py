@@ -28,7 +28,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields import field_sample
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -172,8 +172,8 @@ def test_a_place_that_no_run_reaches_says_so() -> None:
 
 def test_estimates_are_put_along_a_dimension() -> None:
     estimates = [Estimate(1.0, 0.0, 2.0, "a", "nominal"), Estimate.without_bounds(3.0, "why")]
-    together = Estimates.of(estimates, (2,))
-    array = Estimates.stack([Estimates.of([each], ()) for each in estimates]).to_array(
+    together = EstimateVector.of(estimates, (2,))
+    array = EstimateVector.stack([EstimateVector.of([each], ()) for each in estimates]).to_array(
         "probability", units="1", long_name=""
     )
     np.testing.assert_array_equal(array.values, together.to_array(units="1", long_name="").values)

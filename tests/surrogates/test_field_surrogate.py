@@ -38,7 +38,7 @@ from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.principal_components import PrincipalComponents, grid_weights
+from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.verification.check_result import CheckOutcome
@@ -205,7 +205,7 @@ def test_the_truncation_is_the_share_that_the_components_leave(
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(12, 7)) @ rng.normal(size=(7, 7)) + rng.normal(size=7)
     grid = np.sort(rng.uniform(size=7)).tolist()
-    weights = grid_weights([Dimension("time", "s", values=tuple(grid))])
+    weights = Dimension("time", "s", values=tuple(grid)).weights
     runs = rng.uniform(0.1, 1, size=12) if is_weighted else np.ones(12)
     runs /= runs.sum()
     found = PrincipalComponents.of_runs(values, weights, count, runs)
@@ -225,7 +225,7 @@ def test_a_finer_grid_changes_no_score() -> None:
         rng = np.random.default_rng(1)
         values = sum(rng.normal(size=(50, 1)) / (k + 1) * np.cos(k * times / 2) for k in range(4))
         dimension = Dimension("time", "s", values=tuple(times))
-        return PrincipalComponents.of_runs(np.asarray(values), grid_weights([dimension]), 3)
+        return PrincipalComponents.of_runs(np.asarray(values), dimension.weights, 3)
 
     coarse = of_grid(np.linspace(0, 3, 101))
     # Ten times as many places in one third of the field.
@@ -236,7 +236,7 @@ def test_a_finer_grid_changes_no_score() -> None:
 
 def test_a_place_that_never_varies_has_no_scatter_of_rounding() -> None:
     values = np.column_stack([np.full(9, 0.1), np.arange(9.0), np.sqrt(np.arange(9.0))])
-    weights = grid_weights([Dimension("time", "s", values=(0.0, 1.0, 2.0))])
+    weights = Dimension("time", "s", values=(0.0, 1.0, 2.0)).weights
     found = PrincipalComponents.of_runs(values, weights, 0.5)
     assert (found.fields(found.scores(values))[:, 0] == 0.1).all()
 
@@ -261,7 +261,7 @@ class TestCampbell:
 
     def test_few_components_have_nearly_all_of_the_variance(self) -> None:
         runs = runs_of(Campbell(), JOINT, LatinHypercube(runs=200, replicates=1))
-        values, weights = runs[CURVE.name].values, grid_weights(CURVE.dims)
+        values, weights = runs[CURVE.name].values, CURVE.place_weights
         shares = {0.9: 2, 0.95: 2, 0.99: 3, 0.999: 6, 0.9999: 10}
         for share, expected in shares.items():
             count = PrincipalComponents.of_runs(values, weights, share).count
@@ -324,7 +324,7 @@ def test_indices_by_draws_agree_with_the_exact_ones() -> None:
         assert set(statistics[name].coords[NOTE].values[0].ravel()) == {
             "it is the same at all draws"
         }
-    whole = np.tensordot(grid_weights(output.dims), parts.reshape(-1, 2), 1)
+    whole = np.tensordot(output.place_weights, parts.reshape(-1, 2), 1)
     expected = whole / whole.sum()
     np.testing.assert_allclose(estimates["generalized_first_order"], expected, atol=5e-3)
     np.testing.assert_allclose(estimates["generalized_total_order"], expected, atol=5e-3)

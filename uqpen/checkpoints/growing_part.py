@@ -44,5 +44,5 @@ class GrowingPart:
 
     @property
     def is_large(self) -> bool:
-        """True if it has so many values, as those of fields are, that it is to be written now."""
+        """True if it is to be written now for its size, as runs with fields often are."""
         return self._bytes >= _MOST_BYTES

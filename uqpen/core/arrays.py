@@ -16,6 +16,7 @@ __all__ = [
     "BoolArray",
     "FloatArray",
     "IntArray",
+    "evenly_spread",
     "floats",
     "is_finite_number",
     "raw_bytes",
@@ -75,6 +76,15 @@ def floats(value: object) -> FloatArray:
         raise
     except Exception as error:  # an object from outside may raise anything when it is read
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
+
+
+def evenly_spread(size: int, most: int) -> IntArray:
+    """Return positions in an array, evenly spread from the first to the last; `most` at the most.
+
+    >>> evenly_spread(9, 3)
+    array([0, 4, 8])
+    """
+    return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
 
 
 def rows_by_weight(weights: FloatArray, probability: FloatArray) -> IntArray:

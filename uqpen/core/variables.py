@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 
@@ -97,6 +98,20 @@ class Variable:
         """Unit for display."""
         return self.display_unit or self.unit
 
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Units and name, as attributes of a variable of a dataset."""
+        return {
+            "units": self.unit,
+            "display_units": self.preferred_unit,
+            "long_name": self.title,
+        }
+
+    def value_text(self, value: float) -> str:
+        """Return a value in SI units as text, in the unit for display."""
+        unit = "" if self.preferred_unit == DIMENSIONLESS else f" {self.preferred_unit}"
+        return f"{scale(self.preferred_unit).from_si(value):.10g}{unit}"
+
 
 @dataclass(frozen=True)
 class Input(Variable):
@@ -164,8 +179,7 @@ class Dimension(Variable):
 
     def place_text(self, value: float) -> str:
         """Return a place along it as text, such as ``time = 12 day``; the value is in SI units."""
-        unit = "" if self.preferred_unit == DIMENSIONLESS else f" {self.preferred_unit}"
-        return f"{self.name} = {scale(self.preferred_unit).from_si(value):.10g}{unit}"
+        return f"{self.name} = {self.value_text(value)}"
 
     def _problems(self) -> Iterator[Problem]:
         if expected := dimension_name_problem(self.name):
@@ -226,6 +240,13 @@ class Output(Variable):
     def shape(self) -> tuple[int, ...]:
         """Shape of its values in one run; empty for a single one."""
         return tuple(len(dimension.values) for dimension in self.dims)
+
+    @property
+    def place_weights(self) -> FloatArray:
+        """Weight of each place in a mean over a field, flattened; their sum is 1."""
+        along = [dimension.weights for dimension in self.dims]
+        weights: FloatArray = reduce(np.multiply.outer, along).ravel()
+        return weights
 
     @property
     def is_number(self) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import (
     ABSENT,
     CURVE_MAY_END,
@@ -20,7 +22,7 @@ from uqpen.core.labels import (
     STATUS,
     WEIGHT,
 )
-from uqpen.core.model import Category, Dimension, Model, Output
+from uqpen.core.model import Category, Model, Output
 from uqpen.core.status import Status
 
 __all__ = ["runs_dataset"]
@@ -47,26 +49,10 @@ def runs_dataset(
     display_units : mapping of str to str
         The unit to show an input or output in, where it is not the model's own.
     """
-    runs = points.assign(results).assign_coords(_coordinates(model))
+    dims = itertools.chain.from_iterable(output.dims for output in model.outputs)
+    runs = points.assign(results).assign_coords(field_coordinates(dims))
     _add_attributes(runs, model, display_units)
     return runs
-
-
-def _coordinates(model: Model) -> dict[str, Any]:
-    """Return the coordinates of the model's fields, by dimension."""
-    dimensions = {each.name: each for output in model.outputs for each in output.dims}
-    return {
-        name: (name, np.array(each.values), _measure(each)) for name, each in dimensions.items()
-    }
-
-
-def _measure(dimension: Dimension) -> dict[str, str]:
-    """Return the attributes of a coordinate."""
-    return {
-        "units": dimension.unit,
-        "display_units": dimension.preferred_unit,
-        "long_name": dimension.title,
-    }
 
 
 def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:

@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.model import Output
 from uqpen.core.settings import quantity, validate
-from uqpen.reductions.places import CoordinateReduction, along, quantity_text
+from uqpen.reductions.places import CoordinateReduction, along
 
 __all__ = ["FirstAbove", "FirstBelow"]
 
 
 @dataclass(frozen=True)
-class FirstAbove(CoordinateReduction):
+class _FirstCrossing(CoordinateReduction):
+    """Base of coordinates at which a curve first lies beyond a threshold."""
+
+    threshold: float = quantity()
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    # The side of the threshold, and the verb of a curve that never lies there.
+    _words: ClassVar[tuple[str, str]]
+
+    @abstractmethod
+    def _is_beyond(self, values: FloatArray) -> BoolArray:
+        """Return a mask of the values beyond the threshold."""
+
+    def title(self, field: Output) -> str:
+        side, _ = self._words
+        limit = field.value_text(self.threshold)
+        return f"first {along(field)} of {field.title} {side} {limit}"
+
+    def absence(self, field: Output) -> str:
+        _, verb = self._words
+        return f"{field.title} never {verb} {field.value_text(self.threshold)}"
+
+    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
+        return _first_crossing(values, self._is_beyond(values), self.threshold, field)
+
+
+@dataclass(frozen=True)
+class FirstAbove(_FirstCrossing):
     """Coordinate at which a curve first exceeds a threshold, linear between coordinates.
 
     Parameters
@@ -24,23 +55,14 @@ class FirstAbove(CoordinateReduction):
         In the unit of the output.
     """
 
-    threshold: float = quantity()
+    _words = ("above", "exceeds")
 
-    def __post_init__(self) -> None:
-        validate(self)
-
-    def title(self, field: Output) -> str:
-        return f"first {along(field)} of {field.title} above {quantity_text(self.threshold, field)}"
-
-    def absence(self, field: Output) -> str:
-        return f"{field.title} never exceeds {quantity_text(self.threshold, field)}"
-
-    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
-        return _first_crossing(values, values > self.threshold, self.threshold, field)
+    def _is_beyond(self, values: FloatArray) -> BoolArray:
+        return values > self.threshold
 
 
 @dataclass(frozen=True)
-class FirstBelow(CoordinateReduction):
+class FirstBelow(_FirstCrossing):
     """Coordinate at which a curve first lies below a threshold, linear between coordinates.
 
     Parameters
@@ -49,19 +71,10 @@ class FirstBelow(CoordinateReduction):
         In the unit of the output.
     """
 
-    threshold: float = quantity()
+    _words = ("below", "lies below")
 
-    def __post_init__(self) -> None:
-        validate(self)
-
-    def title(self, field: Output) -> str:
-        return f"first {along(field)} of {field.title} below {quantity_text(self.threshold, field)}"
-
-    def absence(self, field: Output) -> str:
-        return f"{field.title} never lies below {quantity_text(self.threshold, field)}"
-
-    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
-        return _first_crossing(values, values < self.threshold, self.threshold, field)
+    def _is_beyond(self, values: FloatArray) -> BoolArray:
+        return values < self.threshold
 
 
 def _first_crossing(

@@ -10,7 +10,6 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.derived import Reduction
 from uqpen.core.model import Output
-from uqpen.reductions.places import quantity_text
 
 __all__ = ["At"]
 
@@ -31,11 +30,11 @@ class At(Reduction):
         given = dict(self.places)
         for dimension in field.dims:
             lowest, highest = dimension.values[0], dimension.values[-1]
-            ends = [quantity_text(each, dimension) for each in (lowest, highest)]
+            ends = [dimension.value_text(each) for each in (lowest, highest)]
             if dimension.name not in given:
                 yield f"no {dimension.name}", f"a coordinate from {ends[0]} to {ends[1]}"
             elif not lowest <= given[dimension.name] <= highest:
-                found = f"{dimension.name} = {quantity_text(given[dimension.name], dimension)}"
+                found = dimension.place_text(given[dimension.name])
                 yield found, f"a coordinate from {ends[0]} to {ends[1]}"
 
     def title(self, field: Output) -> str:
@@ -53,7 +52,7 @@ class At(Reduction):
     def _place(self, field: Output) -> str:
         given = dict(self.places)
         return ", ".join(
-            f"{each.title} = {quantity_text(given[each.name], each)}" for each in field.dims
+            f"{each.title} = {each.value_text(given[each.name])}" for each in field.dims
         )
 
 

@@ -1,12 +1,11 @@
-"""Places of a field in words, and the coordinate as the number of a run."""
+"""Dimensions of a field in words, and the coordinate of a curve as the number of a run."""
 
 from __future__ import annotations
 
 from uqpen.core.derived import Reduction
-from uqpen.core.model import Dimension, Output
-from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.core.model import Output
 
-__all__ = ["CoordinateReduction", "along", "quantity_text"]
+__all__ = ["CoordinateReduction", "along"]
 
 
 def along(field: Output) -> str:
@@ -17,13 +16,6 @@ def along(field: Output) -> str:
     'x'
     """
     return " and ".join(dimension.title for dimension in field.dims)
-
-
-def quantity_text(value: float, variable: Output | Dimension) -> str:
-    """Return a value of an output or a dimension, with the unit that it is shown in."""
-    shown = variable.preferred_unit
-    number = f"{scale(shown).from_si(value):.10g}"
-    return number if shown == DIMENSIONLESS else f"{number} {shown}"
 
 
 class CoordinateReduction(Reduction):

@@ -10,8 +10,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
-from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, NOTE
+from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL, NOTE, RUNS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import first_runs
 
@@ -34,26 +35,66 @@ class CurveEstimates:
         The part of an archive on one model.
     output, source : str
         The curve, and the design or surrogate whose estimates they are.
+    most_places : int, optional
+        Places at the most, evenly spread over the curve; all of them by default.
     """
 
     view: ArchiveView
     output: str
     source: str
+    most_places: int | None = None
 
-    @property
+    @cached_property
     def dimension(self) -> str:
         """The dimension of the curve."""
         return field_dimensions(first_runs(self.view.tree)[self.output])[0]
 
+    @property
+    def size(self) -> int:
+        """Number of all places of the curve."""
+        return int(self._coordinates.size)
+
+    @cached_property
+    def positions(self) -> IntArray:
+        """Positions of the places among all of the curve."""
+        return evenly_spread(self.size, self.most_places or self.size)
+
     @cached_property
     def places(self) -> FloatArray:
         """The coordinates, shape (place,)."""
-        coordinates = first_runs(self.view.tree)[self.dimension].values
+        coordinates = self._coordinates.values[self.positions]
         return np.asarray(self.view.scale(self.dimension).from_si(coordinates), dtype=np.float64)
 
-    def array(self, statistic: str) -> xr.DataArray | None:
-        """Return an estimate array as the archive has it, in SI units; None without one."""
-        return self.view.statistics.get(self.source, self.output, statistic)
+    @property
+    def _coordinates(self) -> xr.DataArray:
+        return first_runs(self.view.tree)[self.dimension]
+
+    @cached_property
+    def runs(self) -> FloatArray:
+        """The curves of the completed runs of a design, shape (run, place); NaN behind an end."""
+        return self._shown_runs(self.view.completed_values(self.source, self.output))
+
+    @property
+    def outlying_runs(self) -> FloatArray:
+        """The curves of the outlying runs of a design, shape (run, place)."""
+        mask = self.view.statistics.get(self.source, self.output, "outlying")
+        every = read_group(self.view.tree, RUNS, self.source)[self.output].values
+        numbers = [] if mask is None else mask["curve"].values[mask.values == 1]
+        return self._shown_runs(every[np.asarray(numbers, dtype=np.int64)])
+
+    def _shown_runs(self, values: FloatArray) -> FloatArray:
+        shown = self.view.scale(self.output).from_si(values[:, self.positions])
+        return np.asarray(shown, dtype=np.float64)
+
+    def array(self, statistic: str, source: str = "") -> xr.DataArray | None:
+        """Return an estimate array at the places, in SI units; None without one.
+
+        It is of another source, if one is named.
+        """
+        found = self.view.statistics.get(source or self.source, self.output, statistic)
+        if found is None or self.dimension not in found.dims:
+            return None
+        return found.isel({self.dimension: self.positions})
 
     def bounds(self, statistic: str) -> FloatArray | None:
         """Return a statistic of one value at each place, shape (place, bound); None without it."""

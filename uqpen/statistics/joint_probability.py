@@ -22,7 +22,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
@@ -61,7 +61,7 @@ def joint_probabilities(
     samples = Sample.several_from_runs(drawn, outputs)
     absent = [name for name in outputs if absent_runs(drawn, name) is not None]
     estimates = [_estimate(event, samples, absent, level) for event in known]
-    array = Estimates.stack(estimates).to_array(
+    array = EstimateVector.stack(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
@@ -81,7 +81,7 @@ def joint_probabilities(
 
 def _estimate(
     event: JointEvent, samples: dict[str, Sample], absent: Sequence[str], level: float
-) -> Estimates:
+) -> EstimateVector:
     # Some runs may lack a derived output; those that have all outputs of the event are used.
     used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
     met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]

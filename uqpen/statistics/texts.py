@@ -40,7 +40,7 @@ SURROGATE_SAMPLING = "sampling of the surrogate"
 
 # Bands over all places of a field, and ranked curves.
 SIMULTANEOUS = "{method}, at a level that holds at all places at once"
-FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from those of a third"
+MULTIPLES_OF_DISTANCES = "order statistics of multiples of the distances to quantiles of a third"
 NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
 FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
 FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"

@@ -12,13 +12,13 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray
+from uqpen.core.coordinates import field_coordinates
 from uqpen.core.errors import ArchiveError, ModelError, UnknownNameError
 from uqpen.core.labels import INPUT, RUNS, STATUS, SURROGATES
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Output, find_variable
 from uqpen.core.status import Status
 from uqpen.core.units import scale
-from uqpen.surrogates.field_fit import dimension_variables
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.prediction_points import broadcast_inputs, input_array
 from uqpen.surrogates.restoring import restore_surrogate
@@ -281,7 +281,7 @@ def _like(
     some: xr.DataArray, output: Output, values: FloatArray, attributes: dict[str, str]
 ) -> xr.DataArray:
     """Return values of an output along the points, and along its own dimensions."""
-    along = dimension_variables(output.dims)
+    along = field_coordinates(output.dims)
     return xr.DataArray(
         values.reshape((*some.shape, *output.shape)),
         {**some.reset_coords(drop=True).coords, **along},

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import PRINCIPAL_COMPONENT, STATUS
 from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
@@ -21,7 +22,7 @@ from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.score_model import score_name
 from uqpen.surrogates.storage import describe, description
 
-__all__ = ["FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
+__all__ = ["FIT_TEXT", "FieldCheck", "FieldFit"]
 
 # Attribute of the group of a field: what the components and the surrogate leave, in words.
 FIT_TEXT = "fit"
@@ -156,7 +157,7 @@ class FieldFit:
         told = {"units": "1", "long_name": "number of the component"}
         coordinates = {
             PRINCIPAL_COMPONENT: (PRINCIPAL_COMPONENT, numbers, told),
-            **dimension_variables(self.output.dims),
+            **field_coordinates(self.output.dims),
         }
         attributes = {
             **describe(self.output, "of_"),
@@ -235,13 +236,6 @@ class FieldFit:
             q2=found["q2"],
             check=check,
         )
-
-
-def dimension_variables(dims: tuple[Dimension, ...]) -> dict[str, xr.Variable]:
-    """Return the coordinates of a field by dimension, with their units."""
-    return {
-        each.name: xr.Variable(each.name, np.array(each.values), describe(each)) for each in dims
-    }
 
 
 def _known_share(share: float) -> float:

@@ -13,8 +13,6 @@ Campbell, K., McKay, M. D. & Williams, B. J. (2006). Reliab. Eng. Syst. Saf. 91,
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,11 +20,10 @@ import numpy as np
 from scipy.linalg import svd
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.model import Dimension
 from uqpen.core.settings import setting
 from uqpen.core.threads import one_blas_thread
 
-__all__ = ["DEFAULT_COMPONENTS", "PrincipalComponents", "components_setting", "grid_weights"]
+__all__ = ["DEFAULT_COMPONENTS", "PrincipalComponents", "components_setting"]
 
 # The truncation then leaves at most 1 % of the standard deviation.
 DEFAULT_COMPONENTS = 0.9999
@@ -44,17 +41,6 @@ def components_setting() -> Any:
     return setting("components", expected, accepts, default=DEFAULT_COMPONENTS)
 
 
-def grid_weights(dims: Sequence[Dimension]) -> FloatArray:
-    """Return the weight of each place in the mean over a field, flattened; their sum is 1.
-
-    They are those of the trapezoidal rule along each dimension.
-    """
-    weights: FloatArray = functools.reduce(
-        np.multiply.outer, [each.weights for each in dims]
-    ).ravel()
-    return weights
-
-
 @dataclass(frozen=True, eq=False)
 class PrincipalComponents:
     """Mean of a field and its leading principal components.
@@ -62,7 +48,7 @@ class PrincipalComponents:
     Parameters
     ----------
     weights : ndarray, shape (place,)
-        See `grid_weights`.
+        See `uqpen.core.variables.Output.place_weights`.
     mean : ndarray, shape (place,)
         Mean of the training runs, in the SI unit of the field.
     components : ndarray, shape (component, place)
@@ -95,7 +81,7 @@ class PrincipalComponents:
         values : ndarray, shape (run, place)
             Finite, and not the same in all runs.
         weights : ndarray, shape (place,)
-            See `grid_weights`.
+            See `uqpen.core.variables.Output.place_weights`.
         wanted : float or int
             The share of the variance that the components have at least, below 1; or their number.
         run_weights : ndarray, shape (run,), optional

@@ -12,7 +12,7 @@ from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, RUN, STATUS
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
-from uqpen.surrogates.principal_components import PrincipalComponents, grid_weights
+from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.training import size_problem
 
 __all__ = ["ScoreModel", "field_components", "score_name", "scored_runs"]
@@ -118,4 +118,4 @@ def field_components(output: Output, runs: xr.Dataset, wanted: float) -> Princip
         # Sparse grids and rules with lost nodes are no distribution of runs.
         weights = weights if completed.all() and (weights > 0).all() else None
     matrix = values.reshape(len(values), -1)
-    return PrincipalComponents.of_runs(matrix, grid_weights(output.dims), wanted, weights)
+    return PrincipalComponents.of_runs(matrix, output.place_weights, wanted, weights)

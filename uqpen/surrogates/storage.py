@@ -18,11 +18,7 @@ FIELD = "field_"
 
 def describe(variable: Variable, prefix: str = "") -> dict[str, str]:
     """Return unit, display unit and title of a variable as attributes."""
-    return {
-        f"{prefix}units": variable.unit,
-        f"{prefix}display_units": variable.preferred_unit,
-        f"{prefix}long_name": variable.title,
-    }
+    return {f"{prefix}{key}": text for key, text in variable.attributes.items()}
 
 
 def description(attributes: Mapping[Any, Any], prefix: str = "") -> tuple[str, str, str]:

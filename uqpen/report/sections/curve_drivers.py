@@ -11,9 +11,9 @@ from uqpen.core.labels import INPUT
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, band_traces
 from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
-from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.best_sources import best_sources
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import INDICES
 
@@ -23,14 +23,14 @@ __all__ = ["driver_areas", "driver_lines", "measures_along"]
 _MOST_INPUTS = 8
 
 
-def measures_along(curve: CurveView) -> list[tuple[str, str, xr.DataArray]]:
+def measures_along(curve: CurveEstimates) -> list[tuple[str, str, xr.DataArray]]:
     """Return the indices along the places: label, source and array of each that is known."""
     found = []
     for measure in index_titles(curve.view.tree).ordered(INDICES):
         arrays = {
             source: array
             for source in curve.view.sources
-            if (array := curve.estimate(measure.statistic, source)) is not None
+            if (array := curve.array(measure.statistic, source)) is not None
         }
         best = best_sources(curve.view.tree, arrays.items())[:1]
         known = (source for source in best if np.isfinite(arrays[source].values[..., 0]).any())
@@ -39,7 +39,7 @@ def measures_along(curve: CurveView) -> list[tuple[str, str, xr.DataArray]]:
 
 
 def driver_areas(
-    curve: CurveView, indices: Sequence[tuple[str, str, xr.DataArray]]
+    curve: CurveEstimates, indices: Sequence[tuple[str, str, xr.DataArray]]
 ) -> Iterator[Chart]:
     """Yield the parts of the inputs in the variance, one upon the other, and what they leave."""
     if not indices:
@@ -74,7 +74,7 @@ def driver_areas(
 
 
 def driver_lines(
-    curve: CurveView, indices: Sequence[tuple[str, str, xr.DataArray]]
+    curve: CurveEstimates, indices: Sequence[tuple[str, str, xr.DataArray]]
 ) -> Iterator[Chart]:
     """Yield a chart for each measure, with a line and its band for each input."""
     for label, source, array in indices:

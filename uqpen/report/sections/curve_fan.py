@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import RUN
+from uqpen.figures.scatter import thin_runs
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.field_places import PlaceReadout
 from uqpen.report.marks import Trace, line_trace
 from uqpen.report.sections.curve_lines import DASHES, band, level_text, line, place_axis
-from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.leading_design import output_title
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 from uqpen.results.texts import capitalized, join_names
@@ -24,9 +27,9 @@ __all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart", 
 _MOST_RUNS = 20
 
 
-def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
+def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
     """Return the chart of the mean with its band, the quantiles, and some single runs."""
-    series = curve.view.series(curve.design)
+    series = curve.view.series(curve.source)
     traces, key = _single_runs(curve)
     keys = [key]
     for label, dash, bounds in _quantiles(curve, "quantile"):
@@ -38,7 +41,7 @@ def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
         traces += [*ends, line(curve, mean, series, "mean", width=2.5)]
         keys.append(LegendKey("mean", series, "line"))
         if ends:
-            text = f"{kind} {level_text(curve.estimate(name))} band of the mean"
+            text = f"{kind} {level_text(curve.array(name))} band of the mean"
             keys.append(LegendKey(text, series, "band"))
     title = capitalized(output_title(curve.view, curve.output))
     return Chart(
@@ -48,30 +51,36 @@ def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
         y=Axis(curve.view.axis_label(curve.output)),
         traces=tuple(traces),
         keys=tuple(keys),
-        notes=tuple(filter(None, (curve.places_note,))),
+        notes=_places_notes(curve),
         height=400,
         is_compared=True,
         place=readout,
     )
 
 
-def tolerance_chart(curve: CurveView) -> Iterator[Chart]:
+def _places_notes(curve: CurveEstimates) -> tuple[str, ...]:
+    """Return how many places are shown, where these are not all."""
+    shown = curve.places.size
+    return () if shown == curve.size else (f"{shown} of {curve.size} places are shown.",)
+
+
+def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
     """Yield the bands that hold a new curve, behind single runs, if there are any."""
-    series = curve.view.series(curve.design)
+    series = curve.view.series(curve.source)
     found = {
         content: traces
-        for content, bounds in curve.entries("tolerance_band")
+        for content, bounds in curve.entries("tolerance_band").items()
         if (traces := band(curve, bounds, series))
     }
     if not found:
         return
     runs, key = _single_runs(curve)
     shares = join_names([percent_text(content) for content in found])
-    level = level_text(curve.estimate("tolerance_band"))
+    level = level_text(curve.array("tolerance_band"))
     text = f"holds a new curve in {shares} of cases, with {level} confidence"
     yield Chart(
         title="Tolerance band",
-        summary=f"By {curve.design}: {text}.",
+        summary=f"By {curve.source}: {text}.",
         x=place_axis(curve),
         y=Axis(curve.view.axis_label(curve.output)),
         traces=(*(trace for traces in found.values() for trace in traces), *runs),
@@ -80,20 +89,21 @@ def tolerance_chart(curve: CurveView) -> Iterator[Chart]:
     )
 
 
-def _single_runs(curve: CurveView) -> tuple[list[Trace], LegendKey]:
+def _single_runs(curve: CurveEstimates) -> tuple[list[Trace], LegendKey]:
     """Return thin lines of some runs, and their key, which has their number."""
-    runs = curve.some_runs(_MOST_RUNS)
+    numbers = xr.Dataset({"number": (RUN, np.arange(len(curve.runs)))})
+    runs = curve.runs[thin_runs(numbers, _MOST_RUNS)["number"].values]
     counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
-    key = LegendKey(f"{counted} of {curve.design}", "quiet", "line")
+    key = LegendKey(f"{counted} of {curve.source}", "quiet", "line")
     return [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs], key
 
 
-def ranked_chart(curve: CurveView) -> Iterator[Chart]:
+def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
     """Yield the functional boxplot of the runs, if their curves are ranked."""
     region, envelope = curve.bounds("central_region"), curve.bounds("envelope")
     if region is None or envelope is None:
         return
-    series = curve.view.series(curve.design)
+    series = curve.view.series(curve.source)
     outlying = curve.outlying_runs
     shown = outlying[:_MOST_RUNS]
     lines = [line_trace(curve.places, run, "beyond", hover="", width=1) for run in shown]
@@ -101,7 +111,7 @@ def ranked_chart(curve: CurveView) -> Iterator[Chart]:
     omitted = f"{len(shown)} of them are drawn." if len(shown) < len(outlying) else ""
     yield Chart(
         title="Ranked curves",
-        summary=f"By {curve.design}: {count} of {grouped_number(len(curve.runs))}.",
+        summary=f"By {curve.source}: {count} of {grouped_number(len(curve.runs))}.",
         x=place_axis(curve),
         y=Axis(curve.view.axis_label(curve.output)),
         traces=(
@@ -122,7 +132,7 @@ def ranked_chart(curve: CurveView) -> Iterator[Chart]:
     )
 
 
-def quantile_chart(curve: CurveView) -> Iterator[Chart]:
+def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
     """Yield the chart of the quantiles with their bands, if there are any."""
     kind, name = _band_of(curve, "quantile")
     entries = _quantiles(curve, name)
@@ -131,10 +141,10 @@ def quantile_chart(curve: CurveView) -> Iterator[Chart]:
     numbered = list(enumerate(entries))
     bands = [each for number, (_, _, bounds) in numbered for each in band(curve, bounds, number)]
     lines = [line(curve, bounds, n, label, dash=dash) for n, (label, dash, bounds) in numbered]
-    level = level_text(curve.estimate(name))
+    level = level_text(curve.array(name))
     yield Chart(
         title=f"Quantiles with {kind} {level} bands",
-        summary=f"Of {output_title(curve.view, curve.output)} by {curve.design}: "
+        summary=f"Of {output_title(curve.view, curve.output)} by {curve.source}: "
         f"{', '.join(label for label, _, _ in entries)}.",
         x=place_axis(curve),
         y=Axis(curve.view.axis_label(curve.output)),
@@ -144,32 +154,32 @@ def quantile_chart(curve: CurveView) -> Iterator[Chart]:
     )
 
 
-def probability_charts(curve: CurveView) -> Iterator[Chart]:
+def probability_charts(curve: CurveEstimates) -> Iterator[Chart]:
     """Yield charts of the runs that reach each place, and of the probabilities of thresholds."""
     reached = curve.bounds("reached")
     if reached is not None:
         yield _probability_chart(curve, "Runs that get this far", {"reached": reached}, "reached")
     for statistic, label in (("exceedance", exceedance_label), ("below", below_label)):
-        entries = {label(str(text)): bounds for text, bounds in curve.entries(statistic)}
+        entries = {label(str(text)): bounds for text, bounds in curve.entries(statistic).items()}
         if entries:
             title = f"{', '.join(entries)} at each place"
             yield _probability_chart(curve, title, entries, statistic)
 
 
 def _probability_chart(
-    curve: CurveView, title: str, entries: dict[str, FloatArray], statistic: str
+    curve: CurveEstimates, title: str, entries: dict[str, FloatArray], statistic: str
 ) -> Chart:
-    series = curve.view.series(curve.design)
+    series = curve.view.series(curve.source)
     bands = [each for bounds in entries.values() for each in band(curve, bounds, series)]
     looks = list(zip(entries.items(), DASHES * len(entries), strict=False))
     ranges = (
         f"{label} from {np.nanmin(bounds[:, 0]):.3g} to {np.nanmax(bounds[:, 0]):.3g}"
         for label, bounds in entries.items()
     )
-    level = level_text(curve.estimate(statistic))
+    level = level_text(curve.array(statistic))
     return Chart(
         title=title,
-        summary=f"By {curve.design}: {'; '.join(ranges)}.",
+        summary=f"By {curve.source}: {'; '.join(ranges)}.",
         x=place_axis(curve),
         y=Axis("probability", (-0.02, 1.02)),
         traces=(
@@ -186,16 +196,16 @@ def _probability_chart(
     )
 
 
-def _band_of(curve: CurveView, statistic: str) -> tuple[str, str]:
+def _band_of(curve: CurveEstimates, statistic: str) -> tuple[str, str]:
     """Return the kind of the band to show of a statistic, and the statistic that has it."""
     whole = f"{statistic}_band"
-    is_known = curve.estimate(whole) is not None
+    is_known = curve.array(whole) is not None
     return ("simultaneous", whole) if is_known else ("pointwise", statistic)
 
 
-def _quantiles(curve: CurveView, statistic: str) -> list[tuple[str, str, FloatArray]]:
+def _quantiles(curve: CurveEstimates, statistic: str) -> list[tuple[str, str, FloatArray]]:
     """Return the label, the dashes and the bounds of each quantile."""
     return [
         (quantile_label(p), DASHES[0 if p == 0.5 else 1 + number % (len(DASHES) - 1)], bounds)
-        for number, (p, bounds) in enumerate(curve.entries(statistic))
+        for number, (p, bounds) in enumerate(curve.entries(statistic).items())
     ]

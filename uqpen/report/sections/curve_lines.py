@@ -10,7 +10,7 @@ from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
-from uqpen.report.sections.curve_view import CurveView
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.texts import unit_suffix
 
@@ -20,13 +20,13 @@ __all__ = ["DASHES", "band", "level_text", "line", "place_axis"]
 DASHES = ("solid", "dot", "dash", "dashdot", "longdash")
 
 
-def place_axis(curve: CurveView) -> Axis:
+def place_axis(curve: CurveEstimates) -> Axis:
     """Return the axis along the dimension of a curve."""
     ends = (float(curve.places[0]), float(curve.places[-1]))
     return quantity_axis(curve.view, curve.dimension, ends)
 
 
-def band(curve: CurveView, bounds: FloatArray | None, series: int | str) -> list[Trace]:
+def band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) -> list[Trace]:
     """Return the band between the bounds of a statistic at each place; nothing without any."""
     if bounds is None or not np.isfinite(bounds[:, 1:]).any():
         return []
@@ -34,7 +34,7 @@ def band(curve: CurveView, bounds: FloatArray | None, series: int | str) -> list
 
 
 def line(
-    curve: CurveView,
+    curve: CurveEstimates,
     bounds: FloatArray,
     series: int | str,
     name: str,

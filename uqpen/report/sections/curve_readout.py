@@ -9,8 +9,8 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
 from uqpen.report.field_places import PlaceReadout
-from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.leading_design import output_title
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 from uqpen.results.texts import unit_suffix
@@ -18,7 +18,7 @@ from uqpen.results.texts import unit_suffix
 __all__ = ["place_readout"]
 
 
-def place_readout(curve: CurveView) -> PlaceReadout:
+def place_readout(curve: CurveEstimates) -> PlaceReadout:
     """Return the estimates at each place; the place of the largest mean is shown first."""
     mean = curve.bounds("mean")
     is_known = mean is not None and np.isfinite(mean[:, 0]).any()
@@ -31,34 +31,35 @@ def place_readout(curve: CurveView) -> PlaceReadout:
     )
 
 
-def _texts(curve: CurveView) -> list[str]:
+def _texts(curve: CurveEstimates) -> list[str]:
     columns = list(_columns(curve))
+    unit = unit_suffix(curve.view.unit(curve.dimension))
     texts = []
-    for number in range(curve.places.size):
+    for number, place in enumerate(curve.places.tolist()):
         found = [f"{label} {column[number]}" for label, column in columns if column[number]]
         found_text = "; ".join(found) or "no run gets this far"
-        texts.append(f"At {curve.place_text(number)}: {found_text}.")
+        texts.append(f"At {place:.6g}{unit}: {found_text}.")
     return texts
 
 
-def _columns(curve: CurveView) -> Iterator[tuple[str, list[str]]]:
+def _columns(curve: CurveEstimates) -> Iterator[tuple[str, list[str]]]:
     """Yield the label of each statistic, and its texts by place; empty where there is none."""
     unit = unit_suffix(curve.view.unit(curve.output))
     for statistic, label in (("mean", "mean"), ("std", "sd")):
         if (bounds := curve.bounds(statistic)) is not None:
             yield label, _cells(bounds, _notes(curve, statistic), unit)
-    for number, (p, bounds) in enumerate(curve.entries("quantile")):
+    for number, (p, bounds) in enumerate(curve.entries("quantile").items()):
         yield quantile_label(p), _cells(bounds, _notes(curve, "quantile", number), unit)
     for statistic, written in (("exceedance", exceedance_label), ("below", below_label)):
-        for number, (text, bounds) in enumerate(curve.entries(statistic)):
+        for number, (text, bounds) in enumerate(curve.entries(statistic).items()):
             yield f"{written(str(text))} =", _cells(bounds, _notes(curve, statistic, number))
     if (bounds := curve.bounds("reached")) is not None:
         yield "share of runs that get this far", _cells(bounds, _notes(curve, "reached"))
 
 
-def _notes(curve: CurveView, statistic: str, entry: int = 0) -> list[str]:
+def _notes(curve: CurveEstimates, statistic: str, entry: int = 0) -> list[str]:
     """Return the note on an entry of a statistic at each place."""
-    array = curve.estimate(statistic)
+    array = curve.array(statistic)
     if array is None or NOTE not in array.coords:
         return [""] * curve.places.size
     notes = array.coords[NOTE].transpose(curve.dimension, ...).values

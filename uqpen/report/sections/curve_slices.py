@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
 from uqpen.core.labels import INPUT
 from uqpen.figures.histogram import bin_values
 from uqpen.report.axes import quantity
@@ -15,8 +15,8 @@ from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.field_places import PlaceReadout, PlaceSlices
 from uqpen.report.marks import Trace, bar_trace, dot_trace, series_marker
-from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.drivers import input_label
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text
 
 __all__ = ["place_drivers", "place_histogram"]
@@ -26,19 +26,19 @@ _MOST_PLACES = 41
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
 
 
-def place_histogram(curve: CurveView, readout: PlaceReadout) -> Chart:
+def place_histogram(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
     """Return the runs in bins at the place that is chosen."""
-    numbers = _numbers(curve)
-    series = curve.view.series(curve.design)
+    numbers = evenly_spread(curve.places.size, _MOST_PLACES)
+    series = curve.view.series(curve.source)
     bars = [[_bars(curve.runs[:, number], series)] for number in numbers]
     start = int(np.abs(numbers - readout.start).argmin())
     return Chart(
         title="Runs at the chosen place",
-        summary=f"{count_text(len(curve.runs), 'run')} of {curve.design} in bins.",
+        summary=f"{count_text(len(curve.runs), 'run')} of {curve.source} in bins.",
         x=Axis(curve.view.axis_label(curve.output)),
         y=Axis("runs in a bin"),
         traces=(bars[start][0],),
-        keys=(LegendKey(f"runs of {curve.design}", series, "bar"),),
+        keys=(LegendKey(f"runs of {curve.source}", series, "bar"),),
         notes=_notes(curve, numbers),
         height=280,
         slices=_slices(curve, numbers, bars),
@@ -46,7 +46,7 @@ def place_histogram(curve: CurveView, readout: PlaceReadout) -> Chart:
 
 
 def place_drivers(
-    curve: CurveView, readout: PlaceReadout, indices: list[tuple[str, str, xr.DataArray]]
+    curve: CurveEstimates, readout: PlaceReadout, indices: list[tuple[str, str, xr.DataArray]]
 ) -> Iterator[Chart]:
     """Yield the shares of the variance at the place that is chosen.
 
@@ -57,7 +57,7 @@ def place_drivers(
     """
     if not indices:
         return
-    numbers = _numbers(curve)
+    numbers = evenly_spread(curve.places.size, _MOST_PLACES)
     rows = tuple(input_label(curve.view, str(name)) for name in indices[0][2][INPUT].values)
     traces = [
         [
@@ -84,20 +84,13 @@ def place_drivers(
     )
 
 
-def _numbers(curve: CurveView) -> np.ndarray:
-    """Return the positions, among the places shown, that have charts of their own."""
-    size = curve.places.size
-    return np.unique(np.round(np.linspace(0, size - 1, min(size, _MOST_PLACES))).astype(int))
-
-
-def _notes(curve: CurveView, numbers: np.ndarray) -> tuple[str, ...]:
+def _notes(curve: CurveEstimates, numbers: IntArray) -> tuple[str, ...]:
     if len(numbers) == curve.places.size:
         return ()
-    whole = curve.view.runs(curve.design).sizes[curve.dimension]
-    return (f"At the nearest of {len(numbers)} of {whole} places.",)
+    return (f"At the nearest of {len(numbers)} of {curve.size} places.",)
 
 
-def _slices(curve: CurveView, numbers: np.ndarray, traces: list[list[Trace]]) -> PlaceSlices:
+def _slices(curve: CurveEstimates, numbers: IntArray, traces: list[list[Trace]]) -> PlaceSlices:
     return PlaceSlices(
         quantity(curve.view, curve.dimension),
         curve.places[numbers].tolist(),

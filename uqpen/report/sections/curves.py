@@ -16,10 +16,10 @@ from uqpen.report.sections.curve_fan import (
 )
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
-from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.field_maps import map_charts
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.texts import plain_text
 
 __all__ = ["curves"]
@@ -28,6 +28,8 @@ __all__ = ["curves"]
 _MOST = 2
 # Maps of a field that are open: of the mean and the standard deviation.
 _OPEN_MAPS = 2
+# Places of a curve in its charts at the most, of some thousand.
+_MOST_PLACES = 161
 
 
 def curves(view: ArchiveView) -> Iterator[Block]:
@@ -60,7 +62,7 @@ def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]
     if view.statistics.get(design, field, "mean") is None:
         return
     if len(along) == 1:
-        yield from _curve_blocks(CurveView(view, field, design, along[0]))
+        yield from _curve_blocks(CurveEstimates(view, field, design, _MOST_PLACES))
         return
     maps = tuple(map_charts(view, field, design))
     yield Charts(maps[:_OPEN_MAPS])
@@ -68,7 +70,7 @@ def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]
         yield Fold("Maps of the quantiles", (Charts(further),))
 
 
-def _curve_blocks(curve: CurveView) -> Iterator[Block]:
+def _curve_blocks(curve: CurveEstimates) -> Iterator[Block]:
     readout = place_readout(curve)
     indices = measures_along(curve)
     yield fan_chart(curve, readout)

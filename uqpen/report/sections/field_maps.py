@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Chart
 from uqpen.report.marks import Trace, escape_text, rounded_numbers
@@ -92,7 +92,7 @@ def _points(
     bounds: FloatArray, x: FloatArray, y: FloatArray, limits: tuple[float, float], unit: str
 ) -> Trace:
     """Return unseen points, by which a pointer reads off estimates, with the scale of colours."""
-    rows, columns = (_spread(each.size, _MOST_POINTS) for each in (y, x))
+    rows, columns = (evenly_spread(each.size, _MOST_POINTS) for each in (y, x))
     shown = bounds[np.ix_(rows, columns)].reshape(-1, 3)
     return {
         "type": "scatter",
@@ -112,10 +112,6 @@ def _points(
             "colorbar": {"thickness": 12, "outlinewidth": 0},
         },
     }
-
-
-def _spread(size: int, most: int) -> np.ndarray:
-    return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(int))
 
 
 def _edges(places: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.figures.curves import Curve
 from uqpen.report.blocks import RunsBeyondAxis
 from uqpen.report.sections.distribution_curves import Grid
@@ -30,7 +30,7 @@ def runs_beyond_axis(
     first, last = float(grid.values[0]), float(grid.values[-1])
 
     def listed(which: FloatArray) -> list[list[float | None]]:
-        places = np.unique(np.linspace(0, which.size - 1, _MOST).round().astype(np.int64))
+        places = evenly_spread(which.size, _MOST)
         chosen = np.unique(which[places]) if which.size else which
         bounds = listed_bounds(curve.limits.around(empirical_cdf(values, chosen)))
         return [

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.figures.trajectory import (
     find_trajectories,
     quantity_name,
@@ -81,7 +81,7 @@ def _line(
     model, series = of
     along = str(next(iter(dataset.dims)))
     x, y, unit = _shown_values(view, dataset, name)
-    chosen = _spread_positions(x.size, _MOST_POINTS)
+    chosen = evenly_spread(x.size, _MOST_POINTS)
     head = f"{escape_text(model, 40)}<br>" if model else ""
     where, what = (escape_text(quantity_name(dataset[each]), 50) for each in (along, name))
     here = f"{where} %{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
@@ -103,11 +103,6 @@ def _shown_values(
     unit, factor = readable_unit(dataset[name])
     x = np.asarray(view.scale(along).from_si(dataset[along].values), dtype=np.float64)
     return x, np.asarray(dataset[name].values * factor, dtype=np.float64), unit_suffix(unit)
-
-
-def _spread_positions(size: int, most: int) -> IntArray:
-    """Return at most a given number of positions, with the first and the last among them."""
-    return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
 
 
 def _ends_sentence(view: ArchiveView, model: str, dataset: xr.Dataset, names: list[str]) -> str:
@@ -133,7 +128,7 @@ def _table(view: ArchiveView, model: str, dataset: xr.Dataset) -> OutputTable:
         table.columns.append(title_with_unit(quantity_name(dataset[name]), unit))
         x, y, _ = _shown_values(view, dataset, name)
         columns.append(y)
-    for position in _spread_positions(x.size, _ROWS).tolist():
+    for position in evenly_spread(x.size, _ROWS).tolist():
         values = (y[position] for y in columns)
         cells = [f"{value:.4g}" if np.isfinite(value) else NOTHING for value in values]
         table.rows.append((f"{x[position]:.4g}", cells))

@@ -16,7 +16,7 @@ from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -61,7 +61,7 @@ def exceedance_probabilities(
     along = threshold_coordinates(quantity)
     yield (
         "exceedance",
-        Estimates.stack(estimates).to_array(
+        EstimateVector.stack(estimates).to_array(
             THRESHOLD,
             units="1",
             long_name=long_name,
@@ -95,7 +95,7 @@ def below_probabilities(
     along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
     yield (
         "below",
-        Estimates.stack(estimates).to_array(
+        EstimateVector.stack(estimates).to_array(
             LOWER_THRESHOLD,
             units="1",
             long_name=long_name,
@@ -159,7 +159,7 @@ def category_probabilities(
     along = category_coordinates(quantity)
     yield (
         "share",
-        Estimates.stack(estimates).to_array(
+        EstimateVector.stack(estimates).to_array(
             CATEGORY,
             units="1",
             long_name=long_name,
@@ -187,39 +187,39 @@ def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
-    return Estimates.stack(estimates).to_array(
+    return EstimateVector.stack(estimates).to_array(
         STATUS, units="1", long_name=long_name, coordinates=along, level=level
     )
 
 
-def _probability(sample: Sample, events: BoolArray) -> Estimates:
+def _probability(sample: Sample, events: BoolArray) -> EstimateVector:
     """Probability of an event over the runs of a sample."""
     if sample.run_weights is not None and sample.size:
         rows = events.reshape(-1, sample.size)
         estimates = [_weighted_probability(sample, sample.run_weights, row) for row in rows]
-        return Estimates.of(estimates, events.shape[:-1])
+        return EstimateVector.of(estimates, events.shape[:-1])
     count = events.sum(axis=-1)
     value = count / sample.size if sample.size else np.full(events.shape[:-1], np.nan)
     if reason := sample.reason_without_intervals:
-        return Estimates.without_bounds(value, reason)
+        return EstimateVector.without_bounds(value, reason)
     bounds = clopper_pearson(count, sample.size, sample.level)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    found = Estimates(value, *bounds, texts.CLOPPER_PEARSON, label)
+    found = EstimateVector(value, *bounds, texts.CLOPPER_PEARSON, label)
     has_scatter = has_enough_runs_around(sample, count)
     if sample.error_model is ErrorModel.INDEPENDENT or not has_scatter.any():
         return found
     return found.replace_at(has_scatter, _probability_by_scatter(sample, events, value))
 
 
-def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> Estimates:
+def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> EstimateVector:
     """Probability of an event with the error that the scatter of stratified runs shows."""
     error, freedom, is_rounded = probability_error(sample, events)
     half = student_quantile(freedom, sample.level) * error
     ends = np.maximum(value - half, 0.0), np.minimum(value + half, 1.0)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return Estimates(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
+        return EstimateVector(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
     label = np.where(is_rounded, "discrete", "nominal")
-    return Estimates(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
+    return EstimateVector(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
 
 
 def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> Estimate:
@@ -237,7 +237,7 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
     return Estimate(value, float(lower), float(upper), method, "nominal", note)
 
 
-def event_probability(sample: Sample, events: BoolArray) -> Estimates:
+def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:
     """Probability of an event, its interval widened for any outcome of the missing runs.
 
     Parameters
@@ -257,7 +257,7 @@ def event_probability(sample: Sample, events: BoolArray) -> Estimates:
         for happened in (False, True)
     )
     note = texts.MISSING_RUNS.format(runs=sample.missing.size)
-    widened = Estimates(
+    widened = EstimateVector(
         found.value,
         as_none.lower,
         as_all.upper,

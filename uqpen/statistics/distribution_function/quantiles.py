@@ -12,7 +12,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
     student_quantile,
@@ -52,7 +52,9 @@ def quantile_estimates(
     if quantity.output.categories:
         return
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    array = Estimates.stack([_quantile_estimate(sample, p) for p in quantity.quantiles]).to_array(
+    array = EstimateVector.stack(
+        [_quantile_estimate(sample, p) for p in quantity.quantiles]
+    ).to_array(
         PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
@@ -76,7 +78,7 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         return
     described = {"units": "%", "long_name": "probability of lying below the percentile"}
     estimates = [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS]
-    array = Estimates.stack(estimates).to_array(
+    array = EstimateVector.stack(estimates).to_array(
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
@@ -130,35 +132,35 @@ def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
     return np.where(exists, values, np.nan)
 
 
-def _quantile_estimate(sample: Sample, p: float) -> Estimates:
+def _quantile_estimate(sample: Sample, p: float) -> EstimateVector:
     value = sample_quantile(sample, p)
     if reason := sample.reason_without_intervals:
-        return Estimates.without_bounds(value, reason)
+        return EstimateVector.without_bounds(value, reason)
     if sample.run_weights is not None:
         estimates = [
             _weighted_quantile_estimate(each, sample.run_weights, p) for each in sample.each()
         ]
-        return Estimates.of(estimates, value.shape)
+        return EstimateVector.of(estimates, value.shape)
     found = _by_order_statistics(sample, p, value)
     if not _has_woodruff(sample, p):
         return found
     lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
     exist = (lower >= 1) & (upper <= sample.size)
     ends = order_statistic(sample, lower), order_statistic(sample, upper)
-    return found.replace_at(exist, Estimates(value, *ends, texts.WOODRUFF, label))
+    return found.replace_at(exist, EstimateVector(value, *ends, texts.WOODRUFF, label))
 
 
-def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> Estimates:
+def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> EstimateVector:
     low, high = order_statistic_ranks(sample.size, p, sample.level)
     ends = order_statistic(sample, low), order_statistic(sample, high)
     if np.isnan(low) and np.isnan(high):
-        return Estimates.without_bounds(value, sample.too_few_runs)
+        return EstimateVector.without_bounds(value, sample.too_few_runs)
     note = ""
     if np.isnan(low) or np.isnan(high):
         note = texts.NO_LOWER_BOUND if np.isnan(low) else texts.NO_UPPER_BOUND
         note = note.format(too_few=sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimates(value, *ends, texts.ORDER_STATISTICS, label, note)
+    return EstimateVector(value, *ends, texts.ORDER_STATISTICS, label, note)
 
 
 def _weighted_quantile_estimate(sample: Sample, weights: FloatArray, p: float) -> Estimate:

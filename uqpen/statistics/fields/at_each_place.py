@@ -12,10 +12,11 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import IntArray
+from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import BOUND, CONDITIONAL, INTERVAL_LEVEL
 from uqpen.statistics import texts
-from uqpen.statistics.estimates import PLACE
-from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
+from uqpen.statistics.estimate_vector import PLACE
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 

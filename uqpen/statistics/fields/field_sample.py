@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
-from typing import Any
+from functools import cached_property
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.model import Dimension, Output
 from uqpen.statistics.sample import Sample
 
-__all__ = ["FieldSample", "PlaceSamples", "equal_columns", "field_coordinates", "place_weights"]
+__all__ = ["FieldSample", "PlaceSamples", "equal_columns"]
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.
 _MOST_VALUES = 2**20
@@ -75,7 +73,7 @@ class FieldSample:
     @cached_property
     def weights(self) -> FloatArray:
         """Weight of each place in a mean over the field; their sum is 1."""
-        return place_weights(self.dims)
+        return self.output.place_weights
 
     @property
     def matrix(self) -> FloatArray:
@@ -111,25 +109,3 @@ def equal_columns(mask: BoolArray) -> Iterator[IntArray]:
     for position, column in enumerate(packed):
         found.setdefault(column.tobytes(), []).append(position)
     yield from (np.array(positions) for positions in found.values())
-
-
-def place_weights(dims: Sequence[Dimension]) -> FloatArray:
-    """Return the weight of each place in a mean over a field, flattened (trapezoidal rule)."""
-    weights: FloatArray = reduce(np.multiply.outer, [each.weights for each in dims]).ravel()
-    return weights
-
-
-def field_coordinates(dims: tuple[Dimension, ...]) -> dict[str, Any]:
-    """Return the coordinates of a field by dimension, with their units, as variables."""
-    return {
-        dimension.name: xr.Variable(
-            dimension.name,
-            np.array(dimension.values),
-            {
-                "units": dimension.unit,
-                "display_units": dimension.preferred_unit,
-                "long_name": dimension.title,
-            },
-        )
-        for dimension in dims
-    }

@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import BOUND, CONDITIONAL, INPUT
 from uqpen.core.model import Output
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.fields.field_sample import field_coordinates
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
 __all__ = ["input_place_array", "joined_places"]

@@ -16,20 +16,15 @@ from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields.distances import DistanceShape
-from uqpen.statistics.fields.field_sample import equal_columns, place_weights
+from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.fields.place_arrays import input_place_array
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity.block_variable import INDEX_ORDERS, BlockVariable, IndexTerms
 from uqpen.statistics.sensitivity.input_measures import input_array
-from uqpen.statistics.sensitivity.pick_freeze_blocks import (
-    BlockVariable,
-    IndexTerms,
-    PickFreezeBlocks,
-)
+from uqpen.statistics.sensitivity.pick_freeze_blocks import PickFreezeBlocks
 
 __all__ = ["sobol_indices_at_places"]
-
-_ORDERS = {"first_order": "first-order", "total_order": "total-order"}
 
 
 def sobol_indices_at_places(
@@ -59,7 +54,7 @@ def sobol_indices_at_places(
     indices = _FieldIndices(
         blocks, quantity.output, values.reshape(len(values), -1), quantity.confidence_level
     )
-    for order, adjective in _ORDERS.items():
+    for order, adjective in INDEX_ORDERS.items():
         title = f"{adjective} Sobol' indices of {quantity.output.title}"
         rows, whole = indices.of_order(order)
         inputs, level = blocks.layout.inputs, quantity.confidence_level
@@ -139,7 +134,7 @@ class _FieldIndices:
     @cached_property
     def places(self) -> Sequence[_Place]:
         """All places."""
-        weights = place_weights(self.output.dims)
+        weights = self.output.place_weights
         exists = ~np.isnan(self.values)
         reached = np.logical_and.reduce([exists[part] for part in self.blocks.rows.values()])
         completed = self.values[np.concatenate([*self.blocks.rows.values()])]

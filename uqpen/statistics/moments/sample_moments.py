@@ -13,7 +13,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -94,9 +94,9 @@ def sample_moments(
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _mean(sample: Sample, shape: SampleShape) -> Estimates:
+def _mean(sample: Sample, shape: SampleShape) -> EstimateVector:
     if reason := sample.reason_without_intervals:
-        return Estimates.without_bounds(shape.mean, reason)
+        return EstimateVector.without_bounds(shape.mean, reason)
     error, _ = standard_error(sample, shape.deviations)
     is_small = sample.effective_size < _ENOUGH_RUNS_FOR_MEANS
     margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
@@ -104,7 +104,7 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimates:
     # The note depends on the number of runs alone: a note on samples that look heavy would leave
     # those without it that have missed the tail.
     note = np.where(sample.is_constant, "", texts.DOUBTFUL_TAIL if is_small else "")
-    found = Estimates(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
+    found = EstimateVector(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
     # Of small samples, those without an interval would be the ones that have met the tail.
     if not is_small:
         reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
@@ -113,26 +113,26 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimates:
     return found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
 
 
-def _std(sample: Sample, shape: SampleShape) -> Estimates:
+def _std(sample: Sample, shape: SampleShape) -> EstimateVector:
     if sample.size < 2:
         reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
-        return Estimates.without_bounds(np.full(shape.mean.shape, np.nan), reason)
+        return EstimateVector.without_bounds(np.full(shape.mean.shape, np.nan), reason)
     if reason := sample.reason_without_intervals:
-        return Estimates.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
+        return EstimateVector.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # The squares about the sample's mean are too small by the variance of that mean. Independent
     # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
     error, _ = standard_error(sample, shape.deviations)
     std = _elementwise(math.hypot, _biased_std(sample, shape), error)
     value = std * shape.scale
     if shape.hidden_tail:
-        found = Estimates.without_bounds(value, shape.hidden_tail)
+        found = EstimateVector.without_bounds(value, shape.hidden_tail)
     else:
         found = _std_with_bounds(sample, shape, std)
     return found.remove_bounds_at(sample.is_constant, texts.CONSTANT_OUTPUT)
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Estimates:
+def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> EstimateVector:
     """Estimate the standard deviation, given that over the largest deviation, with its bounds."""
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, _ = standard_error(sample, shape.deviations**2)
@@ -144,7 +144,7 @@ def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Est
     method = texts.DELTA_FOR_SKEWED if is_replicated else texts.DELTA_ON_LOGARITHM
     method = method.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_small else ""
-    found = Estimates(value, value / below, value * above, method, label, note)
+    found = EstimateVector(value, value / below, value * above, method, label, note)
     found = found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
     see = "" if sample.is_at_places else texts.SEE_HALF_SPREAD
     few, reason = _few_weights_decide(sample, shape, std)
@@ -199,7 +199,7 @@ def _is_falsely_exact(sample: Sample, error: FloatArray) -> BoolArray:
     return ~sample.is_constant & (error < _ROUNDING)
 
 
-def _half_spread(sample: Sample) -> Estimates:
+def _half_spread(sample: Sample) -> EstimateVector:
     """Half the distance from the 16 % to the 84 % quantile.
 
     For a normal distribution it agrees with the standard deviation to half a per cent. Unlike the
@@ -214,13 +214,13 @@ def _half_spread(sample: Sample) -> Estimates:
     if not reason and not has_enough_runs_around(sample, sample.effective_size * _LOW):
         reason = sample.too_few_runs
     if reason:
-        return Estimates.without_bounds(np.asarray(value), reason)
+        return EstimateVector.without_bounds(np.asarray(value), reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
     correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
     step = student_quantile(freedoms[0], sample.level) * np.array(errors)
     down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
     up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
-    return Estimates(
+    return EstimateVector(
         np.asarray(value),
         np.asarray(value - _combined_error(up[0], down[1], correlation)),
         np.asarray(value + _combined_error(down[0], up[1], correlation)),

@@ -15,12 +15,11 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sensitivity.block_variable import INDEX_ORDERS, BlockVariable
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
-from uqpen.statistics.sensitivity.pick_freeze_blocks import BlockVariable, PickFreezeBlocks
+from uqpen.statistics.sensitivity.pick_freeze_blocks import PickFreezeBlocks
 
 __all__ = ["sobol_indices"]
-
-_ORDERS = {"first_order": "first-order", "total_order": "total-order"}
 
 
 def sobol_indices(
@@ -71,7 +70,7 @@ def _variable_indices(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices along ``input``."""
     blocks = column.blocks
-    for order, adjective in _ORDERS.items():
+    for order, adjective in INDEX_ORDERS.items():
         long_name = f"{adjective} Sobol' indices of {title}"
         estimates, inputs = _input_estimates(column, order), blocks.layout.inputs
         array = input_array(estimates, inputs, long_name, level=column.level)
@@ -83,7 +82,7 @@ def _event_indices(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices of several events, a row for each."""
     blocks = events[0].blocks
-    for order, adjective in _ORDERS.items():
+    for order, adjective in INDEX_ORDERS.items():
         rows = [_input_estimates(event, order) for event in events]
         long_name = f"{adjective} Sobol' indices of {title}"
         inputs, level = blocks.layout.inputs, events[0].level

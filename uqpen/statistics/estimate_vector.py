@@ -15,14 +15,14 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.statistics.estimate import LEVEL, Estimate
 
-__all__ = ["PLACE", "Estimates"]
+__all__ = ["PLACE", "EstimateVector"]
 
 # Dimension of the places of a field, before they are put along those of the field.
 PLACE = "place"
 
 
 @dataclass(frozen=True, eq=False)
-class Estimates:
+class EstimateVector:
     """Estimates of a statistic with their bounds, as arrays of shape () or (place,).
 
     Parameters
@@ -41,21 +41,21 @@ class Estimates:
     note: Any = ""
 
     @classmethod
-    def without_bounds(cls, value: FloatArray, *reasons: str) -> Estimates:
+    def without_bounds(cls, value: FloatArray, *reasons: str) -> EstimateVector:
         """Return estimates without bounds, with the reasons; empty ones are left out."""
         missing = np.full(np.shape(value), np.nan)
         return cls(value, missing, missing, "none", "none", "; ".join(filter(None, reasons)))
 
     @classmethod
-    def of(cls, estimates: Sequence[Estimate], shape: tuple[int, ...]) -> Estimates:
+    def of(cls, estimates: Sequence[Estimate], shape: tuple[int, ...]) -> EstimateVector:
         """Return single estimates together, in a shape."""
         numbers = np.array([each.bounds for each in estimates]).reshape(*shape, 3)
         texts = np.array([(e.method, e.label, e.note) for e in estimates], dtype=object)
         return cls(*np.moveaxis(numbers, -1, 0), *np.moveaxis(texts.reshape(*shape, 3), -1, 0))
 
-    def replace_at(self, condition: npt.ArrayLike, other: Estimates) -> Estimates:
+    def replace_at(self, condition: npt.ArrayLike, other: EstimateVector) -> EstimateVector:
         """Return other estimates where a condition is true, and these elsewhere."""
-        return Estimates(
+        return EstimateVector(
             *(
                 np.where(condition, new, old)
                 for new, old in zip(other._numbers, self._numbers, strict=True)
@@ -66,9 +66,9 @@ class Estimates:
             ),
         )
 
-    def remove_bounds_at(self, condition: npt.ArrayLike, *reasons: str) -> Estimates:
+    def remove_bounds_at(self, condition: npt.ArrayLike, *reasons: str) -> EstimateVector:
         """Return the estimates, without bounds where a condition is true, for some reasons."""
-        return self.replace_at(condition, Estimates.without_bounds(self.value, *reasons))
+        return self.replace_at(condition, EstimateVector.without_bounds(self.value, *reasons))
 
     @property
     def has_bounds(self) -> BoolArray:
@@ -80,7 +80,7 @@ class Estimates:
         return _objects(np.frompyfunc(lambda each: template.format(method=each), 1, 1)(self.method))
 
     @classmethod
-    def stack(cls, parts: Sequence[Estimates]) -> Estimates:
+    def stack(cls, parts: Sequence[EstimateVector]) -> EstimateVector:
         """Return estimates as one, along a further dimension behind that of the places."""
         columns = zip(
             *((*each._numbers, *map(_objects, each._texts)) for each in parts), strict=True

@@ -1,0 +1,239 @@
+"""A variable over the blocks of a pick-freeze design, and its Sobol' indices."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.sampling import Sampling
+from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
+from uqpen.statistics import texts
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity import salib_estimators
+from uqpen.statistics.sensitivity.pick_freeze_blocks import PickFreezeBlocks
+
+__all__ = ["INDEX_ORDERS", "BlockVariable", "IndexTerms"]
+
+# The orders of indices of single inputs, with their names in titles.
+INDEX_ORDERS = {"first_order": "first-order", "total_order": "total-order"}
+
+# For an event in a seventh of the runs, the coverage of indices was 91 % with 128 blocks.
+_ENOUGH_FOR_EVENTS = 500
+# With fewer blocks that contribute to an index, replicates do not show its error: for a threshold
+# exceeded in 0.8 % of the runs, the coverage of first-order indices was 28 % with 2 048 blocks.
+_FEWEST_INFORMATIVE = 10
+
+# A sum of as many standardized values as there ever are is exact to this.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class IndexTerms:
+    """Terms of an index: the ratio of two sums over blocks.
+
+    Parameters
+    ----------
+    value : float
+        The index.
+    numerator : ndarray, shape (block,)
+        Of a variable with variance 1.
+    informative : ndarray of bool, shape (block,)
+        The blocks that contribute.
+    """
+
+    value: float
+    numerator: FloatArray
+    informative: BoolArray
+
+
+@dataclass(frozen=True)
+class BlockVariable:
+    """A variable over the runs of blocks, and its Sobol' indices.
+
+    Parameters
+    ----------
+    blocks : PickFreezeBlocks
+    values : ndarray, shape (run,)
+        The variable, in any unit.
+    is_event : bool
+        True if it is the indicator (0 or 1) of an event.
+    level : float
+        Confidence level of the intervals of its indices.
+    """
+
+    blocks: PickFreezeBlocks
+    values: npt.NDArray[Any]
+    is_event: bool = False
+    level: float = LEVEL
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The points A and B of all blocks, as one sample."""
+        drawn = np.concatenate([self.blocks.rows[MATRIX_A], self.blocks.rows[MATRIX_B]])
+        everything = np.arange(len(drawn))
+        return Sample(
+            values=self.values[drawn].astype(np.float64),
+            used=everything,
+            missing=everything[:0],
+            columns=InputColumns.none(len(drawn)),
+            replicates=np.tile(self.blocks.replicate, 2),
+            sampling=Sampling.PICK_FREEZE,
+        )
+
+    @cached_property
+    def shape(self) -> SampleShape:
+        """The shape of that sample."""
+        return SampleShape(self.sample)
+
+    @property
+    def std(self) -> float:
+        """The standard deviation of that sample."""
+        return float(self.shape.scale * self.shape.deviations.std())
+
+    def logarithm(self) -> BlockVariable:
+        """Return the variable's logarithm; NaN for failed runs."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return replace(self, values=np.log(self.values))
+
+    @property
+    def is_positive(self) -> bool:
+        """True if every value is above zero, in all parts."""
+        rows = self.blocks.rows.values()
+        return self.blocks.count > 0 and all((self.values[part] > 0).all() for part in rows)
+
+    def first_order(self, i: int) -> Estimate:
+        """Share of the variance that would go were input `i` known."""
+        if reason := self.reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        return self.estimate(self.first_order_terms(i))
+
+    def first_order_terms(self, i: int) -> IndexTerms:
+        """Return the terms of a first-order index of a variable that varies."""
+        A, B = self.drawn
+        AB = self._values_at(self.blocks.layout.part_sharing_one(i).matrix)
+        numerator = B * (AB - A)
+        telling = numerator != 0
+        if self.is_event:
+            # Only pairs of points that share the input and both see the rarer case inform on it.
+            side = 1 if self.sample.values.mean() < 0.5 else -1
+            telling = (side * B > 0) & (side * AB > 0)
+        return IndexTerms(salib_estimators.first_order(A, AB, B), numerator, telling)
+
+    def total_order(self, i: int) -> Estimate:
+        """Share of the variance that would stay were all inputs but `i` known."""
+        if reason := self.reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        return self.estimate(self.total_order_terms(i))
+
+    def total_order_terms(self, i: int) -> IndexTerms:
+        """Return the terms of a total-order index of a variable that varies."""
+        A, B = self.drawn
+        AB = self._values_at(self.blocks.layout.part_sharing_others(i).matrix)
+        value = salib_estimators.total_order(A, AB, B)
+        return IndexTerms(value, (A - AB) ** 2 / 2, A != AB)
+
+    def second_order(self, number: int) -> Estimate:
+        """Share of the variance of a pair of inputs beyond their first-order indices."""
+        if reason := self.reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        layout = self.blocks.layout
+        shared = layout.part_sharing_pair(number)
+        A, B = self.drawn
+        ABj, ABk = (
+            self._values_at(layout.part_sharing_one(i).matrix) for i in layout.pairs[number]
+        )
+        assert shared.anchor is not None
+        pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
+        numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
+        value = salib_estimators.second_order(A, ABj, ABk, BAj, pair, B)
+        return self.estimate(IndexTerms(value, numerator, numerator != 0))
+
+    @cached_property
+    def drawn(self) -> tuple[FloatArray, FloatArray]:
+        """Standardized values at the points A and B of each block."""
+        return self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+
+    @cached_property
+    def reason_without_indices(self) -> str:
+        """Reason why there are no indices; empty if there are."""
+        if not self.blocks.count:
+            return texts.NO_BLOCK
+        if self.sample.is_constant:
+            return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
+        return ""
+
+    def _values_at(self, matrix: int) -> FloatArray:
+        """Standardized values at a part of each block."""
+        values = self.values[self.blocks.rows[matrix]]
+        scaled = (values - self.shape.mean) / self.shape.scale
+        return scaled / self.shape.deviations.std()
+
+    @cached_property
+    def _denominator(self) -> FloatArray:
+        """Contribution of each block to the variance."""
+        A, B = self.drawn
+        return (A**2 + B**2) / 2
+
+    def estimate(self, terms: IndexTerms) -> Estimate:
+        """Return an index with its interval."""
+        value, numerator = terms.value, terms.numerator
+        if reason := self._reason_without_bounds(terms.informative):
+            return Estimate.without_bounds(value, reason)
+        blocks = self.blocks
+        error, freedom = ratio_jackknife_error(
+            numerator, self._denominator, blocks.replicate, blocks.replicate_count
+        )
+        if error < _ROUNDING:
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_STRATA)
+        half = student_quantile(freedom, self.level) * error
+        if not self._warning:
+            ends, note = (value - half, value + half), self._reservation
+            return Estimate(value, *ends, texts.JACKKNIFE, "nominal", note)
+        influence = numerator - value * self._denominator
+        over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
+        half = max(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
+        ends, note = (value - half, value + half), texts.DOUBTFUL_AS.format(reason=self._warning)
+        return Estimate(value, *ends, texts.WIDER_OF_TWO, "conservative", note)
+
+    @property
+    def _warning(self) -> str:
+        """Warning that the scatter of replicates does not show the error; empty for none."""
+        if self.shape.hidden_tail:
+            return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
+        return self._tail_note if self.shape.is_heavy else ""
+
+    @property
+    def _tail_note(self) -> str:
+        return self.shape.tail_note
+
+    @property
+    def _reservation(self) -> str:
+        """Warning of a similar effect that may be hidden in the runs; empty for none."""
+        if self.is_event:
+            # It has no tail that could be hidden.
+            is_small = self.blocks.count < _ENOUGH_FOR_EVENTS
+            return texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS) if is_small else ""
+        return texts.DOUBTFUL_TAIL if self.shape.is_doubtful else ""
+
+    def _reason_without_bounds(self, informative: BoolArray) -> str:
+        if self.blocks.replicate_count < 2:
+            return texts.BLOCKS_OF_ONE_REPLICATE
+        if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
+            return texts.TOO_ONE_SIDED
+        if np.count_nonzero(informative) < _FEWEST_INFORMATIVE:
+            return texts.FEW_INFORMATIVE_BLOCKS
+        spread = np.bincount(self.blocks.replicate, self._denominator)
+        if spread.max() == spread.sum():
+            return texts.VARIES_IN_ONE_REPLICATE
+        return ""
