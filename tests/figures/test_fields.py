@@ -110,6 +110,18 @@ def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree: xr.Data
     assert {"5 % to 95 % quantile", "single runs"} <= set(labels(axes))
 
 
+def test_a_curve_of_one_place_has_a_fan() -> None:
+    made = uqpen.Study(
+        model=lambda a: {"y": [a]},
+        inputs={"a": uqpen.Uniform(1.0, 2.0)},
+        outputs={"y": uqpen.OutputSpec("1", along={"time": {"unit": "s", "values": [3]}})},
+        designs={"d": uqpen.MonteCarlo(runs=20)},
+        seed=1,
+    )
+    lower, upper = drawn(uqpen.run(made), "fan")[0].get_xlim()
+    assert lower < 3.0 < upper
+
+
 def test_lines_stand_where_fewer_curves_go_on(tree: xr.DataTree) -> None:
     axes = drawn(tree, "fan", output="ending")[0]
     shares = tree["statistics/mc/ending"]["reached"].values[:, 0]

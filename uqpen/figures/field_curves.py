@@ -164,7 +164,8 @@ def _draw_band(
 def _label_axes(found: CurveEstimates, axes: Axes) -> None:
     axes.set_xlabel(found.view.axis_label(found.dimension))
     axes.set_ylabel(found.view.axis_label(found.output))
-    axes.set_xlim(found.places[0], found.places[-1])
+    if len(found.places) > 1:  # an axis has a length
+        axes.set_xlim(found.places[0], found.places[-1])
 
 
 def _mark_ends(found: CurveEstimates, axes: Axes) -> Iterator[str]:
