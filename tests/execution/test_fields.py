@@ -10,11 +10,14 @@ import pytest
 import xarray as xr
 
 from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension, Input, Output
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator, evaluate
 from uqpen.execution.processes import processes
 from uqpen.models.python_function import PythonFunction
+from uqpen.reductions import REDUCTIONS
+from uqpen.reductions.occurrence import derived_outputs
 
 DAY = 86_400.0
 TIME = Dimension("time", "s", "", "day", (0.0, DAY, 2 * DAY, 3 * DAY))
@@ -97,12 +100,42 @@ def test_a_curve_that_may_end_is_a_result() -> None:
     [
         (1.0, 'returned a "curve" of shape (), not (4,) along (time)'),
         (["a"] * 4, 'returned a "curve" of text in place of numbers'),
+        ([[1.0], [2.0, 3.0]], 'returned a "curve" of lists of different lengths'),
         ([[1.0] * 4], 'returned a "curve" of shape (1, 4), not (4,) along (time)'),
     ],
 )
 def test_another_shape_is_a_failed_run(returned: object, reason: str) -> None:
     runs = made(lambda x: {"curve": returned}, CURVE, runs=1)
     assert runs[FAILURE_REASON].values.tolist() == [reason]
+
+
+def test_a_labelled_array_is_taken_by_the_names_of_its_dimensions() -> None:
+    other = Dimension("depth", "m", values=(0.0, 0.5, 1.0, 1.5))  # as many as of the time
+    values = xr.DataArray(np.arange(16.0).reshape(4, 4), dims=["depth", "time"])
+    output = Output("sheet", "1", dims=(TIME, other))
+    runs = made(lambda x: {"sheet": values}, output, runs=1)
+    assert runs["sheet"].values[0].tolist() == values.T.values.tolist()
+    unnamed = made(lambda x: {"sheet": values.values}, output, runs=1)
+    assert unnamed["sheet"].values[0].tolist() == values.values.tolist()
+
+
+def derived(function: Function, *named: str) -> xr.Dataset:
+    outputs = [
+        derived
+        for name in named
+        for derived in derived_outputs(name, CURVE, resolve(REDUCTIONS[name])())
+    ]
+    points = xr.Dataset({"x": (RUN, np.arange(3.0))}, {RUN: np.arange(3)})
+    return evaluate(Evaluator(model(function, CURVE).with_derived(outputs)), points, {})
+
+
+def test_a_run_whose_derived_number_overflows_is_lost_with_a_reason() -> None:
+    runs = derived(lambda x: {"curve": np.full(4, 1e307 * x)}, "integral", "max")
+    assert runs[STATUS].values.tolist() == [Status.OK, Status.NOT_FINITE, Status.NOT_FINITE]
+    assert runs[FAILURE_REASON].values.tolist() == ["integral is inf, from curve"] * 2
+    for name in ("curve", "integral", "max"):
+        assert np.isnan(runs[name].values[1:]).all()
+        assert np.isfinite(runs[name].values[0]).all()
 
 
 def vectorized(x: Any) -> dict[str, Any]:

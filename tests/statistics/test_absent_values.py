@@ -173,3 +173,25 @@ def test_a_report_is_written_even_if_no_run_has_a_value(threshold: float) -> Non
     page = report_page(uqpen.run(made))
     has_values = threshold < 1
     assert ("Some estimates are conditional" in page) == has_values
+
+
+@pytest.mark.parametrize(
+    ("threshold", "note"),
+    [
+        (0.5, "from the step up only: the other run gave no value"),
+        (0.6, "the run at the nominal point gave no value"),
+    ],
+)
+def test_a_response_without_a_value_is_no_failed_run(threshold: float, note: str) -> None:
+    made = uqpen.Study(
+        model=lambda x: {"curve": x * (1 + TIMES)},
+        inputs={"x": uqpen.Uniform(0.0, 0.5 + 1e-9)},
+        outputs={
+            "curve": FIELD,
+            "crossing": uqpen.OutputSpec(of="curve", take="first_above", threshold=threshold),
+        },
+        designs={"d": uqpen.OneAtATime(step=0.1)},
+        seed=1,
+    )
+    response = uqpen.run(made)["statistics/d/crossing/response"]
+    assert note in response.attrs["note"]

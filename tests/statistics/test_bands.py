@@ -172,13 +172,16 @@ class TestToleranceBand:
     def test_holds_the_highest_score_of_the_runs_that_did_not_make_it(self) -> None:
         curves = smooth_curves(1, 89)
         band = only(tolerance_band(sample := field(curves), quantity(sample)))
-        middle = curves[::3]
-        assert band.values[:, 0, 0] == pytest.approx(middle.mean(axis=0))
+        low, median, high = np.quantile(
+            curves[::3], (0.01, 0.5, 0.99), axis=0, method="median_unbiased"
+        )
+        assert band.values[:, 0, 0] == pytest.approx(median)
         others = np.delete(curves, np.s_[::3], axis=0)
-        scores = np.abs(others - middle.mean(axis=0)) / middle.std(axis=0, ddof=1)
+        below, above = (median - others) / (median - low), (others - median) / (high - median)
         # Of 59 runs, the furthest makes a band of content 95 % with a confidence of 95 %.
-        half = scores.max() * middle.std(axis=0, ddof=1)
-        assert band.values[:, 0, 2] - band.values[:, 0, 0] == pytest.approx(half)
+        multiple = np.maximum(below, above).max()
+        assert band.values[:, 0, 1] == pytest.approx(median - multiple * (median - low))
+        assert band.values[:, 0, 2] == pytest.approx(median + multiple * (high - median))
         assert band.coords[INTERVAL_LABEL].values[0, 0] == "discrete"
 
     def test_says_how_many_runs_it_needs(self) -> None:
@@ -194,8 +197,49 @@ class TestToleranceBand:
         curves = smooth_curves(1, 200)
         band = only(tolerance_band(sample := field(curves, 10), quantity(sample)))
         middle = curves.reshape(10, 20, -1)[::3].reshape(80, -1)
-        assert band.values[:, 0, 0] == pytest.approx(middle.mean(axis=0))
+        assert band.values[:, 0, 0] == pytest.approx(np.median(middle, axis=0))
         assert band.coords[INTERVAL_LABEL].values[0, 0] == "conservative"
+
+    @pytest.mark.parametrize("runs", [100, 1000])
+    def test_of_positive_curves_is_positive(self, runs: int) -> None:
+        curves = np.exp(smooth_curves(1, runs))
+        band = only(tolerance_band(sample := field(curves), quantity(sample)))
+        assert (band.values > 0).all()
+
+    def test_of_skewed_curves_follows_their_range(self) -> None:
+        curves = np.exp(smooth_curves(1, 1000) / 2)
+        band = only(tolerance_band(sample := field(curves), quantity(sample)))
+        _, lower, upper = band.values[:, 0].T
+        assert (lower > curves.min(axis=0) / 3).all()
+        assert (upper < curves.max(axis=0) * 1.5).all()
+
+    def test_of_curves_that_cross_zero_grows_with_their_unit(self) -> None:
+        curves = smooth_curves(1, 200)
+        one, thousand = (
+            only(tolerance_band(each, quantity(each)))
+            for each in map(field, (curves, 1e3 * curves))
+        )
+        assert thousand.values == pytest.approx(1e3 * one.values)
+
+    def test_of_curves_that_end_is_hardly_wider_than_their_range(self) -> None:
+        """Where few runs are left, too, as long as the band has the place."""
+        curves = 10 + smooth_curves(1, 300)
+        ends = np.random.default_rng(2).integers(5, 25, 300)
+        curves[np.arange(20) >= ends[:, None]] = np.nan
+        band = only(tolerance_band(sample := field(curves, may_end=True), quantity(sample)))
+        _, lower, upper = band.values[:, 0].T
+        has_band = np.isfinite(upper)
+        assert has_band[:15].all()
+        assert (np.isfinite(curves[::3, has_band]).sum(axis=0) >= 20).all()
+        widths = (upper - lower) / (np.nanmax(curves, axis=0) - np.nanmin(curves, axis=0))
+        assert (widths[has_band] < 2).all()
+
+    def test_has_ends_where_nearly_all_values_coincide(self) -> None:
+        curves = smooth_curves(1, 300)
+        curves[1:, 3] = 0.0
+        curves[0, 3] = 1.0
+        band = only(tolerance_band(sample := field(curves), quantity(sample)))
+        assert np.isfinite(band.values).all()
 
     def test_holds_a_curve_as_far_as_it_goes(self) -> None:
         curves = smooth_curves(1, 300)

@@ -193,6 +193,29 @@ class TestRefused:
     def test_with_a_message(self, table: str, expected: str, folder: Path) -> None:
         assert refused(f"[outputs.found]\n{table}\n", folder) == [expected]
 
+    @pytest.mark.parametrize(
+        ("asked", "where"),
+        [
+            ('exceeds = ["5 degC"]', "outputs.ups.exceeds[0]"),
+            ('below = { "5 degC" = { at_most = 0.1 } }', "outputs.ups.below.5 degC"),
+            ('[joint_probabilities]\nall = ["ups > 5 degC"]', "joint_probabilities.all[0]"),
+            (
+                '[published.a]\nsource = "b"\n[published.a.ups]\nmean = "5 degC"',
+                "published.a.ups.mean",
+            ),
+            (
+                '[designs.it]\nkind = "monte-carlo"\naccept = "P(ups > 5 degC) < 0.1"\n'
+                "at_most = 50",
+                "designs.it.accept",
+            ),
+        ],
+    )
+    def test_a_difference_in_a_unit_with_a_zero(self, asked: str, where: str, folder: Path) -> None:
+        text = f'[outputs.ups]\nof = "speed"\ntake = "total_variation"\n{asked}\n'
+        expected = '"5 degC", in a unit with a zero of its own; a difference, such as "1 K"'
+        assert refused(text, folder) == [f"{where}: {expected}"]
+        parsed(text.replace("degC", "K"), folder)
+
     @pytest.mark.parametrize("name", ["infected", "rate", "time"])
     def test_a_name_that_is_taken(self, name: str, folder: Path) -> None:
         found = refused(f'[outputs.{name}]\nof = "infected"\ntake = "max"\n', folder)

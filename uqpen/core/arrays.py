@@ -70,7 +70,9 @@ def floats(value: object) -> FloatArray:
             raise ValueError(f"{kind} in place of numbers")
         whole = np.asarray(array, dtype=np.float64)
         return np.where(np.ma.getmaskarray(array), np.nan, whole)  # type: ignore[no-untyped-call]
-    except ValueError:
+    except ValueError as error:
+        if "inhomogeneous" in str(error):
+            raise ValueError("lists of different lengths") from None
         raise
     except Exception as error:  # an object from outside may raise anything when it is read
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None

@@ -106,5 +106,6 @@ class DerivedOutput:
         """
         has_field = is_ok & np.isfinite(whole.reshape(len(whole), -1)[:, 0])
         values = np.full(len(whole), np.nan)
-        values[has_field] = self.reduction.reduce(whole[has_field], field)
+        with np.errstate(over="ignore", invalid="ignore"):  # such a run is lost, with a reason
+            values[has_field] = self.reduction.reduce(whole[has_field], field)
         return values

@@ -49,7 +49,9 @@ class Spread:
     unit: str
 
 
-def parse_quantity(text: str | float, like: str, *, difference: bool = False) -> Quantity:
+def parse_quantity(
+    text: str | float, like: str, *, difference: bool = False, allow_offset: bool = True
+) -> Quantity:
     """Read a quantity such as ``"17.5 g/cm^3"``.
 
     Parameters
@@ -60,6 +62,8 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
         A unit of the expected dimension.
     difference : bool
         Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
+    allow_offset : bool
+        Whether the unit of a value that is read as it is may have a zero of its own, as degC.
 
     Raises
     ------
@@ -72,6 +76,9 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
         raise QuantityError(toml_text(text), describe(like))
     number, unit = _split(text, like)
     measure = _checked_scale(text, unit, like)
+    if measure.offset and not (allow_offset or difference):
+        found = f"{toml_text(text)}, in a unit with a zero of its own"
+        raise QuantityError(found, f'a difference, such as "1 {si_unit(like)}"')
     value = measure.difference_to_si(number) if difference else measure.to_si(number)
     if not math.isfinite(value):
         raise QuantityError(f"{toml_text(text)}, which is not finite", describe(like))

@@ -62,10 +62,14 @@ _MOST = 100_000_000
 
 
 class Context(NamedTuple):
-    """Unit like that of the quantities in a table, and the folder of the files that it names."""
+    """Unit like that of the quantities in a table, and the folder of the files that it names.
+
+    Without `allow_offset`, the quantities are differences, in a unit without a zero of its own.
+    """
 
     like: str = ""
     folder: Path = Path()
+    allow_offset: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,7 +168,12 @@ def quantity(
     """
 
     def read(written: Any, context: Context) -> float:
-        return parse_quantity(written, unit or context.like, difference=kind == "difference").value
+        return parse_quantity(
+            written,
+            unit or context.like,
+            difference=kind == "difference",
+            allow_offset=context.allow_offset,
+        ).value
 
     expected = expected or _range_text(above, math.inf, "a quantity")
     kind = f"{kind} with a unit of its own" if unit else kind

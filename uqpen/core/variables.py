@@ -209,6 +209,8 @@ class Output(Variable):
     absent : str
         What is true of the runs in which a derived number does not exist, and is NaN; empty where
         every run has one, as all outputs of models.
+    is_difference : bool
+        Whether a derived number is a difference, which no unit with a zero of its own can state.
 
     Raises
     ------
@@ -220,6 +222,7 @@ class Output(Variable):
     dims: tuple[Dimension, ...] = ()
     may_end: bool = False
     absent: str = ""
+    is_difference: bool = False
 
     def __post_init__(self) -> None:
         names = [dimension.name for dimension in self.dims]
@@ -277,8 +280,10 @@ class Output(Variable):
         ----------
         values : ndarray, shape (run, *dims)
             Values of several runs. Each must be finite. Of a curve that may end, all after the
-            end are NaN; its first value must be there.
+            end are NaN; its first value must be there. NaN is a result where it means `absent`.
         """
+        if self.absent:
+            return np.isinf(values)
         if not self.may_end:
             return ~np.isfinite(values)
         backwards = np.isnan(values)[:, ::-1]

@@ -13,8 +13,10 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedDataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, STATUS
 from uqpen.core.model import Model, Output, empty_outputs
+from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.invalid_values import invalid_runs
 
 __all__ = ["BlockRecord", "OpenBlocks"]
 
@@ -54,10 +56,10 @@ class BlockRecord:
     def variables(self, model: Model) -> dict[str, Any]:
         """Return the results of a model, and the outputs derived from them, as variables.
 
-        Failed runs have their numbers in all.
+        Failed runs have their numbers in all. A run is lost, too, if a derived output overflows.
         """
         variables: dict[str, Any] = {}
-        found = model.derive(self._outputs, self._status)
+        found = self._derive(model)
         for output in model.all_outputs:
             values: npt.NDArray[Any] = found[output.name]
             if output.categories:
@@ -72,6 +74,26 @@ class BlockRecord:
             FAILED_RUN: (FAILED_RUN, np.array(failed, dtype=np.int64)),
             FAILURE_REASON: (FAILED_RUN, reasons),
         }
+
+    def _derive(self, model: Model) -> dict[str, FloatArray]:
+        """Return the values of all outputs; a run is lost where a derived one is not finite."""
+        found = model.derive(self._outputs, self._status)
+        is_ok = self.done & (self._status == Status.OK)
+        reasons = {
+            run: f"{reason}, from {each.source}"
+            for each in model.derived
+            for run, reason in invalid_runs(
+                each.output, np.where(is_ok, found[each.output.name], 0.0)
+            )
+        }
+        if not reasons:
+            return found
+        lost = list(reasons)
+        self._status[lost] = Status.NOT_FINITE
+        self._reasons |= {self.start + run: reason for run, reason in reasons.items()}
+        for values in self._outputs.values():
+            values[lost] = np.nan
+        return model.derive(self._outputs, self._status)
 
 
 class OpenBlocks:

@@ -47,7 +47,7 @@ def extract_outputs(
         raise UnusableOutputError(f"returned {type(returned).__name__}, not a mapping of outputs")
     found = {}
     for output in outputs:
-        values = _numbers(returned, output.name)
+        values = _numbers(returned, output.name, output)
         if grid := grids.get(output.name):
             own = {name: _numbers(returned, key) for name, key in grid.names.items()}
             shape = tuple(
@@ -63,13 +63,24 @@ def extract_outputs(
     return found
 
 
-def _numbers(returned: Mapping[Any, Any], name: str) -> FloatArray:
+def _numbers(returned: Mapping[Any, Any], name: str, output: Output | None = None) -> FloatArray:
     if name not in returned:
         raise UnusableOutputError(f'returned no "{name}"')
+    value = returned[name]
     try:
-        return floats(returned[name])
+        return floats(value if output is None else _in_declared_order(value, output))
     except ValueError as error:
         raise UnusableOutputError(f'returned a "{name}" of {error}') from None
+
+
+def _in_declared_order(value: Any, output: Output) -> Any:
+    """Return a labelled array with its dimensions in the order of an output's, others before."""
+    declared = [dimension.name for dimension in output.dims]
+    names = getattr(value, "dims", ())
+    is_labelled = hasattr(value, "transpose") and isinstance(names, tuple)
+    if not declared or not is_labelled or not set(declared) <= set(names):
+        return value
+    return value.transpose(..., *declared)
 
 
 def _check_shape(

@@ -49,7 +49,14 @@ def derived_outputs(name: str, field: Output, reduction: Reduction) -> tuple[Der
     """
     absent = reduction.absence(field)
     title, shown = reduction.title(field), reduction.display_unit(field)
-    output = Output(name, reduction.unit(field), title, shown, absent=absent)
+    output = Output(
+        name,
+        reduction.unit(field),
+        title,
+        shown,
+        absent=absent,
+        is_difference=reduction.is_difference,
+    )
     found = DerivedOutput(output, field.name, reduction)
     if not absent:
         return (found,)

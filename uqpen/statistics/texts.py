@@ -40,7 +40,7 @@ SURROGATE_SAMPLING = "sampling of the surrogate"
 
 # Bands over all places of a field, and ranked curves.
 SIMULTANEOUS = "{method}, at a level that holds at all places at once"
-FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from those of a third"
+MULTIPLES_OF_DISTANCES = "order statistics of multiples of the distances to quantiles of a third"
 NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
 FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
 FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
@@ -137,13 +137,16 @@ ABSENT_EFFECTS = "{failed} of {effects} effects are missing because a run gave n
 ONE_POINT = "a derivative at one point has no scatter"
 FIXED_INPUT = "a fixed input has no uncertainty"
 ONE_SIDED_STEP = "from the step {side} only: the other run failed"
+ONE_SIDED_STEP_ABSENT = "from the step {side} only: the other run gave no value"
 NONLINEAR = "nonlinear: {down:.3g} from the step down, {up:.3g} from the step up"
 NONLINEAR_CHANGE = "nonlinear: the steps up and down differ by more than a tenth"
 OF_SI_VALUE = "relative to the {of} in {si}, not in {unit}"
 OF_HALF_SPREAD = "relative to half the input's 16–84 % range, as its nominal value is 0"
 NOMINAL_RUN_FAILED = "the run at the nominal point failed"
+NOMINAL_RUN_ABSENT = "the run at the nominal point gave no value"
 NOMINAL_OUTPUT_IS_0 = "the output is 0 at the nominal point"
 STEP_FAILED = "both runs of the step failed"
+STEP_ABSENT = "both runs of the step gave no value"
 
 # Sobol' indices and Shapley effects.
 INCLUDES_CORRELATION = "includes correlation"

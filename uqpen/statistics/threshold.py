@@ -99,7 +99,7 @@ def _reader(context: Context) -> Callable[..., Threshold]:
         text = value.strip() if isinstance(value, str) else toml_text(value)
         if text in texts:
             raise QuantityError(f'"{text}" a second time', "each threshold once")
-        number = parse_quantity(value, context.like).value
+        number = parse_quantity(value, context.like, allow_offset=context.allow_offset).value
         texts.add(text)
         return Threshold(text, number, _read_limits({} if limits is None else limits))
 

@@ -74,5 +74,6 @@ def _read_limit(written: object, model: Model) -> OutputLimit:
     if name not in outputs:
         expected = f"an output of {model.name} that is a number; {choices(name, outputs)}"
         raise QuantityError(toml_text(name), expected)
-    number = parse_quantity(value, outputs[name].unit).value
+    output = outputs[name]
+    number = parse_quantity(value, output.unit, allow_offset=not output.is_difference).value
     return OutputLimit(f"{name} {sign} {value}", name, sign == ">", number)

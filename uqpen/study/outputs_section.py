@@ -47,6 +47,11 @@ def _read_quantity(
         if key in table:
             expected = "an output without dimensions; a field has hold_between"
             table.add_problem(key, f'a tolerance limit of "{output.name}"', expected)
-    quantity = table.settings(QuantityOfInterest, like=output.unit, given=given)
+    quantity = table.settings(
+        QuantityOfInterest,
+        like=output.unit,
+        allow_offset=not output.is_difference,
+        given=given,
+    )
     table.check_unknown_keys()
     return quantity or default

@@ -53,7 +53,12 @@ def _read_estimates(
         return None
     largest = table.content.get(LARGEST_CONTRIBUTION) or ""
     given = {"output": output, LARGEST_CONTRIBUTION: str(largest)}
-    estimates = table.settings(PublishedEstimates, like=output.unit, given=given)
+    estimates = table.settings(
+        PublishedEstimates,
+        like=output.unit,
+        allow_offset=not output.is_difference,
+        given=given,
+    )
     known = [variable.name for variable in model.inputs]
     check_names(table.table("response"), known, "input", model)
     if table.take(LARGEST_CONTRIBUTION) and largest not in known:

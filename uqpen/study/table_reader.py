@@ -146,7 +146,12 @@ class TableReader:
         return None
 
     def settings(
-        self, cls: type[T], *, like: str = "", given: Mapping[str, Any] | None = None
+        self,
+        cls: type[T],
+        *,
+        like: str = "",
+        allow_offset: bool = True,
+        given: Mapping[str, Any] | None = None,
     ) -> T | None:
         """Make an instance of a dataclass, its settings read from their keys.
 
@@ -156,6 +161,8 @@ class TableReader:
             A dataclass with declared settings.
         like : str
             A unit of the dimension of its quantities; of `ANY_DIMENSION`, they need only agree.
+        allow_offset : bool
+            Whether their units may have a zero of their own, such as degC.
         given : mapping of str to object, optional
             Values of fields that the table does not have.
 
@@ -164,7 +171,7 @@ class TableReader:
         object or None
             None where a mistake was noted.
         """
-        values = self.setting_values(cls, like, given)
+        values = self.setting_values(cls, like, given, allow_offset=allow_offset)
         try:
             return None if values is None else cls(**values)
         except SettingsError as error:
@@ -178,11 +185,16 @@ class TableReader:
         return made
 
     def setting_values(
-        self, cls: type, like: str = "", given: Mapping[str, Any] | None = None
+        self,
+        cls: type,
+        like: str = "",
+        given: Mapping[str, Any] | None = None,
+        *,
+        allow_offset: bool = True,
     ) -> dict[str, Any] | None:
         """Return the fields of a dataclass that are given or read; see `settings`."""
         values, problems = dict(given or {}), list[Problem]()
-        context = Context(like, self.folder)
+        context = Context(like, self.folder, allow_offset)
         is_agreed = like is not ANY_DIMENSION or self._has_one_dimension(cls)
         for field, setting in declared_settings(cls):
             key = setting.key or field.name

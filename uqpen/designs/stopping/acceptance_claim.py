@@ -107,8 +107,9 @@ class AcceptanceClaim:
             expected = f"an output that is a number; {choices(self.output, known)}"
             yield Problem((), toml_text(self.output), expected)
             return
+        output = known[self.output]
         try:
-            parse_quantity(self.value, known[self.output].unit)
+            parse_quantity(self.value, output.unit, allow_offset=not output.is_difference)
         except QuantityError as error:
             yield Problem((), error.found, error.expected)
 

@@ -9,7 +9,7 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.fields.field_sample import FieldSample
 
-__all__ = ["Influence", "deviation_blocks", "field_means"]
+__all__ = ["Influence", "deviation_blocks"]
 
 # A function of values of shape (run, place) and of the positions of their places.
 Influence = Callable[[FloatArray, IntArray], FloatArray | BoolArray]
@@ -48,15 +48,3 @@ def deviation_blocks(
         else:
             known = np.where(exists, found, 0.0)
             yield block, np.where(exists, known - known.sum(axis=0) / exists.sum(axis=0), 0.0)
-
-
-def field_means(field: FieldSample) -> FloatArray:
-    """Return the means at all places, flattened; NaN where no run reaches."""
-    means = np.empty(field.matrix.shape[1])
-    for start in range(0, field.matrix.shape[1], _PLACES):
-        places = slice(start, start + _PLACES)
-        exists = field.exists[:, places]
-        sums = field.matrix[:, places].sum(axis=0, where=exists, initial=0.0)
-        counts = exists.sum(axis=0)
-        means[places] = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    return means

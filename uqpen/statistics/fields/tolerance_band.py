@@ -16,7 +16,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields.at_each_place import along_field
 from uqpen.statistics.fields.band_places import BandPlaces, band_places, runs_too_few
-from uqpen.statistics.fields.deviations import deviation_blocks, field_means
+from uqpen.statistics.fields.band_shape import BandShape
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.intervals import runs_needed, upper_rank
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -26,8 +26,10 @@ __all__ = ["tolerance_band"]
 
 # Content of the band that is always estimated.
 _CONTENT = 0.95
-# One run in so many is for the middle of the band.
+# One run in so many is for the shape of the band.
 _THIRD = 3
+# Places that are taken together, so that memory is bounded.
+_PLACES = 256
 
 
 def tolerance_band(
@@ -35,11 +37,11 @@ def tolerance_band(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Estimate the bands that hold a share of all curves, each curve at all of its places.
 
-    One run in three, or one replicate in three, gives a mean and a standard deviation. A band is
-    that mean plus and minus a multiple of that standard deviation. The furthest deviation of each
-    other run, in standard deviations, is its score, and the multiple is an order statistic of the
-    scores (Wilks 1941). If the same runs gave both, the band would be too narrow. A curve that ends
-    counts as far as it goes.
+    One run in three, or one replicate in three, gives a median and the distances from it to a low
+    and to a high quantile. A band goes to a multiple of these distances. The least multiple that
+    holds each other run is its score, and the band's multiple is an order statistic of the scores
+    (Wilks 1941). If the same runs gave both, the band would be too narrow. A curve that ends counts
+    as far as it goes. If all runs are positive, so is the band.
 
     Yields
     ------
@@ -47,27 +49,27 @@ def tolerance_band(
         ``tolerance_band``.
     estimate : DataArray
         Along the dimensions of the field, ``band_content`` and ``bound``. The estimate is the
-        middle of the band. The coordinate ``band_content_runs_needed`` is the least number of
-        independent runs with a band.
+        median of the runs that give the distances. The coordinate ``band_content_runs_needed`` is
+        the least number of independent runs with a band.
     """
     runs = field.runs
     reason = texts.NOT_WEIGHTED if runs.weights is not None else runs.reason_without_intervals
-    centre, others = _parts(field)
-    places = band_places(centre, reason or runs_too_few(centre.runs))
-    stds, scores = _scores(centre, others, places)
+    first, others = _parts(field)
+    places = band_places(first, reason or runs_too_few(first.runs))
+    shape = BandShape.of(first, is_positive=_is_positive(field, places))
+    scores = _scores(shape, others, places)
     contents = sorted({_CONTENT, *quantity.tolerance_interval_contents})
     needed = [_runs_needed(content, runs.level) for content in contents]
     ranks = upper_rank(others.runs.size, contents, runs.level).tolist()
     multiples = [math.nan if math.isnan(rank) else scores[int(rank) - 1] for rank in ranks]
     is_independent = runs.error_model is ErrorModel.INDEPENDENT
-    how = texts.FURTHEST_DEVIATIONS, "discrete" if is_independent else "conservative"
-    means = field_means(centre)
-    bands = []
-    for multiple, fewest in zip(multiples, needed, strict=True):
-        half = multiple * stds
-        band = EstimateVector(means, means - half, means + half, *how)
-        needs = texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
-        bands.append(band.remove_bounds_at(np.isnan(half), needs))
+    how = texts.MULTIPLES_OF_DISTANCES, "discrete" if is_independent else "conservative"
+    bands = [
+        EstimateVector(shape.median, *shape.ends(multiple), *how).remove_bounds_at(
+            np.isnan(multiple), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
+        )
+        for multiple, fewest in zip(multiples, needed, strict=True)
+    ]
     for why in set(filter(None, places.reasons)):
         bands = [band.remove_bounds_at(np.array(places.reasons) == why, why) for band in bands]
     array = EstimateVector.stack(bands).to_array(
@@ -81,15 +83,15 @@ def tolerance_band(
 
 
 def _parts(field: FieldSample) -> tuple[FieldSample, FieldSample]:
-    """Return the runs for the middle of a band, and the others for its width.
+    """Return the runs for the shape of a band, and the others for its multiple.
 
     The runs of a replicate stay together: they know of each other.
     """
     runs = field.runs
     is_replicated = runs.error_model is ErrorModel.REPLICATED
     group = runs.replicate if is_replicated else np.arange(runs.size)
-    is_middle = group % _THIRD == 0
-    return _chosen(field, is_middle), _chosen(field, ~is_middle)
+    is_shape = group % _THIRD == 0
+    return _chosen(field, is_shape), _chosen(field, ~is_shape)
 
 
 def _chosen(field: FieldSample, mask: BoolArray) -> FieldSample:
@@ -102,19 +104,23 @@ def _runs_needed(content: float, level: float) -> int:
     return math.ceil(runs_needed(content, level) * _THIRD / (_THIRD - 1))
 
 
-def _scores(
-    centre: FieldSample, others: FieldSample, places: BandPlaces
-) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviation at each place, and the ascending scores of the other runs."""
-    stds = np.full(len(places.reasons), math.nan)
+def _is_positive(field: FieldSample, places: BandPlaces) -> bool:
+    """Return whether all runs are positive at all places of a band.
+
+    If as many curves were not as a band may lose, a run would show it: almost certainly.
+    """
+    lowest = np.fmin.reduce(field.matrix, axis=0, initial=np.inf)
+    return bool((lowest[places.covered] > 0).all())
+
+
+def _scores(shape: BandShape, others: FieldSample, places: BandPlaces) -> FloatArray:
+    """Return the ascending scores of the runs that did not make the shape."""
     scores = np.zeros(others.runs.size)
-    means = field_means(centre)
-    for block, deviations in deviation_blocks(centre, places.covered, lambda values, _: values):
-        runs = centre.exists[:, block].sum(axis=0)
-        stds[block] = np.sqrt((deviations**2).sum(axis=0) / (runs - 1))
-        distances = np.abs(others.matrix[:, block] - means[block]) / stds[block]
-        np.fmax(scores, np.fmax.reduce(distances, axis=1), out=scores)
-    return stds, np.sort(scores)
+    for start in range(0, len(places.covered), _PLACES):
+        block = places.covered[start : start + _PLACES]
+        multiples = shape.multiples(others.matrix[:, block], block)
+        np.fmax(scores, np.fmax.reduce(multiples, axis=1), out=scores)
+    return np.sort(scores)
 
 
 def _content_coordinates(contents: list[float], needed: list[int]) -> dict[str, Any]:

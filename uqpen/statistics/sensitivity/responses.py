@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import (
+    CONDITIONAL,
     MOVED_BY,
     MOVED_INPUT,
     MOVED_UNCERTAINTY,
@@ -111,6 +112,7 @@ class _Steps:
     std: float  # of the input, relative to the magnitude of that reference; 0 if it is fixed
     sign: float  # of that reference
     is_of_spread: bool  # whether the reference is not the nominal value
+    lacks_values: bool  # whether completed runs have no value: NaN is then no failure
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, name: str, entry: str, number: int) -> _Steps:
@@ -127,7 +129,25 @@ class _Steps:
             float(runs[MOVED_UNCERTAINTY].values[moved == number][0]),
             math.copysign(1.0, float(inputs[up][0] - inputs[down][0])),
             entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split(),
+            CONDITIONAL in runs.attrs,
         )
+
+    @property
+    def without_nominal(self) -> Estimate:
+        """No estimate, for want of the output at the nominal point."""
+        why = texts.NOMINAL_RUN_ABSENT if self.lacks_values else texts.NOMINAL_RUN_FAILED
+        return Estimate.without_bounds(math.nan, why)
+
+    @property
+    def without_step(self) -> Estimate:
+        """No estimate, for want of the output at both steps."""
+        why = texts.STEP_ABSENT if self.lacks_values else texts.STEP_FAILED
+        return Estimate.without_bounds(math.nan, why)
+
+    def slopes(self, down: float, up: float) -> _Slopes:
+        """Return slopes to either side, with the reason why one may be missing."""
+        one_sided = texts.ONE_SIDED_STEP_ABSENT if self.lacks_values else texts.ONE_SIDED_STEP
+        return _Slopes(down, up, one_sided)
 
     @property
     def reference_note(self) -> str:
@@ -141,6 +161,7 @@ class _Slopes:
 
     down: float
     up: float
+    one_sided: str  # note where there is one side, which it names as ``side``
 
     @property
     def is_central(self) -> bool:
@@ -158,7 +179,7 @@ class _Slopes:
         """Note on a one-sided derivative; empty for none."""
         if self.is_central:
             return ""
-        return texts.ONE_SIDED_STEP.format(side="up" if math.isfinite(self.up) else "down")
+        return self.one_sided.format(side="up" if math.isfinite(self.up) else "down")
 
     @property
     def note(self) -> str:
@@ -176,14 +197,14 @@ class _Slopes:
 
 def _response(steps: _Steps) -> Estimate:
     if math.isnan(steps.nominal):
-        return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
+        return steps.without_nominal
     if not steps.nominal:
         return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
-    slopes = _Slopes(
+    slopes = steps.slopes(
         (steps.down / steps.nominal - 1) / steps.by[0], (steps.up / steps.nominal - 1) / steps.by[1]
     )
     if math.isnan(slopes.value):
-        return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
+        return steps.without_step
     return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, steps.reference_note)
 
 
@@ -196,16 +217,16 @@ def _contribution(response: Estimate, steps: _Steps) -> Estimate:
 def _change(steps: _Steps) -> Estimate:
     """Return the derivative of an output times the standard deviation of an input."""
     if math.isnan(steps.nominal):
-        return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
+        return steps.without_nominal
     if not steps.std:
         return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
     # A step is relative to the nominal value, which may be below 0.
     scale_of_step = steps.sign * steps.std
-    slopes = _Slopes(
+    slopes = steps.slopes(
         (steps.down - steps.nominal) / steps.by[0] * scale_of_step,
         (steps.up - steps.nominal) / steps.by[1] * scale_of_step,
     )
     if math.isnan(slopes.value):
-        return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
+        return steps.without_step
     curved = texts.NONLINEAR_CHANGE if slopes.is_curved else ""
     return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.side_note, curved)
