@@ -56,7 +56,7 @@ class BlockRecord:
     def variables(self, model: Model) -> dict[str, Any]:
         """Return the results of a model, and the outputs derived from them, as variables.
 
-        Failed runs have their numbers in all. A run is lost, too, if a derived output overflows.
+        Failed runs have their numbers in all. A run fails, too, if a derived output overflows.
         """
         variables: dict[str, Any] = {}
         found = self._derive(model)
@@ -76,7 +76,7 @@ class BlockRecord:
         }
 
     def _derive(self, model: Model) -> dict[str, FloatArray]:
-        """Return the values of all outputs; a run is lost where a derived one is not finite."""
+        """Return the values of all outputs; a run fails where a derived one is not finite."""
         found = model.derive(self._outputs, self._status)
         is_ok = self.done & (self._status == Status.OK)
         reasons = {

@@ -8,7 +8,7 @@ quadrature rule) have analyses of their own, which take their runs. The probabil
 statuses of runs are estimated by
 `uqpen.statistics.distribution_function.probabilities.status_probabilities`.
 
-An analysis takes scalar outputs. A field, an output with dimensions, has `FIELD_ANALYSES`.
+`ANALYSES` take scalar outputs. Fields, outputs with dimensions, have `FIELD_ANALYSES`.
 """
 
 from __future__ import annotations
