@@ -61,10 +61,11 @@ class BandShape:
 
     def ends(self, multiple: float) -> tuple[FloatArray, FloatArray]:
         """Return the lower and the upper end of the band of a multiple."""
-        below, upper = multiple * self.below, self.median + multiple * self.above
-        if not self.is_positive:
-            return self.median - below, upper
+        # Where the band leaves a place out, a distance may be infinite.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            below, upper = multiple * self.below, self.median + multiple * self.above
+            if not self.is_positive:
+                return self.median - below, upper
             return self.median * np.exp(-below / self.median), upper
 
 

@@ -87,8 +87,9 @@ def _correlated(
     starts = np.searchsorted(group[order], np.arange(groups))
     for block in deviations:
         sums = np.add.reduceat(block[order], starts, axis=0)
-        norm = np.sqrt((sums**2).sum(axis=0))
-        sums = sums[:, norm > 0] / norm[norm > 0]
+        largest = np.abs(sums).max(axis=0)
+        sums = sums[:, largest > 0] / largest[largest > 0]  # so that no square overflows
+        sums /= np.sqrt((sums**2).sum(axis=0))
         step = max(most, 1)
         yield from (sums[:, first : first + step] for first in range(0, sums.shape[1], step))
 
