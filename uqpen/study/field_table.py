@@ -123,10 +123,7 @@ def _own_name(
     except (TableError, QuantityError):
         name, unit, is_alike = "", "", True
     if not NAME.match(name) or name in variables:
-        expected = (
-            'the name of a run\'s own coordinates, which no input or output has: "t" or "t [s]"'
-        )
-        on.add_wrong(dimension.name, written, expected)
+        on.add_wrong(dimension.name, written, _OWN_NAME)
     elif not is_alike:
         on.add_wrong(dimension.name, written, describe(dimension.unit))
     return name, unit if "[" in str(written) else ""
