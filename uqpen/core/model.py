@@ -77,7 +77,7 @@ class Model(ABC):
 
     @property
     def all_outputs(self) -> tuple[Output, ...]:
-        """Its outputs, and behind them those derived from them: all that its runs have."""
+        """All outputs of its runs: those of the model, then those derived from them."""
         return (*self.outputs, *(each.output for each in self.derived))
 
     @property

@@ -16,7 +16,7 @@ __all__ = ["Along", "Curves", "follow_erosion"]
 
 
 class Along(IntEnum):
-    """What curves are along: its place in the states of an eroding rod, (u, x, L, z, time)."""
+    """Coordinate of curves: its position in the states of an eroding rod, (u, x, L, z, time)."""
 
     DEPTH = 3
     TIME = 4

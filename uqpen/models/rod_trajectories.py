@@ -1,4 +1,4 @@
-"""What the models of a rod's trajectory have in common: their settings, and curves as outputs."""
+"""Base of the models of a rod's trajectory: their settings, and curves as outputs."""
 
 from __future__ import annotations
 

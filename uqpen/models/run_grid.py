@@ -201,7 +201,7 @@ NO_INTERPOLATION = "none"
 
 @dataclass(frozen=True)
 class FieldSources:
-    """Where the fields of a model come from, beside its runs.
+    """Sources of the fields of a model, beside its runs.
 
     Parameters
     ----------

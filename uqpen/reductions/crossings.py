@@ -1,4 +1,4 @@
-"""Where a curve first lies above or below a value, such as the time of a failure."""
+"""First place of a curve above or below a value, such as the time of a failure."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from uqpen.report.field_places import PlaceReadout, PlaceSlices
 from uqpen.report.marks import Trace
+from uqpen.report.place_selection import PlaceReadout, PlaceSlices
 from uqpen.report.shapes import Shape
 from uqpen.results.table import OutputTable
 

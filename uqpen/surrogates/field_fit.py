@@ -33,7 +33,7 @@ _ROUNDING = 1e-20
 
 @dataclass(frozen=True, eq=False)
 class FieldCheck:
-    """What a surrogate of a field leaves at runs that it was not fitted to.
+    """Errors of a surrogate of a field at runs that it was not fitted to.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class FieldFit:
 
     @property
     def text(self) -> str:
-        """What the components and the surrogate leave of the variance, in a sentence."""
+        """Sentence on the share of the variance that the components and the surrogate leave."""
         count, truncation = self.components.count, self.components.truncation
         verb = "component leaves" if count == 1 else "components leave"
         found = f"{count} principal {verb} {_share_text(truncation)} of the variance of the field"

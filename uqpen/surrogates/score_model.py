@@ -53,7 +53,7 @@ class ScoreModel(Model):
 
     @property
     def outputs(self) -> tuple[Output, ...]:  # type: ignore[override]
-        """Its scalar outputs, and the scores in place of each field."""
+        """Scalar outputs of the original model, and scores in place of each field."""
         return tuple(each for output in self.original.all_outputs for each in self._scalars(output))
 
     def evaluate(self, inputs: Arrays) -> Results:

@@ -44,12 +44,12 @@ class TrialRun:
 
     @property
     def status(self) -> Status:
-        """How it ended."""
+        """Status of the run."""
         return Status(int(self.results.status[0]))
 
     @property
     def reason(self) -> str:
-        """Why it failed; empty if it did not."""
+        """Reason of a failed run; empty for another."""
         return self.results.reasons.get(0, "")
 
 

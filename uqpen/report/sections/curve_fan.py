@@ -12,8 +12,8 @@ from uqpen.core.labels import RUN
 from uqpen.figures.scatter import thin_runs
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.field_places import PlaceReadout
 from uqpen.report.marks import Trace, line_trace
+from uqpen.report.place_selection import PlaceReadout
 from uqpen.report.sections.curve_lines import DASHES, band, level_text, line, place_axis
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates

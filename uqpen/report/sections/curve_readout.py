@@ -8,7 +8,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
-from uqpen.report.field_places import PlaceReadout
+from uqpen.report.place_selection import PlaceReadout
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text

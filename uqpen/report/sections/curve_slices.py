@@ -13,8 +13,8 @@ from uqpen.figures.histogram import bin_values
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.field_places import PlaceReadout, PlaceSlices
 from uqpen.report.marks import Trace, bar_trace, dot_trace, series_marker
+from uqpen.report.place_selection import PlaceReadout, PlaceSlices
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text

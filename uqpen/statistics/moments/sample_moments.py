@@ -167,7 +167,7 @@ def _elementwise(function: Callable[..., float], *values: FloatArray) -> FloatAr
 def _few_weights_decide(
     sample: Sample, shape: SampleShape, std: FloatArray
 ) -> tuple[BoolArray, str]:
-    """Where the error of a standard deviation of weighted runs is not known, and the reason."""
+    """Find where the error of a weighted standard deviation is not known, and the reason."""
     if sample.run_weights is None:
         return np.zeros(std.shape, dtype=np.bool_), ""
     influence = shape.deviations**2 - (std**2)[..., np.newaxis]

@@ -98,7 +98,7 @@ class RegressionBins:
 
     @cached_property
     def free_share(self) -> FloatArray:
-        """What the leverage leaves of each run's residual; infinite where it leaves nothing."""
+        """Share of each residual that the leverage leaves; infinite where it leaves nothing."""
         free = 1 - self.leverage
         return np.where(free > 0, free, np.inf)
 

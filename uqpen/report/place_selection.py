@@ -1,4 +1,4 @@
-"""What a page holds of the places of a field, for a reader who moves along its dimension."""
+"""Data of a page on the places of a field, for a reader who moves along its dimension."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PlaceReadout:
 
 @dataclass(frozen=True)
 class PlaceSlices:
-    """What a chart shows at each of some places; the nearest one is shown.
+    """Content of a chart at each of some places; the nearest one is shown.
 
     Parameters
     ----------
