@@ -41,8 +41,8 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
-# Beside the corrected estimate of a surrogate, coordinates: its figure before the correction, and the
-# number of plain runs whose interval would be as narrow.
+# Coordinates beside the corrected estimate of a surrogate: its figure before the correction, and
+# the number of plain runs whose interval would be as narrow.
 SURROGATE_ESTIMATE = "surrogate_estimate"
 EQUIVALENT_RUNS = "equivalent_runs"
 # Of all intervals, at the root of an archive whose study states another than the default.
