@@ -24,7 +24,6 @@ __all__ = [
     "Trace",
     "band_traces",
     "bar_trace",
-    "cross_trace",
     "dot_trace",
     "end_trace",
     "escape_text",
@@ -168,15 +167,6 @@ def point_trace(
     if numbers:
         trace["customdata"] = list(numbers)
     return trace
-
-
-def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
-    """Return the crosses over refused dots of `dot_trace`; a pointer still finds the dots."""
-    trace = point_trace(
-        estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
-    )
-    trace["marker"]["line"] = {"color": "ink", "width": 2}
-    return trace | {"x": rounded_numbers(estimates, _EXACT)}
 
 
 def end_trace(x: Numbers, y: Numbers, series: int | str, *, name: str) -> Trace:

@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees
 from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
@@ -66,6 +67,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         for surrogate in group_names(model, SURROGATES):
             table = fit_table(surrogate, model.children[SURROGATES].children[surrogate])
             yield replace(table, title=head + table.title)
+            for table in correction_tables(model, surrogate):
+                yield replace(table, title=f"{head}{table.title}{level}")
     yield from difference_tables(tree)
 
 

@@ -14,10 +14,12 @@ from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.texts import unit_suffix
 
-__all__ = ["DASHES", "band", "level_text", "line", "place_axis"]
+__all__ = ["DASHES", "MOST_PLACES", "band", "level_text", "line", "place_axis"]
 
 # Dashes of lines in turn; the first is that of a median.
 DASHES = ("solid", "dot", "dash", "dashdot", "longdash")
+# Places of a curve in its charts at the most, of some thousand.
+MOST_PLACES = 161
 
 
 def place_axis(curve: CurveEstimates) -> Axis:

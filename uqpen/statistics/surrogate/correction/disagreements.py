@@ -28,7 +28,7 @@ __all__ = ["CorrectedCdf", "CorrectedProbability", "bonett_price", "corrected_pr
 
 
 # Numbers of runs, of one event or of several.
-Counts = int | npt.NDArray[np.integer[Any]]
+Counts = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +82,9 @@ def corrected_probability(
     return _with_bounds(
         runs,
         np.asarray(pooled.mean()),
-        np.count_nonzero(events & ~predicted),
-        np.count_nonzero(predicted & ~events),
-        np.count_nonzero(lost),
+        np.asarray((events & ~predicted).sum()),
+        np.asarray((predicted & ~events).sum()),
+        np.asarray(lost.sum()),
         error,
     )
 
