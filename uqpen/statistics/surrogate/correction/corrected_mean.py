@@ -71,10 +71,9 @@ def corrected_mean(
     values: FloatArray,
     predictions: FloatArray,
     draws: FloatArray,
-    *,
-    weight: float | None = None,
+    exact: FloatArray | None = None,
 ) -> CorrectedMean:
-    """Estimate the mean of a function of the output.
+    """Estimate the mean of a function of the output, with the weight of the least variance.
 
     Parameters
     ----------
@@ -83,17 +82,19 @@ def corrected_mean(
         The function of the output, by the model and by each run's fit.
     draws : ndarray, shape (fold, draw)
         The function of the predictions at the draws.
-    weight : float, optional
-        The weight of the surrogate; without it, the one of the least variance.
+    exact : ndarray, shape (fold,), optional
+        The mean of the function of each fit, where it is known without draws.
     """
-    centred = predictions - draws.mean(axis=1)[runs.fold]
-    error, _ = ratio_error(runs.pooled(draws), runs.draw_replicate, runs.draw_replicates)
-    draws_variance = float(error) ** 2
-    if weight is None:
-        deviations = centred - centred.mean()
-        scatter = float((deviations**2).mean()) + runs.size * draws_variance
-        covariance = float((values * deviations).mean())
-        weight = min(max(covariance / scatter, 0.0), 1.0) if scatter > 0 else 0.0
+    means, draws_variance = exact, 0.0
+    if means is None:
+        means = draws.mean(axis=1)
+        error, _ = ratio_error(runs.pooled(draws), runs.draw_replicate, runs.draw_replicates)
+        draws_variance = float(error) ** 2
+    centred = predictions - means[runs.fold]
+    deviations = centred - centred.mean()
+    scatter = float((deviations**2).mean()) + runs.size * draws_variance
+    covariance = float((values * deviations).mean())
+    weight = min(max(covariance / scatter, 0.0), 1.0) if scatter > 0 else 0.0
     return CorrectedMean(values - weight * centred, weight, weight**2 * draws_variance)
 
 

@@ -32,6 +32,8 @@ class CorrectionRuns:
         The set of quasi-random points that each draw is of, from 0.
     lost_predictions : ndarray, shape (lost,)
         Predictions at the inputs of the runs that are missing.
+    exact_moments : ndarray, shape (fold, 2), optional
+        Mean and standard deviation of each fold's fit, where they are known without draws.
     level : float
         Confidence level of the intervals.
     """
@@ -42,6 +44,7 @@ class CorrectionRuns:
     draws: FloatArray
     draw_replicate: IntArray
     lost_predictions: FloatArray
+    exact_moments: FloatArray | None = None
     level: float = LEVEL
 
     @property

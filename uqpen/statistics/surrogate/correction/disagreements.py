@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray
@@ -23,6 +25,10 @@ from uqpen.statistics.intervals import ratio_error
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
 __all__ = ["CorrectedCdf", "CorrectedProbability", "bonett_price", "corrected_probability"]
+
+
+# Numbers of runs, of one event or of several.
+Counts = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +41,19 @@ class CorrectedProbability:
 
 
 def bonett_price(
-    gained: FloatArray, lost: FloatArray, runs: int, level: float
+    gained: npt.ArrayLike, lost: npt.ArrayLike, runs: int, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return centre and half-width of the interval of a difference of paired probabilities.
 
     Parameters
     ----------
-    gained, lost : ndarray
+    gained, lost : array_like
         Numbers of runs where the event happened by the model alone, and by the surrogate alone.
     runs : int
     level : float
         Two-sided.
     """
-    one, other = (gained + 1) / (runs + 2), (lost + 1) / (runs + 2)
+    one, other = ((np.asarray(each, dtype=np.float64) + 1) / (runs + 2) for each in (gained, lost))
     variance = (one + other - (one - other) ** 2) / (runs + 2)
     return one - other, special.ndtri(0.5 + level / 2) * np.sqrt(variance)
 
@@ -71,7 +77,7 @@ def corrected_probability(
     lost : ndarray of bool, shape (lost,)
         Whether it happened at the missing runs, by their fits.
     """
-    pooled = runs.pooled(drawn)
+    pooled = runs.pooled(drawn.astype(np.float64))
     error, _ = ratio_error(pooled, runs.draw_replicate, runs.draw_replicates)
     return _with_bounds(
         runs,
@@ -79,16 +85,16 @@ def corrected_probability(
         np.asarray((events & ~predicted).sum()),
         np.asarray((predicted & ~events).sum()),
         np.asarray(lost.sum()),
-        np.asarray(error),
+        error,
     )
 
 
 def _with_bounds(
     runs: CorrectionRuns,
     share: FloatArray,
-    gained: FloatArray,
-    lost: FloatArray,
-    lost_events: FloatArray,
+    gained: Counts,
+    lost: Counts,
+    lost_events: Counts,
     error: FloatArray,
 ) -> CorrectedProbability:
     """Return probabilities with bounds: those of the surrogate, and the disagreements."""
@@ -115,29 +121,27 @@ class CorrectedCdf:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """All values of the output, ascending: of runs, predictions and draws."""
+        """Values of the output, ascending: of runs, predictions, and as many draws as a fit has."""
         runs = self.runs
-        return np.unique(np.concatenate([runs.values, runs.predictions, runs.draws.ravel()]))
+        drawn = np.sort(runs.draws, axis=None)[:: len(runs.draws)]
+        return np.unique(np.concatenate([runs.values, runs.predictions, drawn]))
 
     @cached_property
     def _at_grid(self) -> CorrectedProbability:
         return self.at(self._grid)
 
-    @cached_property
-    def _share_at_grid(self) -> FloatArray:
-        """The distribution function of the corrected estimate, made to ascend."""
-        return np.maximum.accumulate(self._at_grid.value)
-
     def surrogate_share(self, values: FloatArray) -> FloatArray:
         """Return the distribution function of the surrogate at some values."""
-        below = [
-            np.searchsorted(np.sort(draws), values, side="right") / len(draws)
-            for draws in self.runs.draws
-        ]
-        return self.runs.pooled(np.array(below))
+        return self._surrogate_share(values)[0]
 
     def at(self, values: FloatArray) -> CorrectedProbability:
-        """Return the probability of lying at or below each value, with pointwise bounds."""
+        """Return the probability of lying at or below each value, with pointwise bounds.
+
+        Parameters
+        ----------
+        values : ndarray, shape (value,)
+            Ascending.
+        """
         runs = self.runs
         by_model, by_fit, by_both, lost = (
             np.searchsorted(np.sort(each), values, side="right")
@@ -148,24 +152,22 @@ class CorrectedCdf:
                 runs.lost_predictions,
             )
         )
-        share = self.surrogate_share(values)
-        gained, only_fit = by_model - by_both, by_fit - by_both
-        return _with_bounds(runs, share, gained, only_fit, lost, self._draws_error(values))
+        share, error = self._surrogate_share(values)
+        return _with_bounds(runs, share, by_model - by_both, by_fit - by_both, lost, error)
 
-    def _draws_error(self, values: FloatArray) -> FloatArray:
-        """Return the error of the surrogate's distribution function from its draws."""
-        runs = self.runs
-        count = runs.draw_replicates
+    def _surrogate_share(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the surrogate's distribution function at ascending values, and its error."""
+        runs, sets, columns = self.runs, self.runs.draw_replicates, len(values) + 1
+        # Each draw counts from the first value on that it does not exceed.
+        first = np.searchsorted(values, runs.draws)
+        at = (runs.draw_replicate * columns + first).ravel()
+        parts = np.broadcast_to(runs.shares[:, None], runs.draws.shape).ravel()
+        counts = (
+            np.bincount(at, parts, sets * columns).reshape(sets, columns)[:, :-1].cumsum(axis=1)
+        )
         sizes = np.bincount(runs.draw_replicate)
-        shares = np.empty((count, len(values)))
-        for number in range(count):
-            rows = runs.draw_replicate == number
-            below = [
-                np.searchsorted(np.sort(draws[rows]), values, side="right") / sizes[number]
-                for draws in runs.draws
-            ]
-            shares[number] = runs.pooled(np.array(below))
-        return shares.std(axis=0, ddof=1) / np.sqrt(count)
+        by_set = counts / sizes[:, None]
+        return counts.sum(axis=0) / sizes.sum(), by_set.std(axis=0, ddof=1) / np.sqrt(sets)
 
     def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds: all values whose interval has the probability.
@@ -177,7 +179,9 @@ class CorrectedCdf:
         probability : ndarray, shape (probability,)
         """
         grid, found = self._grid, self._at_grid
-        value = grid[np.searchsorted(self._share_at_grid, probability).clip(0, len(grid) - 1)]
+        # Made to ascend, as a run at which only the surrogate is below makes it descend.
+        ascending = np.maximum.accumulate(found.value)
+        value = grid[np.searchsorted(ascending, probability).clip(0, len(grid) - 1)]
         # The first value with an upper bound of at least the probability. Before the first value
         # of all, the bounds are those of no run below.
         highest = np.maximum.accumulate(found.upper)
