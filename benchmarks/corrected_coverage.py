@@ -67,7 +67,7 @@ SIZES = (100, 200, 500)
 # Sets of quasi-random draws at which the fits are evaluated, and points of each.
 SETS, POINTS = 16, 1024
 # Seeds take turns with this many families of draws.
-_FAMILIES = 4
+_FAMILIES = 2
 _CHUNK = 5
 _TRUTH_POINTS = 20
 _COLUMNS = ("function", "design", "runs", "statistic", "seeds", "covers", "intervals", "width")
@@ -79,7 +79,7 @@ CONCRETE = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
 class Function(NamedTuple):
     """A function of points of the unit cube; NaN where they are inadmissible.
 
-    Its polynomials are of uniform inputs, or of normal scores. Runs at points that it loses fail.
+    Its polynomials are of uniform inputs, or of normal scores. Runs at some points may fail.
     """
 
     inputs: int
@@ -90,7 +90,7 @@ class Function(NamedTuple):
     is_logarithm: bool = False
     has_indices: bool = False
     correlation: float = 0.0
-    loses: Callable[[FloatArray], npt.NDArray[np.bool_]] | None = None
+    fails_at: Callable[[FloatArray], npt.NDArray[np.bool_]] | None = None
 
     def points(self, cube: FloatArray) -> FloatArray:
         """Return dependent points, if the inputs depend on each other."""
@@ -175,8 +175,8 @@ FUNCTIONS = {
         3,
         _ishigami,
         _orders(7, 9, 10),
-        "Ishigami, runs lost in a corner",
-        loses=lambda u: (u[:, 0] > 0.7) & (u[:, 1] > 0.5),
+        "Ishigami, failures in a corner",
+        fails_at=lambda u: (u[:, 0] > 0.7) & (u[:, 1] > 0.5),
     ),
 }
 _HYPERCUBE = LatinHypercube(runs=20, replicates=10)
@@ -279,14 +279,16 @@ def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
     cube, whole = design.sample(rng, function.inputs)
     points = function.points(cube)
     values = function.values(points)
-    is_lost = function.loses(points) if function.loses else np.zeros(len(points), dtype=np.bool_)
-    came_back = ~np.isnan(values) & ~is_lost
+    is_missing = (
+        function.fails_at(points) if function.fails_at else np.zeros(len(points), dtype=np.bool_)
+    )
+    completed = ~np.isnan(values) & ~is_missing
     unit = whole.replicates if design.replicates else np.arange(len(points))
     fold = (rng.permutation(int(unit.max()) + 1) % FOLDS)[unit]
     matrix = problem.matrix(runs, points)
     at_draws, draw_set = problem.draws(runs, seed % _FAMILIES)
     fits = [
-        _fit(matrix[came_back & (fold != k)], values[came_back & (fold != k)], function)
+        _fit(matrix[completed & (fold != k)], values[completed & (fold != k)], function)
         for k in range(FOLDS)
     ]
     predictions = np.empty(len(points))
@@ -296,21 +298,21 @@ def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
         draws[k] = _predicted(at_draws, fit, function)
     sample = replace(
         whole,
-        values=values[came_back],
-        used=np.flatnonzero(came_back),
-        missing=np.flatnonzero(is_lost),
+        values=values[completed],
+        used=np.flatnonzero(completed),
+        missing=np.flatnonzero(is_missing),
     )
     is_exact = (
         not function.is_logarithm and not function.correlation and len(draw_set) == SETS * POINTS
     )
     moments = [(fit[0], math.sqrt(fit[1:] @ fit[1:])) for fit in fits] if is_exact else None
     found = CorrectionRuns(
-        values[came_back],
-        predictions[came_back],
-        fold[came_back],
+        values[completed],
+        predictions[completed],
+        fold[completed],
         draws,
         draw_set,
-        predictions[is_lost],
+        predictions[is_missing],
         None if moments is None else np.array(moments),
     )
     parts = _parts(problem, runs, matrix, fits, fold) if function.has_indices else None
@@ -357,7 +359,7 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
     yield "mean", moments.mean()
     yield "std", moments.std()
     for p, limit in zip(EXCEEDED, truth.thresholds, strict=True):
-        of = (runs.values, runs.predictions, runs.draws, runs.lost_predictions)
+        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
         found = corrected_probability(runs, *(each > limit for each in of))
         yield f"P {p:g}", Estimate(found.value, found.lower, found.upper, "", "discrete")
     ends = CorrectedCdf(runs).quantile(QUANTILES)

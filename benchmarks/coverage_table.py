@@ -235,10 +235,9 @@ standard error of these coverages is at most 1.7 points.
 _NONE = """\
 ## Without an interval
 
-Skewness, delta, Morris's sigma and responses have no interval. Nor have the estimates of a
-surrogate: mean and standard deviation of a polynomial chaos have verdicts (checked, refused,
-unchecked) instead. The standard deviation has no interval below 200 runs or where the runs may be
-those of a heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
+Skewness, delta, Morris's sigma and responses have no interval. Nor have those estimates of a
+surrogate that runs cannot correct. The standard deviation of runs has no interval below 200 runs or
+where the runs may be those of a heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
 mean](statistics.md).
 """
 

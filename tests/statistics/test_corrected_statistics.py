@@ -33,7 +33,7 @@ from uqpen.statistics.surrogate.correction.disagreements import (
     bonett_price,
     corrected_probability,
 )
-from uqpen.statistics.surrogate.correction.lost_runs import lost_run_predictions
+from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
@@ -47,7 +47,7 @@ NORMAL = "{ normal = { mean = 0, std = 1 } }"
 
 
 def runs_of(
-    seed: int = 0, runs: int = 40, error: float = 0.3, lost: int = 0, slope: float = 1.0
+    seed: int = 0, runs: int = 40, error: float = 0.3, missing: int = 0, slope: float = 1.0
 ) -> CorrectionRuns:
     """Runs of a normal output with predictions that err, in two folds."""
     rng = np.random.default_rng(seed)
@@ -58,7 +58,7 @@ def runs_of(
         np.arange(runs) % 2,
         np.hypot(slope, error) * rng.normal(size=(2, 64)),
         np.arange(64) % 4,
-        rng.normal(size=lost),
+        rng.normal(size=missing),
     )
 
 
@@ -93,13 +93,13 @@ def test_bonett_and_price_is_its_formula() -> None:
 def test_few_disagreements_keep_the_coverage(expected: tuple[float, float]) -> None:
     runs = 60
     one, other = np.array(expected) / runs
-    gained, lost = np.meshgrid(np.arange(41), np.arange(41))
+    gained, dropped = np.meshgrid(np.arange(41), np.arange(41))
     chances = stats.multinomial.pmf(
-        np.stack([gained, lost, runs - gained - lost], axis=-1).clip(0).reshape(-1, 3),
+        np.stack([gained, dropped, runs - gained - dropped], axis=-1).clip(0).reshape(-1, 3),
         runs,
         [one, other, 1 - one - other],
     ).reshape(gained.shape)
-    centre, half = bonett_price(gained, lost, runs, 0.95)
+    centre, half = bonett_price(gained, dropped, runs, 0.95)
     covers = np.abs(centre - (one - other)) <= half
     assert (chances * covers).sum() >= 0.93
 
@@ -131,13 +131,13 @@ def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> N
 
 @given(st.integers(0, 10**6), st.sampled_from([-3.0, 0.5, 40.0]), st.sampled_from([-7.0, 0.0, 9.0]))
 def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> None:
-    runs = runs_of(seed, lost=2)
+    runs = runs_of(seed, missing=2)
     other = replace(
         runs,
         values=factor * runs.values + offset,
         predictions=factor * runs.predictions + offset,
         draws=factor * runs.draws + offset,
-        lost_predictions=factor * runs.lost_predictions + offset,
+        missing_predictions=factor * runs.missing_predictions + offset,
     )
     one, moved = CorrectedMoments(runs), CorrectedMoments(other)
     ends = sorted(factor * end + offset for end in one.mean().bounds)
@@ -147,13 +147,13 @@ def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> Non
 
 
 @given(st.integers(0, 10**6), st.floats(-1, 1))
-def test_the_interval_of_a_probability_has_every_outcome_of_the_lost_runs(
+def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
     seed: int, limit: float
 ) -> None:
-    runs = runs_of(seed, lost=3)
+    runs = runs_of(seed, missing=3)
 
     def of(runs: CorrectionRuns) -> tuple[float, float, float]:
-        every = (runs.values, runs.predictions, runs.draws, runs.lost_predictions)
+        every = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
         found = corrected_probability(runs, *(each > limit for each in every))
         return float(found.value), float(found.lower), float(found.upper)
 
@@ -162,9 +162,9 @@ def test_the_interval_of_a_probability_has_every_outcome_of_the_lost_runs(
         whole = replace(
             runs,
             values=np.concatenate([runs.values, outcome]),
-            predictions=np.concatenate([runs.predictions, runs.lost_predictions]),
+            predictions=np.concatenate([runs.predictions, runs.missing_predictions]),
             fold=np.concatenate([runs.fold, [0, 1, 0]]),
-            lost_predictions=runs.lost_predictions[:0],
+            missing_predictions=runs.missing_predictions[:0],
             draws=np.tile(runs.draws[:1], (2, 1)),
         )
         alike = replace(runs, draws=whole.draws)
@@ -230,22 +230,22 @@ def test_a_bad_surrogate_costs_width_not_truth(study_of: MakeStudy) -> None:
 def test_failed_runs_widen_and_are_told(study_of: MakeStudy) -> None:
     study = study_of("a + b", "[outputs.y]\nexceeds = [1.3]", a=(0, 1), b=(0, 1))
     runs = made(study, MonteCarlo(runs=200))
-    is_lost = (runs["a"].values > 0.7) & (runs["b"].values > 0.7)
-    status = np.where(is_lost, Status.FAILED, Status.OK).astype(np.int8)
-    y = np.where(is_lost, np.nan, runs["y"].values)
-    lossy = runs.assign({STATUS: (RUN, status), "y": (RUN, y, runs["y"].attrs)})
-    found = corrected(study, lossy, order=1)
+    is_missing = (runs["a"].values > 0.7) & (runs["b"].values > 0.7)
+    status = np.where(is_missing, Status.FAILED, Status.OK).astype(np.int8)
+    y = np.where(is_missing, np.nan, runs["y"].values)
+    partial = runs.assign({STATUS: (RUN, status), "y": (RUN, y, runs["y"].attrs)})
+    found = corrected(study, partial, order=1)
     true = {"mean": 1.0, "exceedance": 0.245}
     for name, value in true.items():
         _, lower, upper = np.ravel(found[name].values)
         assert lower < value < upper, name
         assert "of all admissible inputs" in str(np.ravel(found[name].coords["note"].values)[0])
     model = study.models[""].model
-    fitted = PolynomialChaos(design="t", order=1).fit("pce", lossy, model, study.joint, STREAM)
-    lost = lost_run_predictions(fitted, lossy, study.model_quantities(model))["y"]
-    assert lost.count == is_lost.sum()
-    assert lost.lowest == pytest.approx(runs["y"].values[is_lost].min())
-    assert lost.exceedance == {"1.3": 1.0}
+    fitted = PolynomialChaos(design="t", order=1).fit("pce", partial, model, study.joint, STREAM)
+    predicted = missing_run_predictions(fitted, partial, study.model_quantities(model))["y"]
+    assert predicted.count == is_missing.sum()
+    assert predicted.lowest == pytest.approx(runs["y"].values[is_missing].min())
+    assert predicted.exceedance == {"1.3": 1.0}
 
 
 def test_only_check_runs_correct_a_fit_to_a_rule(study_of: MakeStudy) -> None:

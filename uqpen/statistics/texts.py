@@ -196,8 +196,8 @@ NO_CORRECTING_RUN = "no run corrects it"
 FEW_CORRECTING_RUNS = "{runs} runs are too few to correct it"
 NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
 OF_ALL_ADMISSIBLE = (
-    "of all admissible inputs: {lost} runs failed, and the interval allows for what they may have "
-    "given"
+    "of all admissible inputs: {missing} runs failed, and the interval allows for what they may "
+    "have given"
 )
 
 # Failed runs.

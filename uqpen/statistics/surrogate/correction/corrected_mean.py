@@ -21,7 +21,7 @@ from uqpen.statistics.intervals import ratio_error, student_quantile
 from uqpen.statistics.skewness import Margins
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
-__all__ = ["CorrectedMean", "corrected_mean", "spacing", "tail_allowance"]
+__all__ = ["CorrectedMean", "corrected_mean", "spacing", "tail_allowance", "upper_allowance"]
 
 # Share of the runs that a gap among the largest ones spans.
 _SPACING_SHARE = 10
@@ -61,9 +61,9 @@ class CorrectedMean:
         """Half of the width of Student's t interval; the weight costs a degree of freedom."""
         return student_quantile(len(self.influence) - 2, level) * self.error
 
-    def loss(self, runs: CorrectionRuns) -> float:
+    def missing_margin(self, runs: CorrectionRuns) -> float:
         """Distance that the missing runs may move the estimate, were each as far off as any run."""
-        return runs.share_lost * float(np.abs(self.influence - self.value).max())
+        return runs.share_missing * float(np.abs(self.influence - self.value).max())
 
 
 def corrected_mean(
@@ -105,12 +105,25 @@ def tail_allowance(runs: CorrectionRuns) -> Margins:
     meet them. The allowance is the gap that the furthest runs leave, and twice what the surrogate
     has beyond them.
     """
-    low, high = float(runs.values.min()), float(runs.values.max())
-    above = 2 * float(runs.pooled(np.maximum(runs.draws - high, 0.0)).mean())
-    below = 2 * float(runs.pooled(np.maximum(low - runs.draws, 0.0)).mean())
     return Margins(
-        np.asarray(spacing(-runs.values) + below), np.asarray(spacing(runs.values) + above)
+        np.asarray(upper_allowance(runs, -runs.values, -runs.draws)),
+        np.asarray(upper_allowance(runs, runs.values, runs.draws)),
     )
+
+
+def upper_allowance(runs: CorrectionRuns, values: FloatArray, draws: FloatArray) -> float:
+    """Return how far rare values above the runs may move the mean of a function of the output.
+
+    Parameters
+    ----------
+    runs : CorrectionRuns
+    values : ndarray, shape (run,)
+        The function at the runs.
+    draws : ndarray, shape (fold, draw)
+        The function of the predictions at the draws.
+    """
+    beyond = runs.pooled(np.maximum(draws - values.max(), 0.0)).mean()
+    return spacing(values) + 2 * float(beyond)
 
 
 def spacing(values: FloatArray) -> float:

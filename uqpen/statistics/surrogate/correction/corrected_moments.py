@@ -22,6 +22,7 @@ from uqpen.statistics.surrogate.correction.corrected_mean import (
     corrected_mean,
     spacing,
     tail_allowance,
+    upper_allowance,
 )
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
@@ -66,7 +67,7 @@ class CorrectedMoments:
     def mean(self) -> Estimate:
         """Estimate the mean: Student's t over the runs, moved out for rare values beyond them."""
         found, runs = self._mean, self.runs
-        half = found.half_width(runs.level) + found.loss(runs)
+        half = found.half_width(runs.level) + found.missing_margin(runs)
         allowance = tail_allowance(runs)
         lower, upper = found.value - half - allowance.below, found.value + half + allowance.above
         method = texts.CORRECTED_STUDENT
@@ -81,8 +82,9 @@ class CorrectedMoments:
         value = math.sqrt(total)
         if reason := self.heavy_tail or self.hidden_tail:
             return Estimate.without_bounds(value, reason, texts.SEE_QUANTILES)
-        squares = (runs.values - self._mean.value) ** 2
-        margin = found.half_width(runs.level) + spacing(squares) / 2 + found.loss(runs)
+        squares, of_draws = ((each - self._mean.value) ** 2 for each in (runs.values, runs.draws))
+        allowance = spacing(squares) + upper_allowance(runs, squares, of_draws)
+        margin = found.half_width(runs.level) + allowance + found.missing_margin(runs)
         exponent = margin / (2 * total)
         factor = math.exp(exponent) if exponent < _LARGEST_EXPONENT else math.inf
         method = texts.CORRECTED_DELTA_ON_LOGARITHM

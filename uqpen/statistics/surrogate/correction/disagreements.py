@@ -41,19 +41,21 @@ class CorrectedProbability:
 
 
 def bonett_price(
-    gained: npt.ArrayLike, lost: npt.ArrayLike, runs: int, level: float
+    gained: npt.ArrayLike, dropped: npt.ArrayLike, runs: int, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return centre and half-width of the interval of a difference of paired probabilities.
 
     Parameters
     ----------
-    gained, lost : array_like
+    gained, dropped : array_like
         Numbers of runs where the event happened by the model alone, and by the surrogate alone.
     runs : int
     level : float
         Two-sided.
     """
-    one, other = ((np.asarray(each, dtype=np.float64) + 1) / (runs + 2) for each in (gained, lost))
+    one, other = (
+        (np.asarray(each, dtype=np.float64) + 1) / (runs + 2) for each in (gained, dropped)
+    )
     variance = (one + other - (one - other) ** 2) / (runs + 2)
     return one - other, special.ndtri(0.5 + level / 2) * np.sqrt(variance)
 
@@ -63,7 +65,7 @@ def corrected_probability(
     events: BoolArray,
     predicted: BoolArray,
     drawn: BoolArray,
-    lost: BoolArray,
+    missing: BoolArray,
 ) -> CorrectedProbability:
     """Estimate the probability of an event; missing runs may have had it or not.
 
@@ -74,7 +76,7 @@ def corrected_probability(
         Whether it happened at each run, by the model and by the run's fit.
     drawn : ndarray of bool, shape (fold, draw)
         Whether it happened at each draw, by each fold's fit.
-    lost : ndarray of bool, shape (lost,)
+    missing : ndarray of bool, shape (missing,)
         Whether it happened at the missing runs, by their fits.
     """
     pooled = runs.pooled(drawn.astype(np.float64))
@@ -84,7 +86,7 @@ def corrected_probability(
         np.asarray(pooled.mean()),
         np.asarray((events & ~predicted).sum()),
         np.asarray((predicted & ~events).sum()),
-        np.asarray(lost.sum()),
+        np.asarray(missing.sum()),
         error,
     )
 
@@ -93,17 +95,19 @@ def _with_bounds(
     runs: CorrectionRuns,
     share: FloatArray,
     gained: Counts,
-    lost: Counts,
-    lost_events: Counts,
+    dropped: Counts,
+    missing_events: Counts,
     error: FloatArray,
 ) -> CorrectedProbability:
     """Return probabilities with bounds: those of the surrogate, and the disagreements."""
-    value = np.clip(share + (gained - lost) / runs.size, 0.0, 1.0)
-    total = runs.size + runs.lost
+    value = np.clip(share + (gained - dropped) / runs.size, 0.0, 1.0)
+    total = runs.size + runs.missing
     noise = special.ndtri(0.5 + runs.level / 2) * error
     # The missing runs are against the surrogate, all one way and all the other.
-    least, half_below = bonett_price(gained, lost + lost_events, total, runs.level)
-    most, half_above = bonett_price(gained + (runs.lost - lost_events), lost, total, runs.level)
+    least, half_below = bonett_price(gained, dropped + missing_events, total, runs.level)
+    most, half_above = bonett_price(
+        gained + (runs.missing - missing_events), dropped, total, runs.level
+    )
     lower = share + least - np.hypot(half_below, noise)
     upper = share + most + np.hypot(half_above, noise)
     return CorrectedProbability(
@@ -143,17 +147,17 @@ class CorrectedCdf:
             Ascending.
         """
         runs = self.runs
-        by_model, by_fit, by_both, lost = (
+        by_model, by_fit, by_both, missing = (
             np.searchsorted(np.sort(each), values, side="right")
             for each in (
                 runs.values,
                 runs.predictions,
                 np.maximum(runs.values, runs.predictions),
-                runs.lost_predictions,
+                runs.missing_predictions,
             )
         )
         share, error = self._surrogate_share(values)
-        return _with_bounds(runs, share, by_model - by_both, by_fit - by_both, lost, error)
+        return _with_bounds(runs, share, by_model - by_both, by_fit - by_both, missing, error)
 
     def _surrogate_share(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the surrogate's distribution function at ascending values, and its error."""

@@ -65,9 +65,9 @@ class OutputCorrection:
             The probabilities of quantiles, or the values of a distribution function.
         """
         found = self._estimates(name, along)
-        if not self.runs.lost:
+        if not self.runs.missing:
             return found
-        note = texts.OF_ALL_ADMISSIBLE.format(lost=self.runs.lost)
+        note = texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
         return [each if each.label == "none" else each.with_note(each.note, note) for each in found]
 
     def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
@@ -105,7 +105,7 @@ class OutputCorrection:
 
     def _probability(self, happens: Callable[[FloatArray], BoolArray]) -> Estimate:
         runs = self.runs
-        of = (runs.values, runs.predictions, runs.draws, runs.lost_predictions)
+        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
         return _probabilities(corrected_probability(runs, *map(happens, of)))[0]
 
     def _quantiles(self, probabilities: FloatArray) -> list[Estimate]:
