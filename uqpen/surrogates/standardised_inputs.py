@@ -32,9 +32,7 @@ class StandardisedInputs:
     scale: FloatArray
 
     @classmethod
-    def of_runs(
-        cls, distributions: Sequence[Distribution], points: FloatArray
-    ) -> StandardisedInputs:
+    def of_runs(cls, distributions: Sequence[Distribution], points: FloatArray) -> Self:
         """Standardise the inputs of the training runs, or their logarithms where these are simpler.
 
         Parameters
