@@ -52,7 +52,7 @@ def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     """
     rows = math.prod(values.shape[:-1])
     own = np.arange(rows)[:, None] * groups + group
-    sums = np.bincount(own.ravel(), values.ravel(), rows * groups)
+    sums: FloatArray = np.bincount(own.ravel(), values.ravel(), rows * groups)
     return sums.reshape(*values.shape[:-1], groups)
 
 
