@@ -64,7 +64,7 @@ def test_it_shows_what_holds_on_80_columns(uqpen: Command) -> None:
     assert done.code == 0
     assert "Small [bold]study[/bold]: rehearsal" in done.out
     assert "repeated 10 times on chaos" in done.out
-    assert "Failures of the model's runs are not in the surrogate" in done.said
+    assert "failures of the model's runs are not in the surrogate" in done.out
     for words in ("y: intervals that hold [%]", "P(> 5)", "half-widths at 64 runs", "runs that do"):
         assert words in done.out
     assert max(map(len, done.out.splitlines())) <= 80

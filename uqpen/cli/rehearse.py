@@ -93,22 +93,26 @@ def rehearse(
         with show_progress() as progress, executor.open_map() as spread:
             findings = rehearse_study(stand_in, settings, map=spread, progress=progress)
         is_whole = findings.attrs["repeats"] == findings.attrs["repeats_wanted"]
-        sufficient = None
-        if rule is not None and is_whole:
+        found: list[SufficientRuns] = []
+        try:
             with show_step("numbers of runs"):
-                sufficient = list(sufficient_runs(stand_in.study, rule))
-    _show(findings, sufficient, as_text=as_text)
+                found += sufficient_runs(stand_in.study, rule) if rule and is_whole else ()
+        except KeyboardInterrupt:
+            is_whole = False
+    _show(findings, found, as_text=as_text)
     if not is_whole:
-        finished, of = findings.attrs["repeats"], findings.attrs["repeats_wanted"]
-        number = f"{finished} of {of}" if of else str(finished)
-        click.echo(f"interrupted: this is the result of {number} repeats", err=True)
+        click.echo(f"interrupted: this is the result of {_repeats_text(findings)}", err=True)
         return ExitCode.INTERRUPTED
     return ExitCode.DONE
 
 
-def _show(
-    findings: xr.Dataset, sufficient: Sequence[SufficientRuns] | None, *, as_text: bool
-) -> None:
+def _repeats_text(findings: xr.Dataset) -> str:
+    """Return how many repeats were made, and of how many if that had been decided."""
+    finished, wanted = findings.attrs["repeats"], findings.attrs["repeats_wanted"]
+    return f"{finished} of {wanted} repeats" if wanted else f"{finished} repeats"
+
+
+def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text: bool) -> None:
     """Show the findings as tables or as JSON."""
     from uqpen.cli.printable import printable_json
     from uqpen.results.rehearsal_json import rehearsal_json
@@ -117,26 +121,27 @@ def _show(
         _show_tables(findings, sufficient)
         return
     found = rehearsal_json(findings)
-    if sufficient is not None:
+    if sufficient:
         found["sufficient_runs"] = [each._asdict() for each in sufficient]
     text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False)
     click.echo(printable_json(text))
 
 
-def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns] | None) -> None:
+def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> None:
     from rich.text import Text
 
     from uqpen.cli.printable import screen_text
-    from uqpen.cli.screen import show_table, standard_output
+    from uqpen.cli.screen import show_line, show_table, standard_output
     from uqpen.results.rehearsal_tables import coverage_tables, rehearsal_heading, width_tables
 
     console = standard_output()
     title = f"{findings.attrs['title']}: rehearsal"
     console.print(Text(screen_text(title), style="bold"))
-    console.print(Text(screen_text(rehearsal_heading(findings))))
+    for line in rehearsal_heading(findings):
+        show_line(f" {line}")
     for table in (*coverage_tables(findings), *width_tables(findings)):
         show_table(console, table)
-    if sufficient is not None:
+    if sufficient:
         _show_sufficient_runs(sufficient)
     console.print()
 

@@ -38,7 +38,7 @@ class RehearsalSettings:
 
     repeats: int | None = None
     runs: int | None = None
-    draws: int = 2**20
+    draws: int = 2**18
 
     def __post_init__(self) -> None:
         fewest = {"repeats": _FEWEST_STATED, "runs": _FEWEST_RUNS}

@@ -20,6 +20,7 @@ from uqpen.results.table import (
     label_with_unit,
     quantile_label,
 )
+from uqpen.statistics.estimate import LEVEL
 
 __all__ = ["coverage_tables", "entry_label", "rehearsal_heading", "width_tables"]
 
@@ -34,14 +35,15 @@ _SHORT = "holds less often than stated"
 _BEST = "* narrowest of those that hold as stated, or within 5 % of that"
 
 
-def rehearsal_heading(findings: xr.Dataset) -> str:
-    """Return what was rehearsed, how often, and how far a coverage is known."""
+def rehearsal_heading(findings: xr.Dataset) -> tuple[str, ...]:
+    """Return lines on what was repeated, and how far a coverage is known."""
     repeats = findings.attrs["repeats"]
-    error = 100 * math.sqrt(0.95 * 0.05 / repeats)
+    error = 100 * math.sqrt(LEVEL * (1 - LEVEL) / repeats)
     return (
-        f"The study was repeated {grouped_number(repeats)} times on {findings.attrs['surrogate']}, "
-        "taken for the truth. A coverage of 95 % has a standard error of "
-        f"{error:.1g} points. Failures of the model's runs are not in the surrogate."
+        f"repeated {grouped_number(repeats)} times on {findings.attrs['surrogate']}, which is "
+        "taken for the truth; no model was run",
+        f"a coverage of {percent_text(LEVEL)} has a standard error of {error:.1f} points",
+        "failures of the model's runs are not in the surrogate",
     )
 
 
