@@ -174,9 +174,21 @@ def test_a_place_that_no_run_reaches_says_so() -> None:
 
 def test_estimates_are_put_along_a_dimension() -> None:
     estimates = [Estimate(1.0, 0.0, 2.0, "a", "nominal"), Estimate.without_bounds(3.0, "why")]
-    together = EstimateVector.of(estimates, (2,))
-    array = EstimateVector.stack([EstimateVector.of([each], ()) for each in estimates]).to_array(
-        "probability", units="1", long_name=""
-    )
-    np.testing.assert_array_equal(array.values, together.to_array(units="1", long_name="").values)
+    vectors = [
+        EstimateVector(*map(np.asarray, each.bounds), each.method, each.label, each.note)
+        for each in estimates
+    ]
+    together = EstimateVector.stack(vectors)
+    array = together.to_array("probability", units="1", long_name="")
+    np.testing.assert_array_equal(array.values, [each.bounds for each in estimates])
     assert array.coords["note"].values.tolist() == ["", "why"]
+    assert repr(together.each()) == repr(estimates)
+
+
+def test_estimates_at_parts_of_the_places_are_joined_in_their_order() -> None:
+    first = EstimateVector.without_bounds(np.array([2.0, 0.0]), "few")
+    second = EstimateVector.without_bounds(np.array([1.0])).with_further_note("late")
+    joined = EstimateVector.joined([(np.array([2, 0]), first), (np.array([1]), second)])
+    assert joined.value.tolist() == [0.0, 1.0, 2.0]
+    assert [each.note for each in joined.each()] == ["few", "late", "few"]
+    assert joined[1].each()[0].note == "late"

@@ -47,13 +47,6 @@ class EstimateVector:
         return cls(value, missing, missing, "none", "none", "; ".join(filter(None, reasons)))
 
     @classmethod
-    def of(cls, estimates: Sequence[Estimate], shape: tuple[int, ...]) -> EstimateVector:
-        """Return single estimates together, in a shape."""
-        numbers = np.array([each.bounds for each in estimates]).reshape(*shape, 3)
-        texts = np.array([(e.method, e.label, e.note) for e in estimates], dtype=object)
-        return cls(*np.moveaxis(numbers, -1, 0), *np.moveaxis(texts.reshape(*shape, 3), -1, 0))
-
-    @classmethod
     def joined(cls, parts: Iterable[tuple[IntArray, EstimateVector]]) -> EstimateVector:
         """Return estimates at some places each, as those at all places in their order."""
         places, vectors = zip(*parts, strict=True)

@@ -52,7 +52,7 @@ def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     """
     rows = math.prod(values.shape[:-1])
     own = np.arange(rows)[:, None] * groups + group
-    sums: FloatArray = np.bincount(own.ravel(), values.ravel(), rows * groups)
+    sums = np.bincount(own.ravel(), values.ravel(), rows * groups).astype(np.float64, copy=False)
     return sums.reshape(*values.shape[:-1], groups)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -189,11 +189,6 @@ class Sample:
     def is_at_places(self) -> bool:
         """True if it has the values at several places of a field."""
         return self.values.ndim > 1
-
-    def each(self) -> Iterator[Sample]:
-        """Yield the sample at each of its places; of a scalar itself."""
-        for values in self.values.reshape(-1, self.values.shape[-1]):
-            yield replace(self, values=values)
 
     @cached_property
     def run_weights(self) -> FloatArray | None:

@@ -10,7 +10,7 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.weights import effective_size
+from uqpen.statistics.weights import effective_sizes
 
 __all__ = [
     "DOUBTFUL_KURTOSIS",
@@ -90,8 +90,7 @@ class SampleShape:
         """(Σd²)²/Σd⁴ of the deviations d, times the weights: the runs that decide the variance."""
         if self.sample.run_weights is None:
             return self.sample.size / self.kurtosis
-        squares = (self.sample.run_weights * self.deviations) ** 2
-        return np.apply_along_axis(effective_size, -1, squares)
+        return effective_sizes((self.sample.run_weights * self.deviations) ** 2)
 
     @property
     def has_few_effective_runs(self) -> BoolArray:

@@ -16,13 +16,23 @@ from uqpen.statistics.intervals import clopper_pearson, student_quantile
 
 __all__ = [
     "effective_size",
+    "effective_sizes",
     "runs_on_a_side",
     "weighted_cdf",
     "weighted_mean",
     "weighted_mean_error",
     "weighted_probability_interval",
     "weighted_quantile",
+    "weighted_share",
 ]
+
+
+def effective_sizes(weights: FloatArray) -> FloatArray:
+    """Return `effective_size` of each row of weights, shape (...) of (..., run)."""
+    largest = weights.max(axis=-1, initial=0.0, keepdims=True)
+    shares = weights / np.where(largest > 0, largest, 1.0)
+    squares = (shares**2).sum(axis=-1)
+    return shares.sum(axis=-1) ** 2 / np.where(squares > 0, squares, 1.0)
 
 
 def effective_size(weights: FloatArray) -> float:
@@ -42,9 +52,10 @@ def effective_size(weights: FloatArray) -> float:
     return float(shares.sum() ** 2 / (shares**2).sum())
 
 
-def runs_on_a_side(weights: FloatArray, is_above: BoolArray) -> float:
-    """Effective number of runs above or below a value, the smaller of the two."""
-    return min(effective_size(weights[is_above]), effective_size(weights[~is_above]))
+def runs_on_a_side(weights: FloatArray, is_above: BoolArray) -> FloatArray:
+    """Effective number of runs above or below a value, the smaller of the two, at any places."""
+    sides = effective_sizes(weights * is_above), effective_sizes(weights * ~is_above)
+    return np.minimum(*sides)
 
 
 def weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
@@ -81,18 +92,43 @@ def weighted_quantile(
 
     Parameters
     ----------
-    values, weights : ndarray, shape (run,)
-        At least one weight is above 0.
+    values : ndarray, shape (..., run)
+        At any places.
+    weights : ndarray, shape (run,)
+        At least one is above 0.
     probability : array_like
-        Any shape.
+        Of shape (p,) for all places, or (..., p).
+
+    Returns
+    -------
+    ndarray, shape (..., p)
     """
     taken = np.flatnonzero(weights > 0)
-    order = taken[np.argsort(values[taken], kind="stable")]
-    shares = weights[order] / weights.sum()
-    found: FloatArray = np.interp(
-        np.asarray(probability, dtype=np.float64), np.cumsum(shares) - shares / 2, values[order]
+    order = np.argsort(values[..., taken], axis=-1, kind="stable")
+    shares = weights[taken][order] / weights.sum()
+    middles = np.cumsum(shares, axis=-1) - shares / 2
+    ascending = np.take_along_axis(values[..., taken], order, axis=-1)
+    wanted = np.asarray(probability, dtype=np.float64)
+    found = [_interpolated(column, middles, ascending) for column in np.moveaxis(wanted, -1, 0)]
+    return np.stack(found, axis=-1)
+
+
+def _interpolated(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return y at a position among ascending x, linear between two and constant beyond the ends.
+
+    It is NumPy's ``interp`` with x and y of shape (..., point), and one position for each row.
+    """
+    last = x.shape[-1] - 1
+    place = (x <= at[..., np.newaxis]).sum(axis=-1) - 1
+    left = np.clip(place, 0, max(last - 1, 0))[..., np.newaxis]
+    right = np.minimum(left + 1, last)
+    x0, x1, y0, y1 = (
+        np.take_along_axis(each, position, axis=-1)[..., 0]
+        for each, position in ((x, left), (x, right), (y, left), (y, right))
     )
-    return found
+    step = np.where(x1 > x0, x1 - x0, 1.0)
+    inside = (y1 - y0) / step * (at - x0) + y0
+    return np.where(place < 0, y[..., 0], np.where(place >= last, y[..., -1], inside))
 
 
 def weighted_cdf(
@@ -120,6 +156,26 @@ def weighted_cdf(
     below = np.where(places == len(values), 1.0, below)
     variance = (1 - 2 * below) * squares + below**2 * float((shares**2).sum())
     return below, np.sqrt(np.maximum(variance, 0.0))
+
+
+def weighted_share(events: BoolArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weight of the runs with an event, and its standard error as that of `weighted_cdf`.
+
+    Parameters
+    ----------
+    events : ndarray of bool, shape (..., run)
+        At any places.
+    weights : ndarray, shape (run,)
+
+    Returns
+    -------
+    probability, error : ndarray, shape (...)
+    """
+    shares = weights / weights.sum()
+    share, squares = (np.where(events, part, 0.0).sum(axis=-1) for part in (shares, shares**2))
+    share = np.where(events.all(axis=-1), 1.0, share)
+    variance = (1 - 2 * share) * squares + share**2 * float((shares**2).sum())
+    return share, np.sqrt(np.maximum(variance, 0.0))
 
 
 def weighted_probability_interval(

@@ -15,14 +15,14 @@ from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
 from uqpen.statistics.threshold import Acceptable, Threshold
-from uqpen.statistics.weights import runs_on_a_side, weighted_cdf, weighted_probability_interval
+from uqpen.statistics.weights import runs_on_a_side, weighted_probability_interval, weighted_share
 
 __all__ = [
     "acceptance_coordinates",
@@ -195,9 +195,7 @@ def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -
 def _probability(sample: Sample, events: BoolArray) -> EstimateVector:
     """Probability of an event over the runs of a sample."""
     if sample.run_weights is not None and sample.size:
-        rows = events.reshape(-1, sample.size)
-        estimates = [_weighted_probability(sample, sample.run_weights, row) for row in rows]
-        return EstimateVector.of(estimates, events.shape[:-1])
+        return _weighted_probability(sample, sample.run_weights, events)
     count = events.sum(axis=-1)
     value = count / sample.size if sample.size else np.full(events.shape[:-1], np.nan)
     if reason := sample.reason_without_intervals:
@@ -222,19 +220,16 @@ def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray
     return EstimateVector(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
 
 
-def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> Estimate:
+def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> EstimateVector:
     """Probability of an event over weighted runs."""
-    below, errors = weighted_cdf(np.where(events, 0.0, 1.0), weights, np.zeros(1))
-    value = float(below[0])
+    value, error = weighted_share(events, weights)
     if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(value, reason)
-    if not 0 < value < 1:
-        return Estimate.without_bounds(value, texts.CONSTANT_EVENT)
-    lower, upper = weighted_probability_interval(value, float(errors[0]), weights, sample.level)
-    method = texts.CLOPPER_PEARSON_WEIGHTED
+        return EstimateVector.without_bounds(value, reason)
+    ends = weighted_probability_interval(value, error, weights, sample.level)
     is_doubtful = runs_on_a_side(weights, events) < _FEWEST_BEYOND
-    note = texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND) if is_doubtful else ""
-    return Estimate(value, float(lower), float(upper), method, "nominal", note)
+    note = np.where(is_doubtful, texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND), "")
+    found = EstimateVector(value, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal", note)
+    return found.remove_bounds_at((value <= 0) | (value >= 1), texts.CONSTANT_EVENT)
 
 
 def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:

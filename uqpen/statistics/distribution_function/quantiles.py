@@ -11,7 +11,6 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
@@ -97,7 +96,7 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     if not sample.size:
         return np.full((*sample.values.shape[:-1], *p.shape), np.nan)
     if sample.run_weights is not None:
-        found = [weighted_quantile(each.values, sample.run_weights, p) for each in sample.each()]
+        found = weighted_quantile(sample.values, sample.run_weights, p.ravel())
         return np.reshape(found, (*sample.values.shape[:-1], *p.shape))
     position = np.clip(p * (sample.size + 1 / 3) + 1 / 3, 1, sample.size) - 1
     below = np.floor(position).astype(np.int64)
@@ -137,10 +136,7 @@ def _quantile_estimate(sample: Sample, p: float) -> EstimateVector:
     if reason := sample.reason_without_intervals:
         return EstimateVector.without_bounds(value, reason)
     if sample.run_weights is not None:
-        estimates = [
-            _weighted_quantile_estimate(each, sample.run_weights, p) for each in sample.each()
-        ]
-        return EstimateVector.of(estimates, value.shape)
+        return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
     found = _by_order_statistics(sample, p, value)
     if not _has_woodruff(sample, p):
         return found
@@ -163,15 +159,17 @@ def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> Estimat
     return EstimateVector(value, *ends, texts.ORDER_STATISTICS, label, note)
 
 
-def _weighted_quantile_estimate(sample: Sample, weights: FloatArray, p: float) -> Estimate:
+def _weighted_quantile_estimate(
+    sample: Sample, weights: FloatArray, p: float, value: FloatArray
+) -> EstimateVector:
     """Estimate a quantile of weighted runs: the distribution function's error, inverted."""
-    value = float(sample_quantile(sample, p))
-    if runs_on_a_side(weights, sample.values > value) < _FEWEST_BEYOND:
-        return Estimate.without_bounds(value, texts.FEW_WEIGHTED_BEYOND)
     error, freedom, _ = cdf_error(sample, value)
     step = student_quantile(freedom, sample.level) * error
-    lower, upper = sample_quantile(sample, np.clip([p - step, p + step], 0.0, 1.0))
-    return Estimate(value, float(lower), float(upper), texts.WOODRUFF_WEIGHTED, "nominal")
+    levels = np.clip(np.stack([p - step, p + step], axis=-1), 0.0, 1.0)
+    lower, upper = np.moveaxis(weighted_quantile(sample.values, weights, levels), -1, 0)
+    is_few = runs_on_a_side(weights, sample.values > value[..., np.newaxis]) < _FEWEST_BEYOND
+    found = EstimateVector(value, lower, upper, texts.WOODRUFF_WEIGHTED, "nominal")
+    return found.remove_bounds_at(is_few, texts.FEW_WEIGHTED_BEYOND)
 
 
 def _has_woodruff(sample: Sample, p: float) -> bool:

@@ -125,10 +125,8 @@ class _InputSums:
 
     def parts(self, pair_noise: float) -> VarianceParts:
         """Return the parts of the variance of the whole field."""
-        sums = self.variance, self.left
-        return VarianceParts(
-            *map(np.asarray, sums), self.influence, self.left_influence, np.asarray(pair_noise)
-        )
+        total, left, noise = map(np.asarray, (self.variance, self.left, pair_noise))
+        return VarianceParts(total, left, self.influence, self.left_influence, noise)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
-from uqpen.statistics.weights import effective_size
+from uqpen.statistics.weights import effective_sizes
 
 __all__ = ["sample_moments"]
 
@@ -171,7 +171,7 @@ def _few_weights_decide(
     if sample.run_weights is None:
         return np.zeros(std.shape, dtype=np.bool_), ""
     influence = shape.deviations**2 - (std**2)[..., np.newaxis]
-    runs = np.apply_along_axis(effective_size, -1, (sample.run_weights * influence) ** 2)
+    runs = effective_sizes((sample.run_weights * influence) ** 2)
     if sample.is_at_places:
         reason = texts.FEW_WEIGHTS_DECIDE_AT_PLACES
     else:
