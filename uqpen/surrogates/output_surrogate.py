@@ -22,7 +22,7 @@ from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 from uqpen.surrogates.training_record import TrainingRecord
 
-__all__ = ["OutputSurrogate", "unfitted"]
+__all__ = ["OutputSurrogate", "training_record", "unfitted"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class OutputSurrogate(Surrogate):
     ) -> SeparateFits:
         """Fit every output that has numbers; see `Surrogate.fit`."""
         training = TrainingRuns.from_runs(runs, model, joint)
-        record = _record(self, training, joint)
+        record = training_record(self, training, joint)
         fitted: dict[str, FittedOutput] = {}
         reasons: dict[str, str] = {}
         for output in model.all_outputs:
@@ -142,15 +142,16 @@ def unfitted(
         fitted={},
         reasons={output.name: reason for output in model.all_outputs},
         fixed=training.fixed,
-        training=_record(surrogate, training, joint),
+        training=training_record(surrogate, training, joint),
         kind=_reference(surrogate),
         original=model,
     )
 
 
-def _record(
+def training_record(
     surrogate: Surrogate, training: TrainingRuns, joint: JointDistribution
 ) -> TrainingRecord:
+    """Return the record of the runs that a surrogate is fitted to."""
     names = tuple(entry.variable.name for entry in joint.random)
     return TrainingRecord(surrogate.design, names, training.all_counts, joint.is_independent)
 
