@@ -64,6 +64,9 @@ _CORRECTIONS = {
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
+# Of more values, the copies of the texts take longer than labels that need none.
+_FEW_VALUES = 2**12
+
 _BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
 
 
@@ -100,12 +103,25 @@ def estimate_array(
             () if isinstance(texts[name], str) else shape
         )
         own[name] = _texts(tuple(dims), entries)
-    return xr.DataArray(
+    return _labelled(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
-        {BOUND: _BOUND, **own, **(coordinates or {})},
         (*dims, BOUND),
-        attrs={"units": units, "long_name": long_name, **(attributes or {})},
+        {BOUND: _BOUND, **own, **(coordinates or {})},
+        {"units": units, "long_name": long_name, **(attributes or {})},
     )
+
+
+def _labelled(
+    values: npt.NDArray[Any],
+    dims: tuple[Hashable, ...],
+    coordinates: Mapping[Any, Any],
+    attributes: Mapping[Any, Any],
+    name: str | None = None,
+) -> xr.DataArray:
+    """Return an array with coordinates; the constructor copies each text of these."""
+    if values.size <= _FEW_VALUES:
+        return xr.DataArray(values, coordinates, dims, name, attributes)
+    return xr.DataArray(values, None, dims, name, attributes).assign_coords(coordinates)
 
 
 def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
@@ -215,7 +231,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
             texts[key] = beside
     coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return xr.DataArray(array.values, coordinates, array.dims, name=name, attrs=attributes)
+    return _labelled(array.values, array.dims, coordinates, attributes, name)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:

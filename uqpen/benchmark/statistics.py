@@ -10,7 +10,14 @@ import xarray as xr
 
 from uqpen.archive.benchmark_layout import COMPARED_STATISTICS
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD, Statistic, UnitRule
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    LOWER_THRESHOLD,
+    PROBABILITY,
+    THRESHOLD,
+    Statistic,
+    UnitRule,
+)
 from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -99,7 +106,9 @@ class BenchmarkStatistic:
         return np.where(size > 0, size, 1.0)
 
 
-def benchmark_statistics(quantities: Sequence[QuantityOfInterest]) -> Iterator[BenchmarkStatistic]:
+def benchmark_statistics(
+    quantities: Sequence[QuantityOfInterest], names: Sequence[str] = COMPARED_STATISTICS
+) -> Iterator[BenchmarkStatistic]:
     """Yield the statistics of every output that is a number, output by output."""
     for quantity in quantities:
         if not quantity.output.is_number:
@@ -107,8 +116,9 @@ def benchmark_statistics(quantities: Sequence[QuantityOfInterest]) -> Iterator[B
         entries: Mapping[str, tuple[float | str, ...]] = {
             PROBABILITY: tuple(quantity.quantiles),
             THRESHOLD: tuple(threshold.text for threshold in quantity.thresholds),
+            LOWER_THRESHOLD: tuple(threshold.text for threshold in quantity.lower_thresholds),
         }
-        for name in COMPARED_STATISTICS:
+        for name in names:
             along = [entries[dimension] for dimension in CATALOGUE[name].dims]
             if all(along):
                 yield BenchmarkStatistic(quantity, name, *along)

@@ -19,8 +19,8 @@ from uqpen.core.lookup import resolve
 __all__ = ["COMPLETION", "main", "uqpen"]
 
 _NAMES = (
-    "init study check plan show export report figure compare verify diff rerun models run predict "
-    "serve completion"
+    "init study check plan show export report figure compare rehearse verify diff rerun models run "
+    "predict serve completion"
 )
 # The environment variable by which a shell asks for completions.
 COMPLETION = "_UQPEN_COMPLETE"

@@ -11,6 +11,7 @@ import click
 
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
+from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
 if TYPE_CHECKING:
     from uqpen.designs.stopping.precision import Precision
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["plan"]
 
-_EXAMPLE = '{ depth = { mean = "1 %" } }'
 _REMARK = (
     "Numbers of independent runs (monte-carlo), extrapolated from the pilot, and the time of the "
     "runs alone, made as they were here. A latin-hypercube or sobol-sequence may take far fewer "
@@ -33,7 +33,7 @@ _REMARK = (
     "--until",
     "written",
     metavar="TABLE",
-    help=f"The precision, as in a study: '{_EXAMPLE}'.  [default: that of the study's designs]",
+    help=f"The precision, as in a study: '{EXAMPLE}'.  [default: that of the study's designs]",
 )
 @click.option(
     "--pilot",
@@ -76,28 +76,16 @@ def plan(
 
 def _rule(study: ValidatedStudy, written: str | None) -> Precision:
     """Return the wanted precision; a mistake in it is one of usage."""
-    import tomllib
-
-    from uqpen.core.errors import SettingsError
     from uqpen.designs.stopping.precision import Precision
 
     if written is None:
         rules = (getattr(design, "until", None) for design in study.designs.values())
         rule = next((each for each in rules if isinstance(each, Precision)), None)
         if rule is None:
-            message = f"no design of the study has until, expected --until '{_EXAMPLE}'"
+            message = f"no design of the study has until, expected --until '{EXAMPLE}'"
             raise click.UsageError(message)
         return rule
-    try:
-        rule = Precision(tomllib.loads(f"until = {written}")["until"])
-        problems = list(rule.check_outputs(study.quantities_of_interest))
-        if problems:
-            raise SettingsError(problems)
-    except tomllib.TOMLDecodeError:
-        raise click.UsageError(f"--until: found {written}, expected {_EXAMPLE}") from None
-    except SettingsError as error:
-        raise click.UsageError(f"--until: {error}") from None
-    return rule
+    return read_precision(written, study)
 
 
 def _show_required_runs(

@@ -137,6 +137,10 @@ REPEAT = "repeat"
 SINGLE = "single"
 REPLICATED = "replicated"
 
+# Size of a design in a rehearsal: as its study states it, and that of all others.
+STATED = "stated"
+EQUAL = "equal"
+
 MODELS = "models"
 DIFFERENCES = "differences"
 

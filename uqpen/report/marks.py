@@ -27,6 +27,7 @@ __all__ = [
     "dot_trace",
     "end_trace",
     "escape_text",
+    "even_bar_trace",
     "line_trace",
     "point_trace",
     "rounded_numbers",
@@ -256,3 +257,11 @@ def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str)
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
     }
+
+
+def even_bar_trace(edges: FloatArray, counts: Numbers, series: int | str, *, hover: str) -> Trace:
+    """Counts in bins of equal width, which stand as the first one and the width."""
+    first, width = rounded_numbers([(edges[0] + edges[1]) / 2, edges[1] - edges[0]])
+    trace = bar_trace(edges, counts, series, hover=hover)
+    del trace["x"], trace["customdata"]
+    return trace | {"x0": first, "dx": width, "width": width}

@@ -89,7 +89,9 @@ def _level_text(tree: xr.DataTree) -> str:
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
-    for output in field_names(first_runs(model)):
+    fields = field_names(first_runs(model))
+    # Of several fields, each has a line of its own first; who selects one sees its shares.
+    for output in fields if everything or len(fields) == 1 else ():
         if table := generalized_table(model, output):
             yield table
     for output, attributes in _outputs(model).items():

@@ -185,7 +185,7 @@ NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's 
 NO_CORRECTION_OF_LOGARITHM = "its terms are known for the logarithm only, so runs cannot correct it"
 NO_CORRECTION_WITHOUT_TERMS = "the terms of the surrogate are not known, so runs cannot correct it"
 NO_CORRECTION_IF_INADMISSIBLE = "some inputs are inadmissible, so runs cannot correct it"
-NO_CORRECTED_BAND = "no simultaneous band is known"
+NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
 EXPLAINS_TOO_LITTLE = "the surrogate explains {share:.0f} % of the variance at runs left out"
@@ -196,8 +196,8 @@ NO_CORRECTING_RUN = "no run corrects it"
 FEW_CORRECTING_RUNS = "{runs} runs are too few to correct it"
 NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
 OF_ALL_ADMISSIBLE = (
-    "of all admissible inputs: {lost} runs failed, and the interval allows for what they may have "
-    "given"
+    "of all admissible inputs: {missing} runs failed, and the interval allows for what they may "
+    "have given"
 )
 
 # Failed runs.

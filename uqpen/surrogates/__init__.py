@@ -9,6 +9,7 @@ __all__ = ["ENTRY_POINTS", "SURROGATES"]
 
 SURROGATES = {
     "polynomial-chaos": "uqpen.surrogates.polynomial_chaos:PolynomialChaos",
+    "gaussian-process": "uqpen.surrogates.gaussian_process:GaussianProcess",
     "best": "uqpen.surrogates.best_surrogate:BestSurrogate",
 }
 

@@ -118,7 +118,7 @@ def _reason_without_folds(runs: xr.Dataset) -> str:
 def _folds(runs: xr.Dataset, rng: np.random.Generator) -> IntArray:
     """Return the fold of each run: whole replicates are dealt, or runs where there are none.
 
-    Runs of a replicate avoid each other, so those left behind would tell of one that is left out.
+    Runs of a replicate avoid each other: the rest of it would give a hint at one that is left out.
     """
     unit = np.arange(runs.sizes[RUN])
     if REPLICATE in runs.coords and np.unique(runs[REPLICATE].values).size > 1:

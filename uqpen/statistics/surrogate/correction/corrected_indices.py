@@ -19,8 +19,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -103,5 +101,5 @@ def _ratio_interval(
     half = student_quantile(runs.size - 2, runs.level) * found.error
     if math.isnan(half):
         return share, -math.inf, math.inf
-    loss = runs.share_lost * float(np.abs(influence).max())
-    return share, share - half - loss, share + half + loss
+    half += found.missing_margin(runs)
+    return share, share - half, share + half

@@ -21,7 +21,7 @@ from uqpen.statistics.intervals import ratio_error, student_quantile
 from uqpen.statistics.skewness import Margins
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
-__all__ = ["CorrectedMean", "corrected_mean", "spacing", "tail_allowance"]
+__all__ = ["CorrectedMean", "corrected_mean", "spacing", "tail_allowance", "upper_allowance"]
 
 # Share of the runs that a gap among the largest ones spans.
 _SPACING_SHARE = 10
@@ -61,9 +61,9 @@ class CorrectedMean:
         """Half of the width of Student's t interval; the weight costs a degree of freedom."""
         return student_quantile(len(self.influence) - 2, level) * self.error
 
-    def loss(self, runs: CorrectionRuns) -> float:
+    def missing_margin(self, runs: CorrectionRuns) -> float:
         """Distance that the missing runs may move the estimate, were each as far off as any run."""
-        return runs.share_lost * float(np.abs(self.influence - self.value).max())
+        return runs.share_missing * float(np.abs(self.influence - self.value).max())
 
 
 def corrected_mean(
@@ -71,10 +71,9 @@ def corrected_mean(
     values: FloatArray,
     predictions: FloatArray,
     draws: FloatArray,
-    *,
-    weight: float | None = None,
+    exact: FloatArray | None = None,
 ) -> CorrectedMean:
-    """Estimate the mean of a function of the output.
+    """Estimate the mean of a function of the output, with the weight of the least variance.
 
     Parameters
     ----------
@@ -83,17 +82,19 @@ def corrected_mean(
         The function of the output, by the model and by each run's fit.
     draws : ndarray, shape (fold, draw)
         The function of the predictions at the draws.
-    weight : float, optional
-        The weight of the surrogate; without it, the one of the least variance.
+    exact : ndarray, shape (fold,), optional
+        The mean of the function of each fit, where it is known without draws.
     """
-    centred = predictions - draws.mean(axis=1)[runs.fold]
-    error, _ = ratio_error(runs.pooled(draws), runs.draw_replicate, runs.draw_replicates)
-    draws_variance = float(error) ** 2
-    if weight is None:
-        deviations = centred - centred.mean()
-        scatter = float((deviations**2).mean()) + runs.size * draws_variance
-        covariance = float((values * deviations).mean())
-        weight = min(max(covariance / scatter, 0.0), 1.0) if scatter > 0 else 0.0
+    means, draws_variance = exact, 0.0
+    if means is None:
+        means = draws.mean(axis=1)
+        error, _ = ratio_error(runs.pooled(draws), runs.draw_replicate, runs.draw_replicates)
+        draws_variance = float(error) ** 2
+    centred = predictions - means[runs.fold]
+    deviations = centred - centred.mean()
+    scatter = float((deviations**2).mean()) + runs.size * draws_variance
+    covariance = float((values * deviations).mean())
+    weight = min(max(covariance / scatter, 0.0), 1.0) if scatter > 0 else 0.0
     return CorrectedMean(values - weight * centred, weight, weight**2 * draws_variance)
 
 
@@ -104,12 +105,25 @@ def tail_allowance(runs: CorrectionRuns) -> Margins:
     meet them. The allowance is the gap that the furthest runs leave, and twice what the surrogate
     has beyond them.
     """
-    low, high = float(runs.values.min()), float(runs.values.max())
-    above = 2 * float(runs.pooled(np.maximum(runs.draws - high, 0.0)).mean())
-    below = 2 * float(runs.pooled(np.maximum(low - runs.draws, 0.0)).mean())
     return Margins(
-        np.asarray(spacing(-runs.values) + below), np.asarray(spacing(runs.values) + above)
+        np.asarray(upper_allowance(runs, -runs.values, -runs.draws)),
+        np.asarray(upper_allowance(runs, runs.values, runs.draws)),
     )
+
+
+def upper_allowance(runs: CorrectionRuns, values: FloatArray, draws: FloatArray) -> float:
+    """Return how far rare values above the runs may move the mean of a function of the output.
+
+    Parameters
+    ----------
+    runs : CorrectionRuns
+    values : ndarray, shape (run,)
+        The function at the runs.
+    draws : ndarray, shape (fold, draw)
+        The function of the predictions at the draws.
+    """
+    beyond = runs.pooled(np.maximum(draws - values.max(), 0.0)).mean()
+    return spacing(values) + 2 * float(beyond)
 
 
 def spacing(values: FloatArray) -> float:

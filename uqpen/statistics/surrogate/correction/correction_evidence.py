@@ -203,8 +203,21 @@ class _Collected:
             np.array([each[name] for each in self._at_draws]),
             replicate.astype(np.int64),
             np.concatenate([each[name] for each in self._at_missing]),
+            self._exact_moments(name),
             quantity.confidence_level,
         )
+
+    def _exact_moments(self, output: str) -> FloatArray | None:
+        """Return the moments of each fit where all are known without draws."""
+        models = [fold.model for fold in self.folds]
+        if not self.draws.all_are_admissible:
+            return None
+        found = [
+            model.closed_form_moments(output)
+            for model in models
+            if isinstance(model, ClosedForms) and model.has_closed_form(output)
+        ]
+        return np.array(found) if len(found) == len(models) else None
 
     def parts(self, output: str) -> IndexParts:
         """Return what the inputs have of an output by each fit, or why that is not known."""

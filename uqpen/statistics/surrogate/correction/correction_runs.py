@@ -30,8 +30,10 @@ class CorrectionRuns:
         The predictions of each fold's fit at draws of the input distribution given admissible.
     draw_replicate : ndarray of int, shape (draw,)
         The set of quasi-random points that each draw is of, from 0.
-    lost_predictions : ndarray, shape (lost,)
+    missing_predictions : ndarray, shape (missing,)
         Predictions at the inputs of the runs that are missing.
+    exact_moments : ndarray, shape (fold, 2), optional
+        Mean and standard deviation of each fold's fit, where they are known without draws.
     level : float
         Confidence level of the intervals.
     """
@@ -41,7 +43,8 @@ class CorrectionRuns:
     fold: IntArray
     draws: FloatArray
     draw_replicate: IntArray
-    lost_predictions: FloatArray
+    missing_predictions: FloatArray
+    exact_moments: FloatArray | None = None
     level: float = LEVEL
 
     @property
@@ -50,14 +53,14 @@ class CorrectionRuns:
         return len(self.values)
 
     @property
-    def lost(self) -> int:
+    def missing(self) -> int:
         """Number of missing runs."""
-        return len(self.lost_predictions)
+        return len(self.missing_predictions)
 
     @property
-    def share_lost(self) -> float:
+    def share_missing(self) -> float:
         """Share of the runs that are missing."""
-        return self.lost / (self.lost + self.size)
+        return self.missing / (self.missing + self.size)
 
     @cached_property
     def shares(self) -> FloatArray:

@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray
@@ -23,6 +25,10 @@ from uqpen.statistics.intervals import ratio_error
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
 __all__ = ["CorrectedCdf", "CorrectedProbability", "bonett_price", "corrected_probability"]
+
+
+# Numbers of runs, of one event or of several.
+Counts = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +41,21 @@ class CorrectedProbability:
 
 
 def bonett_price(
-    gained: FloatArray, lost: FloatArray, runs: int, level: float
+    gained: npt.ArrayLike, dropped: npt.ArrayLike, runs: int, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return centre and half-width of the interval of a difference of paired probabilities.
 
     Parameters
     ----------
-    gained, lost : ndarray
+    gained, dropped : array_like
         Numbers of runs where the event happened by the model alone, and by the surrogate alone.
     runs : int
     level : float
         Two-sided.
     """
-    one, other = (gained + 1) / (runs + 2), (lost + 1) / (runs + 2)
+    one, other = (
+        (np.asarray(each, dtype=np.float64) + 1) / (runs + 2) for each in (gained, dropped)
+    )
     variance = (one + other - (one - other) ** 2) / (runs + 2)
     return one - other, special.ndtri(0.5 + level / 2) * np.sqrt(variance)
 
@@ -57,7 +65,7 @@ def corrected_probability(
     events: BoolArray,
     predicted: BoolArray,
     drawn: BoolArray,
-    lost: BoolArray,
+    missing: BoolArray,
 ) -> CorrectedProbability:
     """Estimate the probability of an event; missing runs may have had it or not.
 
@@ -68,36 +76,38 @@ def corrected_probability(
         Whether it happened at each run, by the model and by the run's fit.
     drawn : ndarray of bool, shape (fold, draw)
         Whether it happened at each draw, by each fold's fit.
-    lost : ndarray of bool, shape (lost,)
+    missing : ndarray of bool, shape (missing,)
         Whether it happened at the missing runs, by their fits.
     """
-    pooled = runs.pooled(drawn)
+    pooled = runs.pooled(drawn.astype(np.float64))
     error, _ = ratio_error(pooled, runs.draw_replicate, runs.draw_replicates)
     return _with_bounds(
         runs,
         np.asarray(pooled.mean()),
         np.asarray((events & ~predicted).sum()),
         np.asarray((predicted & ~events).sum()),
-        np.asarray(lost.sum()),
-        np.asarray(error),
+        np.asarray(missing.sum()),
+        error,
     )
 
 
 def _with_bounds(
     runs: CorrectionRuns,
     share: FloatArray,
-    gained: FloatArray,
-    lost: FloatArray,
-    lost_events: FloatArray,
+    gained: Counts,
+    dropped: Counts,
+    missing_events: Counts,
     error: FloatArray,
 ) -> CorrectedProbability:
     """Return probabilities with bounds: those of the surrogate, and the disagreements."""
-    value = np.clip(share + (gained - lost) / runs.size, 0.0, 1.0)
-    total = runs.size + runs.lost
+    value = np.clip(share + (gained - dropped) / runs.size, 0.0, 1.0)
+    total = runs.size + runs.missing
     noise = special.ndtri(0.5 + runs.level / 2) * error
     # The missing runs are against the surrogate, all one way and all the other.
-    least, half_below = bonett_price(gained, lost + lost_events, total, runs.level)
-    most, half_above = bonett_price(gained + (runs.lost - lost_events), lost, total, runs.level)
+    least, half_below = bonett_price(gained, dropped + missing_events, total, runs.level)
+    most, half_above = bonett_price(
+        gained + (runs.missing - missing_events), dropped, total, runs.level
+    )
     lower = share + least - np.hypot(half_below, noise)
     upper = share + most + np.hypot(half_above, noise)
     return CorrectedProbability(
@@ -115,57 +125,53 @@ class CorrectedCdf:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """All values of the output, ascending: of runs, predictions and draws."""
+        """Values of the output, ascending: of runs, predictions, and as many draws as a fit has."""
         runs = self.runs
-        return np.unique(np.concatenate([runs.values, runs.predictions, runs.draws.ravel()]))
+        drawn = np.sort(runs.draws, axis=None)[:: len(runs.draws)]
+        return np.unique(np.concatenate([runs.values, runs.predictions, drawn]))
 
     @cached_property
     def _at_grid(self) -> CorrectedProbability:
         return self.at(self._grid)
 
-    @cached_property
-    def _share_at_grid(self) -> FloatArray:
-        """The distribution function of the corrected estimate, made to ascend."""
-        return np.maximum.accumulate(self._at_grid.value)
-
     def surrogate_share(self, values: FloatArray) -> FloatArray:
         """Return the distribution function of the surrogate at some values."""
-        below = [
-            np.searchsorted(np.sort(draws), values, side="right") / len(draws)
-            for draws in self.runs.draws
-        ]
-        return self.runs.pooled(np.array(below))
+        return self._surrogate_share(values)[0]
 
     def at(self, values: FloatArray) -> CorrectedProbability:
-        """Return the probability of lying at or below each value, with pointwise bounds."""
+        """Return the probability of lying at or below each value, with pointwise bounds.
+
+        Parameters
+        ----------
+        values : ndarray, shape (value,)
+            Ascending.
+        """
         runs = self.runs
-        by_model, by_fit, by_both, lost = (
+        by_model, by_fit, by_both, missing = (
             np.searchsorted(np.sort(each), values, side="right")
             for each in (
                 runs.values,
                 runs.predictions,
                 np.maximum(runs.values, runs.predictions),
-                runs.lost_predictions,
+                runs.missing_predictions,
             )
         )
-        share = self.surrogate_share(values)
-        gained, only_fit = by_model - by_both, by_fit - by_both
-        return _with_bounds(runs, share, gained, only_fit, lost, self._draws_error(values))
+        share, error = self._surrogate_share(values)
+        return _with_bounds(runs, share, by_model - by_both, by_fit - by_both, missing, error)
 
-    def _draws_error(self, values: FloatArray) -> FloatArray:
-        """Return the error of the surrogate's distribution function from its draws."""
-        runs = self.runs
-        count = runs.draw_replicates
+    def _surrogate_share(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the surrogate's distribution function at ascending values, and its error."""
+        runs, sets, columns = self.runs, self.runs.draw_replicates, len(values) + 1
+        # Each draw counts from the first value on that it does not exceed.
+        first = np.searchsorted(values, runs.draws)
+        at = (runs.draw_replicate * columns + first).ravel()
+        parts = np.broadcast_to(runs.shares[:, None], runs.draws.shape).ravel()
+        counts = (
+            np.bincount(at, parts, sets * columns).reshape(sets, columns)[:, :-1].cumsum(axis=1)
+        )
         sizes = np.bincount(runs.draw_replicate)
-        shares = np.empty((count, len(values)))
-        for number in range(count):
-            rows = runs.draw_replicate == number
-            below = [
-                np.searchsorted(np.sort(draws[rows]), values, side="right") / sizes[number]
-                for draws in runs.draws
-            ]
-            shares[number] = runs.pooled(np.array(below))
-        return shares.std(axis=0, ddof=1) / np.sqrt(count)
+        by_set = counts / sizes[:, None]
+        return counts.sum(axis=0) / sizes.sum(), by_set.std(axis=0, ddof=1) / np.sqrt(sets)
 
     def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds: all values whose interval has the probability.
@@ -177,7 +183,9 @@ class CorrectedCdf:
         probability : ndarray, shape (probability,)
         """
         grid, found = self._grid, self._at_grid
-        value = grid[np.searchsorted(self._share_at_grid, probability).clip(0, len(grid) - 1)]
+        # Made to ascend, as a run at which only the surrogate is below makes it descend.
+        ascending = np.maximum.accumulate(found.value)
+        value = grid[np.searchsorted(ascending, probability).clip(0, len(grid) - 1)]
         # The first value with an upper bound of at least the probability. Before the first value
         # of all, the bounds are those of no run below.
         highest = np.maximum.accumulate(found.upper)

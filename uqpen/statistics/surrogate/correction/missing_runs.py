@@ -13,11 +13,11 @@ from uqpen.core.status import Status
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = ["LostRunPredictions", "lost_run_predictions"]
+__all__ = ["MissingRunPredictions", "missing_run_predictions"]
 
 
 @dataclass(frozen=True)
-class LostRunPredictions:
+class MissingRunPredictions:
     """Predictions of an output at the inputs of missing runs, in its SI unit.
 
     Parameters
@@ -37,9 +37,9 @@ class LostRunPredictions:
     below: Mapping[str, float]
 
 
-def lost_run_predictions(
+def missing_run_predictions(
     model: FittedSurrogate, runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
-) -> dict[str, LostRunPredictions]:
+) -> dict[str, MissingRunPredictions]:
     """Summarise what a surrogate predicts at the inputs of missing runs, by scalar output.
 
     Parameters
@@ -65,7 +65,7 @@ def lost_run_predictions(
             continue
         values = predicted[name].mean[np.isfinite(predicted[name].mean)]
         if values.size:
-            found[name] = LostRunPredictions(
+            found[name] = MissingRunPredictions(
                 values.size,
                 float(values.min()),
                 float(values.max()),
