@@ -96,6 +96,7 @@ SURROGATE_SETTINGS: dict[str, list[dict[str, object]]] = {
         {"kernel": "matern-3/2", "trend": "linear", "nugget": 0.0},
         {"transform": {"smooth": "log"}},
     ],
+    "best": [{}],
 }
 
 

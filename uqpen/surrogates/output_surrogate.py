@@ -24,7 +24,7 @@ from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 from uqpen.surrogates.training_record import TrainingRecord
 
-__all__ = ["OutputSurrogate", "fit_separately", "unfitted"]
+__all__ = ["OutputSurrogate", "fit_separately", "training_record", "unfitted"]
 
 # Fits an output; its arguments are those of `OutputSurrogate.fit_output`, after the output itself.
 Fit = Callable[[Output, FloatArray, FloatArray, np.random.Generator], OutputFit | str]
@@ -117,7 +117,7 @@ def fit_separately(
         As `Surrogate.fit` takes them.
     """
     training = TrainingRuns.from_runs(runs, model, joint)
-    record = _record(surrogate, training, joint)
+    record = training_record(surrogate, training, joint)
     fitted: dict[str, FittedOutput] = {}
     reasons: dict[str, str] = {}
     for output in model.all_outputs:
@@ -179,15 +179,16 @@ def unfitted(
         fitted={},
         reasons={output.name: reason for output in model.all_outputs},
         fixed=training.fixed,
-        training=_record(surrogate, training, joint),
+        training=training_record(surrogate, training, joint),
         kind=_reference(surrogate),
         original=model,
     )
 
 
-def _record(
+def training_record(
     surrogate: Surrogate, training: TrainingRuns, joint: JointDistribution
 ) -> TrainingRecord:
+    """Return the record of the runs that a surrogate is fitted to."""
     names = tuple(entry.variable.name for entry in joint.random)
     return TrainingRecord(surrogate.design, names, training.all_counts, joint.is_independent)
 

@@ -79,6 +79,14 @@ class Surrogate(ABC):
             Source of the random numbers of refits.
         """
 
+    def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
+        """Return the settings for fits to parts of the same runs, as cross-fitting makes them.
+
+        They are these settings. A kind may return others that spare a search, such as one among
+        kinds of surrogates, that `fitted` has done already.
+        """
+        return self
+
     @classmethod
     @abstractmethod
     def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> FittedSurrogate:

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import SAMPLING
 from uqpen.core.model import Category, Input, Model, Output, Results
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -45,7 +46,9 @@ def check_surrogate(surrogate: Surrogate) -> None:
     joint, model = example_joint_distribution(), _Smooth()
     design = Quadrature(order=6) if surrogate.needs_quadrature else LatinHypercube(80, 1)
     training, others = (
-        evaluate(Evaluator(model), next(each.rounds(joint, Stream(1, "designs", str(number)))), {})
+        evaluate(
+            Evaluator(model), next(each.rounds(joint, Stream(1, "designs", str(number)))), {}
+        ).assign_attrs({SAMPLING: str(each.sampling)})
         for number, each in enumerate((design, MonteCarlo(100)))
     )
     fitted, repeated = (
