@@ -91,6 +91,11 @@ SURROGATE_SETTINGS: dict[str, list[dict[str, object]]] = {
         {"method": "projection"},
         {"transform": {"smooth": "log"}},
     ],
+    "gaussian-process": [
+        {},
+        {"kernel": "matern-3/2", "trend": "linear", "nugget": 0.0},
+        {"transform": {"smooth": "log"}},
+    ],
 }
 
 

@@ -72,8 +72,8 @@ FIGURES = {
     },
 }
 
-# Those whose verdicts on a surrogate are by an earlier rule: they stay as they were written.
-BY_ANOTHER_RULE = ("schema_1", "schema_2", "schema_3")
+# Those with a surrogate of an earlier recipe, which is not repeated.
+WITH_SURROGATE = ("schema_1", "schema_2", "schema_3")
 
 
 class Kept(NamedTuple):
@@ -174,14 +174,14 @@ def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     folder = None if "files" in kept.tree.children else FOLDER
     parts = list(verify(kept.path, folder=folder, runs=None, trust=True))
     assert {"hashes", "study", "runs", "statistics"} <= {part.name for part in parts}
-    told = [part.text for part in parts if part.name == "verdicts"]
-    earlier = ["on chaos: by the rule of another uqpen, not compared"]
-    assert told == (earlier if kept.name in BY_ANOTHER_RULE else [])
+    told = [part.text for part in parts if part.name == "surrogates"]
+    earlier = ["not checked: chaos; another uqpen has fitted and corrected them"]
+    assert told == (earlier if kept.name in WITH_SURROGATE else [])
     # Their intervals of means and standard deviations are of the first recipe.
     (intervals,) = (part for part in parts if part.name == "intervals")
     assert intervals.verdict is CheckOutcome.UNCHECKED
     assert "made by an earlier recipe (1, here " in intervals.text
-    compared = [part for part in parts if part.name not in ("verdicts", "intervals")]
+    compared = [part for part in parts if part.name not in ("surrogates", "intervals")]
     assert {part.verdict for part in compared} <= {CheckOutcome.EQUAL, CheckOutcome.CLOSE}
 
 

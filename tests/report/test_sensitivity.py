@@ -65,8 +65,7 @@ def test_intervals_that_overlap_leave_the_order_open(study_of: Any) -> None:
     assert ", so this order is uncertain." in chart.summary
 
 
-def test_a_surrogate_is_hollow_and_what_is_refused_is_crossed_out(study_of: Any) -> None:
-    # Both inputs act together, and a line has no interaction.
+def test_a_measure_that_runs_cannot_correct_is_hollow_and_says_why(study_of: Any) -> None:
     text = """[designs.blocks]
 kind = "saltelli"
 base = 256
@@ -84,13 +83,10 @@ order = 1
     assert keys["total order by blocks"] == "square"
     assert keys["total order by flat"] == "square-open"
     told = SourceStatistics(tree).statistics("flat", "y")["total_order"]
-    labels = told.coords["interval_label"].values.tolist()
-    assert "refused" in labels
-    assert keys["refused"] == "x"
-    assert "Crossed out: refused, as independent runs contradict it." in chart.notes
-    (crosses,) = [each for each in chart.traces if each["name"] == "total order by flat, refused"]
-    places = [at for at, label in enumerate(labels) if label == "refused"]
-    np.testing.assert_allclose(crosses["x"], told.values[places, 0], rtol=1e-4)
+    (reason,) = {*told.coords["note"].values.tolist()}
+    (hollow,) = [note for note in chart.notes if "total order by flat" in note]
+    assert hollow.startswith("Hollow, no interval: ")
+    assert reason in hollow
     assert "By blocks, b has the largest total order" in chart.summary
 
 

@@ -9,10 +9,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Block, Charts, Remarks, Table, Text
+from uqpen.report.blocks import Block, Charts, Table
 from uqpen.report.sections.surrogates import surrogates
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.correction_tables import correction_tables
 
 pytestmark = pytest.mark.slow
 
@@ -27,6 +27,7 @@ runs = 30
 [surrogates.flat]
 kind = "polynomial-chaos"
 design = "few"
+check = "many"
 order = 1
 method = "least-squares"
 """
@@ -92,35 +93,14 @@ def test_differences_are_of_all_runs(tree: xr.DataTree) -> None:
     assert cells[3] == f"{np.abs(off).max():.3g} ¹"
 
 
-def test_verdicts_are_counted_and_refusals_listed(tree: xr.DataTree) -> None:
-    labels: list[str] = []
-    for name, array in SourceStatistics(tree).statistics("flat", "y").items():
-        # A distribution function has one verdict on the whole.
-        if name != "cdf" and "bound" in array.dims and name != "effective_runs":
-            texts = array.coords["interval_label"].values.ravel().tolist()
-            labels += texts[:1] if name == "cdf_band" else texts
-    counts = {label: labels.count(label) for label in ("checked", "refused", "unchecked")}
-    assert counts["refused"] > 0
-    assert one(tree, Text).text == (
-        f"{sum(counts.values())} estimates by flat were compared with independent runs. "
-        f"{counts['checked']} are checked: inside the intervals of the runs. "
-        f"{counts['refused']} are refused: outside the interval of some runs. "
-        f"{counts['unchecked']} are unchecked: no runs decide."
-    )
-    lines = one(tree, Remarks).lines
-    assert any(line.startswith("distribution function of y: outside the simul") for line in lines)
-
-
-def test_the_fit_stands_open_and_the_counts_are_folded(tree: xr.DataTree) -> None:
-    fit, verdicts = (block for block in blocks(tree) if isinstance(block, Table))
-    assert fit.table.title == "flat: fit to 30 runs, check by many"
-    assert not fit.is_folded
-    assert verdicts.table.title == "flat: verdicts on its estimates"
-    assert verdicts.is_folded
+def test_the_fit_and_the_corrected_estimates_stand_below_each_other(tree: xr.DataTree) -> None:
+    fit, corrected = (block.table for block in blocks(tree) if isinstance(block, Table))
+    assert fit.title == "flat: fit to 30 runs, check by many"
+    assert [corrected] == list(correction_tables(tree, "flat"))
 
 
 def test_without_others_it_is_held_against_the_runs_it_was_fitted_to(study_of: Any) -> None:
-    text = FLAT[FLAT.index("[designs.few]") :]
+    text = FLAT[FLAT.index("[designs.few]") :].replace('check = "many"\n', "")
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
     assert one(tree, Charts).notes == ("Shown are 30 of 30 runs of few (its training runs).",)
 

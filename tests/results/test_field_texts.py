@@ -16,10 +16,13 @@ from uqpen.cli.show import show
 from uqpen.figures.page import available
 from uqpen.report.page import report_page
 from uqpen.results.digits import estimate_text
+from uqpen.results.field_tables import field_tables
 from uqpen.results.field_texts import field_lines
 from uqpen.results.html import archive_html
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
+from uqpen.results.output_selection import select_output
+from uqpen.results.output_tables import output_tables
 
 MODEL = """\
 def simulate(x):
@@ -100,8 +103,46 @@ def test_show_prints_them(mixed: xr.DataTree, alone: xr.DataTree, tmp_path: Path
         uqpen.write(tree, tmp_path / "study.nc")
         shown = CliRunner().invoke(show, [str(tmp_path / "study.nc"), "--all"])
         assert shown.exit_code == 0
-        assert HEAD in shown.output
+        assert (
+            "\nalong time [day] from 0 to 4 (3), level from 1 to 2 (2); mean by mc\n"
+            in shown.output
+        )
+        assert "\nsheet [cm] " in shown.output
+        assert max(map(len, shown.output.splitlines())) <= 80
     assert "quantile" not in shown.output
+
+
+def test_fields_along_the_same_dimensions_share_a_table(mixed: xr.DataTree) -> None:
+    (table,) = field_tables(mixed)
+    y = mixed["statistics/mc/y"].to_dataset()
+    ((label, (smallest, largest)),) = table.rows
+    assert label == "sheet [cm]"
+    assert smallest.startswith(estimate_text(*y["mean"].values.tolist()))
+    assert largest == "4"
+
+
+def test_a_field_without_a_mean_has_a_row(mixed: xr.DataTree) -> None:
+    tree = mixed.copy()
+    tree["statistics/mc/sheet"] = xr.Dataset()
+    (table,) = field_tables(tree)
+    assert table.rows == [("sheet [cm]", ["–", "–"])]
+
+
+def test_shares_over_a_field_that_is_cut_say_what_of(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text(
+        "def simulate(x, z):\n    return {'sheet': [[x, z], [x + z, 2 * z], [x, z]]}\n"
+    )
+    text = STUDY.replace('y = "1"\n', "").replace('x = "1"', 'x = "1"\nz = "1"')
+    text = text.replace('x = "0 ± 1"', 'x = "0 ± 1"\nz = "0 ± 1"').replace("= 30", "= 100")
+    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
+    for at, over in (
+        ([], "all places"),
+        (["level=2"], "the whole field, not only at level = 2"),
+    ):
+        cut, _ = select_output(tree, "sheet", at)
+        assert f"sheet: shares of its variance over {over}" in [
+            table.title for table in output_tables(cut)
+        ]
 
 
 def test_json_has_their_dimensions(mixed: xr.DataTree) -> None:

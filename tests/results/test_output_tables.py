@@ -25,7 +25,7 @@ from uqpen.results.failed_runs import failed_runs, has_failed_design
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import OutputTable, estimate_with_verdict, identity
+from uqpen.results.table import OutputTable, identity, shown_estimate
 from uqpen.study.study import ValidatedStudy
 
 
@@ -109,11 +109,11 @@ def test_what_rounding_left_of_an_index_is_0() -> None:
     index = xr.DataArray(
         [-3.636e-08, math.nan, math.nan], dims="bound", name="first_order", coords={"input": "x"}
     )
-    assert estimate_with_verdict(index, identity) == "0"
+    assert shown_estimate(index, identity) == "0"
     for name in ("response", "contribution", "pearson", "partial_rank", "delta"):
-        assert estimate_with_verdict(index.rename(name), identity) == "0"
-    assert estimate_with_verdict(index.drop_vars("input"), identity) == "−3.636×10⁻⁸"
-    assert estimate_with_verdict(index.rename("mean"), identity) == "−3.636×10⁻⁸"
+        assert shown_estimate(index.rename(name), identity) == "0"
+    assert shown_estimate(index.drop_vars("input"), identity) == "−3.636×10⁻⁸"
+    assert shown_estimate(index.rename("mean"), identity) == "−3.636×10⁻⁸"
 
 
 def test_a_probability_in_per_cent_has_its_own_digits() -> None:
@@ -342,5 +342,5 @@ def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Valid
 
 def test_a_published_number_keeps_its_digits() -> None:
     number = xr.DataArray([0.5, math.nan, math.nan], dims="bound", name="mean")
-    assert estimate_with_verdict(number, identity) == "0.5"
-    assert estimate_with_verdict(number.assign_attrs(runs=10), identity) == "0.5000"
+    assert shown_estimate(number, identity) == "0.5"
+    assert shown_estimate(number.assign_attrs(runs=10), identity) == "0.5000"

@@ -33,6 +33,10 @@ kind = "one-at-a-time"
 [surrogates.pce]
 kind = "polynomial-chaos"
 design = "mc"
+check = "fresh"
+[designs.fresh]
+kind = "monte-carlo"
+runs = 100
 """
 
 
@@ -43,18 +47,18 @@ def tree(study_of: MakeStudy) -> xr.DataTree:
 
 def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
     statistics = SourceStatistics(tree)
-    assert statistics.sources == ["mc", "blocks", "steps", "pce"]
+    assert statistics.sources == ["mc", "blocks", "steps", "fresh", "pce"]
     kinds = [statistics.kind(source) for source in statistics.sources]
-    assert kinds == ["design"] * 3 + ["surrogate"]
+    assert kinds == ["design"] * 4 + ["surrogate"]
     # The surrogate takes the runs that it is fitted to and those that check it.
     spent = [int(tree[f"statistics/{name}"].attrs["runs_spent"]) for name in statistics.sources]
-    assert spent == [400, 1024, 5, 1424]
+    assert spent == [400, 1024, 5, 100, 500]
 
 
 def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
     statistics = SourceStatistics(tree)
     assert statistics.get("steps", "y", "mean") is None
-    assert list(statistics.by_source("y", "mean")) == ["mc", "blocks", "pce"]
+    assert list(statistics.by_source("y", "mean")) == ["mc", "blocks", "fresh", "pce"]
     assert list(statistics.by_source("y", "response")) == ["steps"]
     response = statistics.statistics("steps", "y")["response"]
     assert np.isfinite(response.sel(bound="estimate")).all()

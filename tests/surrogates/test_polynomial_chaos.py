@@ -441,11 +441,11 @@ def test_an_output_may_have_any_name() -> None:
 
 def test_the_kind_that_is_named_decides_what_is_restored() -> None:
     tree = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4).to_tree()
-    assert list(SURROGATES) == [tree.attrs["kind"]]
+    assert tree.attrs["kind"] in SURROGATES
     tree.attrs["kind"] = "polynomial-caos"
     with pytest.raises(UnknownNameError, match='no kind of surrogate "polynomial-caos"; did you'):
         restore_surrogate(tree, "pce")
 
 
 def test_the_family_has_it() -> None:
-    assert list(SURROGATES) == ["polynomial-chaos"]
+    assert "polynomial-chaos" in SURROGATES

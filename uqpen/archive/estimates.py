@@ -9,6 +9,10 @@ In a dataset these texts are attributes of the variable where all entries agree.
 variable ``<statistic>_interval`` of small integers stands beside it. Its attributes
 ``flag_interval``, ``flag_interval_label`` and ``flag_note`` list the texts: 1 000 entries then take
 a kilobyte.
+
+An estimate by a surrogate that real runs have corrected has two coordinates of numbers besides,
+``surrogate_estimate`` and ``equivalent_runs``: in a dataset the variables
+``<statistic>_surrogate_estimate`` and ``<statistic>_equivalent_runs``.
 """
 
 from __future__ import annotations
@@ -23,10 +27,21 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.core.arrays import IntArray
-from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
+from uqpen.core.labels import (
+    BOUND,
+    BOUNDS,
+    EQUIVALENT_RUNS,
+    INTERVAL,
+    INTERVAL_LABEL,
+    INTERVAL_LEVEL,
+    NOTE,
+    SURROGATE_ESTIMATE,
+)
+from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
     "INTERVAL_TEXTS",
+    "correction_names",
     "estimate_array",
     "has_interval_texts",
     "interval_codes",
@@ -40,8 +55,17 @@ __all__ = [
 
 INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 
+# Numbers beside a corrected estimate, and what they are.
+_CORRECTIONS = {
+    SURROGATE_ESTIMATE: "by the surrogate alone",
+    EQUIVALENT_RUNS: "number of plain runs with an interval as wide",
+}
+
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
+
+# Of more values, the copies of the texts take longer than labels that need none.
+_FEW_VALUES = 2**12
 
 _BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
 
@@ -79,12 +103,25 @@ def estimate_array(
             () if isinstance(texts[name], str) else shape
         )
         own[name] = _texts(tuple(dims), entries)
-    return xr.DataArray(
+    return _labelled(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
-        {BOUND: _BOUND, **own, **(coordinates or {})},
         (*dims, BOUND),
-        attrs={"units": units, "long_name": long_name, **(attributes or {})},
+        {BOUND: _BOUND, **own, **(coordinates or {})},
+        {"units": units, "long_name": long_name, **(attributes or {})},
     )
+
+
+def _labelled(
+    values: npt.NDArray[Any],
+    dims: tuple[Hashable, ...],
+    coordinates: Mapping[Any, Any],
+    attributes: Mapping[Any, Any],
+    name: str | None = None,
+) -> xr.DataArray:
+    """Return an array with coordinates; the constructor copies each text of these."""
+    if values.size <= _FEW_VALUES:
+        return xr.DataArray(values, coordinates, dims, name, attributes)
+    return xr.DataArray(values, None, dims, name, attributes).assign_coords(coordinates)
 
 
 def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
@@ -106,8 +143,9 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
         coordinates |= {
             str(key): each.variable
             for key, each in array.coords.items()
-            if key not in INTERVAL_TEXTS
+            if key not in (*INTERVAL_TEXTS, *_CORRECTIONS)
         }
+        variables |= _packed_corrections(name, array)
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
@@ -121,6 +159,20 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
                 }
         variables[name] = (array.dims, array.values, attributes)
     return xr.Dataset(variables, coordinates)
+
+
+def _packed_corrections(name: str, array: xr.DataArray) -> dict[str, Any]:
+    """Return the numbers beside corrected estimates as variables; none for other estimates."""
+    units = {SURROGATE_ESTIMATE: array.attrs.get("units", DIMENSIONLESS)}
+    return {
+        f"{name}_{key}": (
+            array.dims[:-1],
+            array.coords[key].values,
+            {"units": units.get(key, DIMENSIONLESS), "long_name": f"{name}, {what}"},
+        )
+        for key, what in _CORRECTIONS.items()
+        if key in array.coords
+    }
 
 
 def _coded_texts(array: xr.DataArray) -> tuple[IntArray, list[tuple[str, ...]]]:
@@ -166,7 +218,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
     dims = array.dims[:-1]
     shape = array.shape[:-1]
     codes = interval_codes(dataset, name)
-    texts = {}
+    texts: dict[str, xr.Variable] = {}
     for key in INTERVAL_TEXTS:
         if codes is None:
             values = np.full(shape, str(array.attrs.get(key, "")), dtype=object)
@@ -174,9 +226,12 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
             values = np.asarray(table[codes.values], dtype=object)
         texts[key] = _texts(dims, values)
+    for key in _CORRECTIONS:
+        if (beside := dataset.variables.get(f"{name}_{key}")) is not None:
+            texts[key] = beside
     coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return xr.DataArray(array.values, coordinates, array.dims, name=name, attrs=attributes)
+    return _labelled(array.values, array.dims, coordinates, attributes, name)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
@@ -215,10 +270,14 @@ def interval_codes(dataset: xr.Dataset, name: str) -> xr.Variable | None:
 
 
 def statistic_names(dataset: xr.Dataset) -> list[str]:
-    """Return the statistics of a dataset, without the codes of their intervals."""
+    """Return the statistics of a dataset, without the variables that belong to another one."""
     names = [str(name) for name in dataset.data_vars]
-    return [
-        name
-        for name in names
-        if not (name.endswith(_CODES) and name.removesuffix(_CODES) in dataset.data_vars)
-    ]
+    belonging = {
+        each for name in names for each in (interval_codes_name(name), *correction_names(name))
+    }
+    return [name for name in names if name not in belonging]
+
+
+def correction_names(statistic: str) -> list[str]:
+    """Return the names of the variables with the numbers beside corrected estimates."""
+    return [f"{statistic}_{key}" for key in _CORRECTIONS]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.estimates import has_interval_texts, statistic_names
+from uqpen.archive.estimates import correction_names, has_interval_texts, statistic_names
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, REQUESTED_DIMENSIONS, Statistic
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
@@ -173,6 +173,13 @@ def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
         yield f"{name}: does not say how its interval was made"
     elif variable.dims[-1] != BOUND or not has_kind(variable, "number"):
         yield f"{name}: not the bounds of an estimate"
+    for beside in correction_names(name):
+        found = dataset.variables.get(beside)
+        if found is not None and (found.dims, True) != (
+            variable.dims[:-1],
+            has_kind(found, "number"),
+        ):
+            yield f"{beside} is not of a number for each entry of {name}"
 
 
 def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:

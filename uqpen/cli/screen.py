@@ -18,7 +18,8 @@ from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
-from uqpen.results.field_texts import field_lines
+from uqpen.results.field_tables import field_tables
+from uqpen.results.field_texts import derived_lines
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import OutputTable
 
@@ -82,8 +83,14 @@ def show_table(console: Console, table: OutputTable) -> None:
 
 
 def _show_fields(console: Console, tree: xr.DataTree) -> None:
-    """Show a line for each output with dimensions."""
-    lines = list(field_lines(tree))
+    """Show a row for each output with dimensions, and a line for each number that follows."""
+    for table in field_tables(tree):
+        show_table(console, table)
+    lines = [
+        f"{name}: {line}" if name else line
+        for name, model in model_trees(tree).items()
+        for line in derived_lines(model)
+    ]
     if lines:
         console.print()
     for line in lines:

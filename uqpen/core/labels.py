@@ -41,21 +41,18 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
+# Beside the corrected estimate of a surrogate: its figure before the correction, and the number of
+# plain runs whose interval would be as narrow.
+SURROGATE_ESTIMATE = "surrogate_estimate"
+EQUIVALENT_RUNS = "equivalent_runs"
 # Of all intervals, at the root of an archive whose study states another than the default.
 CONFIDENCE_LEVEL = "confidence_level"
 
 # Version of the recipe of intervals, at the root of an archive; without it, it is the first.
 RECIPE = "interval_recipe"
 
-# Verdicts on a surrogate's estimate, its labels: validation runs confirm it, contradict it, are of
-# another population as some of them failed, or tell nothing of it.
-CHECKED = "checked"
-REFUSED = "refused"
-NOT_COMPARABLE = "not comparable"
-UNCHECKED = "unchecked"
-VERDICTS = (CHECKED, REFUSED, NOT_COMPARABLE, UNCHECKED)
-# Of a surrogate among the sources: the rule of its verdicts.
-VERDICT_RULE = "verdict_rule"
+# Version of how a surrogate is fitted and its estimates are corrected, an attribute of the source.
+SURROGATE_RECIPE = "surrogate_recipe"
 
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"

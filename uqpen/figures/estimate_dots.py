@@ -9,19 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import interval_text
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.table import Conversion
 
-__all__ = ["HOLLOW", "REFUSED_NOTE", "EstimateDot", "draw_dots", "error_bar_lengths"]
+__all__ = ["HOLLOW", "EstimateDot", "draw_dots", "error_bar_lengths"]
 
 
 HOLLOW = "hollow: no interval"
-REFUSED_NOTE = "crossed out: refused, as independent runs contradict it"
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,6 @@ class EstimateDot:
         Colour and marker.
     label : str
         Its legend; empty for none.
-    is_refused : bool
-        Whether independent runs contradict it.
     level : float
         Of its interval.
     """
@@ -48,7 +44,6 @@ class EstimateDot:
     place: float
     look: SourceStyle
     label: str = ""
-    is_refused: bool = False
     level: float = math.nan
 
     @classmethod
@@ -66,7 +61,6 @@ class EstimateDot:
             place,
             look,
             label,
-            interval_text(array, INTERVAL_LABEL) == REFUSED,
             float(array.attrs.get(INTERVAL_LEVEL, math.nan)),
         )
 
@@ -101,11 +95,7 @@ def draw_dots(axes: Axes, dots: list[EstimateDot]) -> Iterator[str]:
             capsize=2,
             label=dot.label or None,
         )
-        if dot.is_refused:
-            axes.plot(dot.bounds[:1], [dot.place], "x", color="black", markersize=7)
     for level in sorted({dot.level for dot in barred if dot.level > 0}):
         yield f"bars: {percent_text(level)} intervals"
     if len(barred) < len(dots):
         yield HOLLOW
-    if any(dot.is_refused for dot in dots):
-        yield REFUSED_NOTE

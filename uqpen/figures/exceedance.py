@@ -23,7 +23,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.exceedance_tail import ExceedanceTail
 from uqpen.results.source_style import BLACK, SourceStyle
-from uqpen.results.table import estimate_with_verdict, identity
+from uqpen.results.table import identity, shown_estimate
 from uqpen.results.texts import plain_text
 
 __all__ = ["exceedance"]
@@ -151,5 +151,5 @@ def _draw_thresholds(
             markerfacecolor="white" if error is None else BLACK,
             capsize=3,
             zorder=5,
-            label=f"{caption} = {estimate_with_verdict(estimate, identity)}",
+            label=f"{caption} = {shown_estimate(estimate, identity)}",
         )

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.source_statistics import source_entries
-from uqpen.results.table import Conversion, below_label, exceedance_label, quantile_label
+from uqpen.results.statistic_entries import NUMBERS, labelled_entries
+from uqpen.results.table import Conversion
 
 __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
 
 _ROW, _FRAME = 0.19, 0.75
 
-# The statistics that are compared as a whole, and their labels in the tables.
-_SINGLE = {"mean": "mean", "std": "sd"}
-# Statistics that are compared by entry: the coordinate that names an entry, and its label.
-_BY_ENTRY: dict[str, tuple[str, Callable[[Any], str]]] = {
-    "quantile": (PROBABILITY, quantile_label),
-    "exceedance": (THRESHOLD, exceedance_label),
-    "below": (LOWER_THRESHOLD, below_label),
-    "share": ("category_label", "share {}".format),
-}
 # The labels of axes of statistics without a unit.
 _AXES = {"exceedance": "probability", "below": "probability", "share": "share"}
 
@@ -76,15 +66,11 @@ class ComparedStatistic(NamedTuple):
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
     """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
-    for name in (*_SINGLE, *_BY_ENTRY):
-        arrays, convert = view.estimates(output, name), view.conversion(output, name)
+    for name in NUMBERS:
+        convert = view.conversion(output, name)
         axis = _AXES.get(name) or view.axis_label(output)
-        if name in _SINGLE:
-            yield ComparedStatistic(name, _SINGLE[name], axis, convert, arrays)
-        else:
-            coordinate, entry_label = _BY_ENTRY[name]
-            for entry, found in source_entries(arrays, coordinate):
-                yield ComparedStatistic(name, entry_label(entry), axis, convert, found)
+        for label, found in labelled_entries(name, view.estimates(output, name)):
+            yield ComparedStatistic(name, label, axis, convert, found)
 
 
 def _draw(

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 from uqpen.report.blocks import Axis, Chart, RunColumn, RunExplorer, ThresholdReadout
 from uqpen.report.marks import escape_text
+from uqpen.report.place_selection import PlaceReadout
 from uqpen.results.texts import plain_text
 
 __all__ = ["charts_json"]
 
+# Frequent characters of estimates (… ± − –), which take less room as they are; and a backslash.
+_FREQUENT = re.compile(r"\\\\|\\u(2026|00b1|2212|2013)")
 # A list that is longer is written once.
-_SHORT = 50
+_SHORT = 12
 # Characters of a row's name in one line.
 _WIDEST_ROW = 28
 
@@ -26,7 +30,12 @@ def charts_json(charts: Sequence[Chart], explorers: Sequence[RunExplorer] = ()) 
     every = _deduplicate_lists(drawn)
     content = {"charts": every[: len(charts)], "runs": every[len(charts) :]}
     text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = _FREQUENT.sub(lambda found: chr(int(found[1], 16)) if found[1] else found[0], text)
     return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
+
+
+# Where a list is written: number of the chart or the runs, number of the trace, key.
+_Place = tuple[int, int, str]
 
 
 def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -34,25 +43,41 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
 
     Charts side by side have the same runs along an axis. The page's script puts the lists back.
     """
-    places: dict[str, tuple[int, int, str]] = {}
-
-    def kept(key: str, value: Any, chart: int, trace: int) -> Any:
-        if not isinstance(value, list) or len(value) <= _SHORT:
-            return value
-        own = chart, trace, key
-        first = places.setdefault(json.dumps(value), own)
-        return value if first == own else {"same": first}
-
-    return [
+    known: dict[str, _Place] = {}
+    every = [
         chart
         | {
             "traces": [
-                {key: kept(key, value, number, position) for key, value in trace.items()}
-                for position, trace in enumerate(chart["traces"])
+                {key: _kept(value, known, (number, at, key)) for key, value in trace.items()}
+                for at, trace in enumerate(chart["traces"])
             ]
         }
         for number, chart in enumerate(charts)
     ]
+    for chart in every:
+        if "place" in chart:
+            chart["place"] = _place_read(chart["place"], known)
+    return every
+
+
+def _place_read(place: dict[str, Any], known: dict[str, _Place]) -> dict[str, Any]:
+    """Return what is read at places, with references to the lists of traces."""
+    columns = (
+        {key: _kept(value, known) for key, value in each.items()} for each in place["columns"]
+    )
+    return place | {"values": _kept(place["values"], known), "columns": list(columns)}
+
+
+def _kept(value: Any, known: dict[str, _Place], own: _Place | None = None) -> Any:
+    """Return a value; of a long list that is known, or of rows of known columns, a reference."""
+    if not isinstance(value, list | tuple) or len(value) <= _SHORT:
+        return value
+    if isinstance(value[0], list | tuple):
+        columns = [known.get(json.dumps(column)) for column in zip(*value, strict=True)]
+        return {"columns": columns} if all(columns) else value
+    text = json.dumps(value)
+    first = known.get(text) if own is None else known.setdefault(text, own)
+    return value if first in (None, own) else {"same": first}
 
 
 def _chart_content(chart: Chart) -> dict[str, Any]:
@@ -69,8 +94,7 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
     if chart.images:
         drawn["images"] = chart.images
     if chart.place is not None:
-        read = chart.place
-        drawn["place"] = {"values": read.values, "texts": read.texts, "start": read.start}
+        drawn["place"] = _place_content(chart.place)
     if chart.slices is not None:
         at = chart.slices
         drawn["slices"] = {"of": at.dimension, "values": at.values, "traces": at.traces}
@@ -88,6 +112,14 @@ def _reading_content(reading: ThresholdReadout) -> dict[str, Any]:
         "bounds": reading.bounds,
     }
     return content if reading.beyond is None else content | reading.beyond._asdict()
+
+
+def _place_content(place: PlaceReadout) -> dict[str, Any]:
+    columns = [
+        {"label": each.label, "unit": each.unit, "texts": each.texts, "reasons": each.reasons}
+        for each in place.columns
+    ]
+    return {"values": place.values, "heads": place.heads, "columns": columns, "start": place.start}
 
 
 def _explorer_content(explorer: RunExplorer) -> dict[str, Any]:

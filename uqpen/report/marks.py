@@ -24,10 +24,10 @@ __all__ = [
     "Trace",
     "band_traces",
     "bar_trace",
-    "cross_trace",
     "dot_trace",
     "end_trace",
     "escape_text",
+    "even_bar_trace",
     "line_trace",
     "point_trace",
     "rounded_numbers",
@@ -170,15 +170,6 @@ def point_trace(
     return trace
 
 
-def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
-    """Return the crosses over refused dots of `dot_trace`; a pointer still finds the dots."""
-    trace = point_trace(
-        estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
-    )
-    trace["marker"]["line"] = {"color": "ink", "width": 2}
-    return trace | {"x": rounded_numbers(estimates, _EXACT)}
-
-
 def end_trace(x: Numbers, y: Numbers, series: int | str, *, name: str) -> Trace:
     """Return the upright tick at the end of a line; a pointer finds its name."""
     trace = point_trace(
@@ -266,3 +257,11 @@ def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str)
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
     }
+
+
+def even_bar_trace(edges: FloatArray, counts: Numbers, series: int | str, *, hover: str) -> Trace:
+    """Counts in bins of equal width, which stand as the first one and the width."""
+    first, width = rounded_numbers([(edges[0] + edges[1]) / 2, edges[1] - edges[0]])
+    trace = bar_trace(edges, counts, series, hover=hover)
+    del trace["x"], trace["customdata"]
+    return trace | {"x0": first, "dx": width, "width": width}

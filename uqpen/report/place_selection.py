@@ -6,8 +6,37 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uqpen.report.marks import Trace
+from uqpen.results.table import NOTHING
 
-__all__ = ["PlaceReadout", "PlaceSlices"]
+__all__ = ["PlaceColumn", "PlaceReadout", "PlaceSlices"]
+
+
+@dataclass(frozen=True)
+class PlaceColumn:
+    """A statistic at each of the places of a curve.
+
+    Parameters
+    ----------
+    label, unit : str
+        What stands before and behind its estimates.
+    texts : sequence of str
+        The estimates; `NOTHING` where there is none.
+    reasons : dict
+        Why an estimate has no interval, by position of the place.
+    """
+
+    label: str
+    unit: str
+    texts: Sequence[str]
+    reasons: dict[int, str]
+
+    def text(self, position: int) -> str:
+        """Return the estimate at a place with its label; empty where there is none."""
+        if self.texts[position] == NOTHING:
+            return ""
+        reason = self.reasons.get(position)
+        told = f" (no interval: {reason})" if reason else ""
+        return f"{self.label} {self.texts[position]}{self.unit}{told}"
 
 
 @dataclass(frozen=True)
@@ -20,17 +49,25 @@ class PlaceReadout:
         Their titles.
     values : sequence of float
         The coordinates, in the unit of the axis.
-    texts : sequence of str
-        The estimates at each of them, as a sentence.
+    heads : sequence of str
+        The coordinates with their unit.
+    columns : sequence of PlaceColumn
+        The statistics there.
     start : int
         Position of the place that is shown first.
     """
 
     output: str
     dimension: str
-    values: Sequence[float]
-    texts: Sequence[str]
+    values: Sequence[float | None]
+    heads: Sequence[str]
+    columns: Sequence[PlaceColumn]
     start: int
+
+    def text(self, position: int) -> str:
+        """Return the estimates at a place as a sentence; the page's script makes the same."""
+        found = "; ".join(filter(None, (column.text(position) for column in self.columns)))
+        return f"At {self.heads[position]}: {found or 'no run gets this far'}."
 
 
 @dataclass(frozen=True)
@@ -44,7 +81,7 @@ class PlaceSlices:
     values : sequence of float
         The coordinates, in this unit.
     traces : sequence
-        For each place and each trace of the chart, the members that replace those of the trace.
+        For each place and each trace of the chart, the members that differ from the trace's.
     """
 
     dimension: tuple[str, str]

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, NOTE
+from uqpen.core.labels import (
+    BOUND,
+    EQUIVALENT_RUNS,
+    INTERVAL,
+    INTERVAL_LABEL,
+    NOTE,
+    SURROGATE_ESTIMATE,
+)
 
 __all__ = ["entries_json", "estimate_json", "json_value"]
 
@@ -24,7 +31,8 @@ def estimate_json(array: xr.DataArray) -> dict[str, Any]:
     content |= {what: _texts_json(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
     if note := _texts_json(array, NOTE):
         content[NOTE] = note
-    return content
+    corrections = (name for name in (SURROGATE_ESTIMATE, EQUIVALENT_RUNS) if name in array.coords)
+    return content | {name: json_value(array.coords[name].values) for name in corrections}
 
 
 def _texts_json(array: xr.DataArray, name: str) -> Any:

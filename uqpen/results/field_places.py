@@ -14,7 +14,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import DIMENSIONLESS, scale
 
-__all__ = ["FieldPlace", "cut_coordinates", "find_place", "label_at_place"]
+__all__ = ["FieldPlace", "cut_coordinates", "cut_text", "find_place", "label_at_place"]
 
 
 class FieldPlace(NamedTuple):
@@ -96,5 +96,10 @@ def cut_coordinates(variable: xr.DataArray) -> Iterator[xr.DataArray]:
 
 def label_at_place(name: str, variable: xr.DataArray) -> str:
     """Return the name of an output, and the place to which it was cut, if it was."""
-    places = [coordinate_text(each, each.item()) for each in cut_coordinates(variable)]
-    return f"{name} at {', '.join(places)}" if places else name
+    place = cut_text(variable)
+    return f"{name} at {place}" if place else name
+
+
+def cut_text(variable: xr.DataArray) -> str:
+    """Return the place to which a field was cut, such as ``time = 10 day``; empty without one."""
+    return ", ".join(coordinate_text(each, each.item()) for each in cut_coordinates(variable))

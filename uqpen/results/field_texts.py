@@ -22,7 +22,7 @@ from uqpen.results.table import (
     shown_bounds,
 )
 
-__all__ = ["field_lines"]
+__all__ = ["derived_lines", "extent_text", "field_lines"]
 
 
 def field_lines(tree: xr.DataTree) -> Iterator[str]:
@@ -41,16 +41,21 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
         for output in field_names(runs):
             unit = str(runs[output].attrs.get("display_units", DIMENSIONLESS))
             label = label_with_unit(label_at_place(output, runs[output]), unit)
-            places = ", ".join(_extent(runs[each]) for each in field_dimensions(runs[output]))
+            places = ", ".join(extent_text(runs[each]) for each in field_dimensions(runs[output]))
             yield f"{head}{label}: along {places}{_range_text(model, output, unit)}"
-        for derived, variable in runs.data_vars.items():
-            # The companion of a number that not all runs have is described by its shares.
-            if DERIVED_FROM in variable.attrs and "display_units" in variable.attrs:
-                label = label_with_unit(str(derived), str(variable.attrs["display_units"]))
-                yield f"{head}{label}: {variable.attrs['long_name']}"
+        yield from (f"{head}{line}" for line in derived_lines(model))
 
 
-def _extent(coordinate: xr.DataArray) -> str:
+def derived_lines(model: xr.DataTree) -> Iterator[str]:
+    """Yield what each number of a model is that follows from a field."""
+    for derived, variable in first_runs(model).data_vars.items():
+        # The companion of a number that not all runs have is described by its shares.
+        if DERIVED_FROM in variable.attrs and "display_units" in variable.attrs:
+            label = label_with_unit(str(derived), str(variable.attrs["display_units"]))
+            yield f"{label}: {variable.attrs['long_name']}"
+
+
+def extent_text(coordinate: xr.DataArray) -> str:
     """Return the name of a dimension with its unit, its ends and its size."""
     unit = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
     ends = scale(unit).from_si(np.asarray(coordinate.values[[0, -1]], dtype=np.float64))

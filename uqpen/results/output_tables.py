@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees
 from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
@@ -66,6 +67,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         for surrogate in group_names(model, SURROGATES):
             table = fit_table(surrogate, model.children[SURROGATES].children[surrogate])
             yield replace(table, title=head + table.title)
+            for table in correction_tables(model, surrogate):
+                yield replace(table, title=f"{head}{table.title}{level}")
     yield from difference_tables(tree)
 
 
@@ -86,7 +89,9 @@ def _level_text(tree: xr.DataTree) -> str:
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
-    for output in field_names(first_runs(model)):
+    fields = field_names(first_runs(model))
+    # Of several fields, each has a line of its own first; who selects one sees its shares.
+    for output in fields if everything or len(fields) == 1 else ():
         if table := generalized_table(model, output):
             yield table
     for output, attributes in _outputs(model).items():

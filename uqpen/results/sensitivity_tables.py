@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.core.catalogue import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
+from uqpen.results.field_places import cut_text
 from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
@@ -25,7 +26,14 @@ from uqpen.results.measure_labels import (
 )
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
+from uqpen.results.table import (
+    NOTHING,
+    Conversion,
+    OutputTable,
+    first_runs,
+    identity,
+    label_with_unit,
+)
 
 __all__ = ["generalized_table", "named_tables"]
 
@@ -91,7 +99,9 @@ def generalized_table(tree: xr.DataTree, output: str) -> OutputTable | None:
     """Return the indices of a field's variance over all places; None where there are none."""
     shares = index_titles(tree)
     columns = list(_columns(SourceStatistics(tree), output, shares.ordered(GENERALIZED_INDICES)))
-    title = f"{output}: {shares.title('its variance over all places')}"
+    place = cut_text(first_runs(tree)[output])
+    over = f"the whole field, not only at {place}" if place else "all places"
+    title = f"{output}: {shares.title(f'its variance over {over}')}"
     return _table(title, columns, note=shares.note) if columns else None
 
 

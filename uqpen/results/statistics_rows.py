@@ -81,15 +81,12 @@ class StatisticsRows:
         add_tolerance_limits(self.table, self.statistics, self.name, self.measure)
 
     def _add_verdicts(self, arrays: dict[str, xr.DataArray]) -> None:
-        """Add a row of verdicts on a probability for which the study has acceptance limits.
-
-        A surrogate's estimate has no interval, and so no verdict.
-        """
+        """Add a row of verdicts on a probability for which the study has acceptance limits."""
         found = {source: Acceptance.from_array(array) for source, array in arrays.items()}
         verdicts = {
             source: each.verdict
             for source, each in found.items()
-            if each and self.statistics.kind(source) == "design"
+            if each and self.statistics.kind(source) in ("design", "surrogate")
         }
         if first := next(filter(None, found.values()), None):
             cells = [str(verdicts.get(source, NOTHING)) for source in self.table.columns]

@@ -13,7 +13,6 @@ from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import (
-    CHECKED,
     ESTIMATOR,
     INPUT,
     INTERVAL_LABEL,
@@ -21,7 +20,6 @@ from uqpen.core.labels import (
     PAIR,
     ROLE,
     RUNS,
-    VERDICTS,
 )
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
@@ -33,7 +31,6 @@ __all__ = [
     "below_label",
     "conversion",
     "estimate_remark",
-    "estimate_with_verdict",
     "exceedance_label",
     "field_names",
     "first_runs",
@@ -43,6 +40,7 @@ __all__ = [
     "quantile_label",
     "scalar_output_names",
     "shown_bounds",
+    "shown_estimate",
 ]
 
 Conversion = Callable[[Any], Any]
@@ -92,7 +90,7 @@ class OutputTable:
         """Return an estimate in the digits that it has, with the mark of its remark."""
         if array is None:
             return NOTHING
-        return estimate_with_verdict(array, convert) + self.note_mark(estimate_remark(array))
+        return shown_estimate(array, convert) + self.note_mark(estimate_remark(array))
 
     def cells(
         self, arrays: Mapping[str, xr.DataArray], convert: Conversion = identity
@@ -101,13 +99,11 @@ class OutputTable:
         return [self.cell(arrays.get(source), convert) for source in self.columns]
 
 
-def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
-    """Return an estimate in the digits that it has, with the verdict if that is against it."""
+def shown_estimate(array: xr.DataArray, convert: Conversion) -> str:
+    """Return an estimate in the digits that it has."""
     # What no runs and no estimator have given is published, in digits of its own.
     is_published = not {"runs", ESTIMATOR} & array.attrs.keys()
-    text = estimate_text(*shown_bounds(array, convert), is_short=is_published)
-    label = interval_text(array, INTERVAL_LABEL)
-    return f"{text} {label}" if label in VERDICTS and label != CHECKED else text
+    return estimate_text(*shown_bounds(array, convert), is_short=is_published)
 
 
 def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:

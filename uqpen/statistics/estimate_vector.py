@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.statistics.estimate import LEVEL, Estimate
 
@@ -53,6 +53,18 @@ class EstimateVector:
         texts = np.array([(e.method, e.label, e.note) for e in estimates], dtype=object)
         return cls(*np.moveaxis(numbers, -1, 0), *np.moveaxis(texts.reshape(*shape, 3), -1, 0))
 
+    @classmethod
+    def joined(cls, parts: Iterable[tuple[IntArray, EstimateVector]]) -> EstimateVector:
+        """Return estimates at some places each, as those at all places in their order."""
+        places, vectors = zip(*parts, strict=True)
+        order = np.argsort(np.concatenate(places))
+        columns = zip(*(each._columns() for each in vectors), strict=True)
+        return cls(*(np.concatenate(column)[order] for column in columns))
+
+    def __getitem__(self, place: int) -> EstimateVector:
+        """Return the estimates at a place."""
+        return EstimateVector(*(column[place] for column in self._columns()))
+
     def replace_at(self, condition: npt.ArrayLike, other: EstimateVector) -> EstimateVector:
         """Return other estimates where a condition is true, and these elsewhere."""
         return EstimateVector(
@@ -70,6 +82,18 @@ class EstimateVector:
         """Return the estimates, without bounds where a condition is true, for some reasons."""
         return self.replace_at(condition, EstimateVector.without_bounds(self.value, *reasons))
 
+    def with_further_note(self, note: str) -> EstimateVector:
+        """Return the estimates with a note behind those that they have; an empty one is none."""
+        if not note:
+            return self
+        further = np.frompyfunc(lambda each: "; ".join(filter(None, (each, note))), 1, 1)
+        return replace(self, note=further(self.note))
+
+    def each(self) -> list[Estimate]:
+        """Return the estimates one by one."""
+        columns = (column.ravel().tolist() for column in self._columns())
+        return [Estimate(*entries) for entries in zip(*columns, strict=True)]
+
     @property
     def has_bounds(self) -> BoolArray:
         """True where there are bounds."""
@@ -82,13 +106,8 @@ class EstimateVector:
     @classmethod
     def stack(cls, parts: Sequence[EstimateVector]) -> EstimateVector:
         """Return estimates as one, along a further dimension behind that of the places."""
-        columns = zip(
-            *((*each._numbers, *map(_objects, each._texts)) for each in parts), strict=True
-        )
-        shape = parts[0].value.shape
-        return cls(
-            *(np.stack([np.broadcast_to(part, shape) for part in column], -1) for column in columns)
-        )
+        columns = zip(*(each._columns() for each in parts), strict=True)
+        return cls(*(np.stack(column, -1) for column in columns))
 
     def to_array(
         self,
@@ -115,6 +134,11 @@ class EstimateVector:
             attributes={INTERVAL_LEVEL: level} if self.has_bounds.any() or along else {},
             coordinates=coordinates,
         )
+
+    def _columns(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield the numbers and the texts, all in the shape of the values."""
+        for column in (*self._numbers, *map(_objects, self._texts)):
+            yield np.broadcast_to(column, np.shape(self.value))
 
     @property
     def _numbers(self) -> tuple[FloatArray, ...]:

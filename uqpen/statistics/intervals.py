@@ -50,10 +50,10 @@ def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     -------
     ndarray, shape (..., group)
     """
-    sums = np.empty((*values.shape[:-1], groups))
-    for row in np.ndindex(values.shape[:-1]):
-        sums[row] = np.bincount(group, values[row], groups)
-    return sums
+    rows = math.prod(values.shape[:-1])
+    own = np.arange(rows)[:, None] * groups + group
+    sums: FloatArray = np.bincount(own.ravel(), values.ravel(), rows * groups)
+    return sums.reshape(*values.shape[:-1], groups)
 
 
 def ratio_error(
@@ -88,7 +88,7 @@ def ratio_error(
 
 def ratio_jackknife_error(
     numerator: FloatArray, denominator: FloatArray, group: IntArray, groups: int
-) -> tuple[float, float]:
+) -> tuple[FloatArray, float]:
     """Standard error of a ratio of sums, by leaving out one group after the other.
 
     The groups may be of unequal size (Busing, F. M. T. A., Meijer, E. & van der Leeden, R. (1999).
@@ -96,7 +96,7 @@ def ratio_jackknife_error(
 
     Parameters
     ----------
-    numerator, denominator : ndarray, shape (row,)
+    numerator, denominator : ndarray, shape (..., row)
         The terms of the sums.
     group : ndarray of int, shape (row,)
         The group of each row, from 0. No group is empty or contains all of the denominator.
@@ -105,17 +105,20 @@ def ratio_jackknife_error(
 
     Returns
     -------
-    error, freedom : float
-        Standard error of the ratio, and its degrees of freedom.
+    error : ndarray, shape (...)
+        Standard error of the ratio.
+    freedom : float
+        Its degrees of freedom.
     """
-    above, below = (np.bincount(group, column, groups) for column in (numerator, denominator))
-    without = (above.sum() - above) / (below.sum() - below)
+    above, below = (group_sums(column, group, groups) for column in (numerator, denominator))
+    sum_above, sum_below = (sums.sum(axis=-1, keepdims=True) for sums in (above, below))
+    without = (sum_above - above) / (sum_below - below)
     fold = len(group) / np.bincount(group, minlength=groups)
-    whole = above.sum() / below.sum()
+    whole = sum_above / sum_below
     pseudo_values = fold * whole - (fold - 1) * without
-    centre = groups * whole - float(((1 - 1 / fold) * without).sum())
-    variance = float(((pseudo_values - centre) ** 2 / (fold - 1)).mean())
-    return math.sqrt(variance), groups - 1
+    centre = groups * whole - ((1 - 1 / fold) * without).sum(axis=-1, keepdims=True)
+    variance = ((pseudo_values - centre) ** 2 / (fold - 1)).mean(axis=-1)
+    return np.sqrt(variance), groups - 1
 
 
 def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[FloatArray, float]:

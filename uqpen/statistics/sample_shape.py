@@ -12,18 +12,24 @@ from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.weights import effective_size
 
-__all__ = ["SampleShape"]
+__all__ = [
+    "DOUBTFUL_KURTOSIS",
+    "ENOUGH_RUNS_FOR_TAILS",
+    "FEWEST_EFFECTIVE_RUNS",
+    "FEWEST_RUNS_FOR_TAILS",
+    "SampleShape",
+]
 
 
 # Limits for the interval of the standard deviation, from its coverage in simulations. Beyond the
 # first two, the tail is so heavy that only a few runs decide the variance. With few runs, a heavy
 # tail can remain hidden: usually below the third limit, sometimes up to the fourth.
 _HEAVY_KURTOSIS = 6.0
-_FEWEST_EFFECTIVE_RUNS = 1000.0
-_FEWEST_RUNS_FOR_TAILS = 200
-_ENOUGH_RUNS_FOR_TAILS = 1000
+FEWEST_EFFECTIVE_RUNS = 1000.0
+FEWEST_RUNS_FOR_TAILS = 200
+ENOUGH_RUNS_FOR_TAILS = 1000
 # A distribution with a heavier tail may give a sample below the former limit, seldom below this.
-_DOUBTFUL_KURTOSIS = 4.5
+DOUBTFUL_KURTOSIS = 4.5
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,9 @@ class SampleShape:
     def _moment(self, power: int) -> FloatArray:
         if not self.sample.size:
             return self.scale
-        return np.where(self.scale > 0, self.sample.mean(self.deviations**power), np.nan)
+        # The square of squares takes a tenth of the time of a fourth power.
+        powers = (self.deviations**2) ** 2 if power == 4 else self.deviations**power
+        return np.where(self.scale > 0, self.sample.mean(powers), np.nan)
 
     @cached_property
     def skewness(self) -> FloatArray:
@@ -88,7 +96,7 @@ class SampleShape:
     @property
     def has_few_effective_runs(self) -> BoolArray:
         """True if the effective runs are too few for a heavy tail."""
-        return self.effective_runs < _FEWEST_EFFECTIVE_RUNS
+        return self.effective_runs < FEWEST_EFFECTIVE_RUNS
 
     @property
     def is_heavy(self) -> BoolArray:
@@ -98,12 +106,12 @@ class SampleShape:
     @property
     def may_be_heavy(self) -> BoolArray:
         """True if the runs are a heavy tail's, or may be: no interval of the spread is reliable."""
-        return (self.kurtosis > _DOUBTFUL_KURTOSIS) & self.has_few_effective_runs
+        return (self.kurtosis > DOUBTFUL_KURTOSIS) & self.has_few_effective_runs
 
     @property
     def is_small(self) -> bool:
         """True if there are so few runs that any of them may hide a heavy tail."""
-        return self.sample.effective_size < _ENOUGH_RUNS_FOR_TAILS
+        return self.sample.effective_size < ENOUGH_RUNS_FOR_TAILS
 
     @property
     def is_doubtful(self) -> BoolArray:
@@ -113,11 +121,11 @@ class SampleShape:
     @property
     def hidden_tail(self) -> str:
         """Reason why the runs cannot show a heavy tail; empty where there are enough."""
-        if self.sample.effective_size >= _FEWEST_RUNS_FOR_TAILS:
+        if self.sample.effective_size >= FEWEST_RUNS_FOR_TAILS:
             return ""
         is_weighted = self.sample.weights is not None
         text = texts.HIDDEN_TAIL_OF_WEIGHTED if is_weighted else texts.HIDDEN_TAIL
-        return text.format(runs=_FEWEST_RUNS_FOR_TAILS)
+        return text.format(runs=FEWEST_RUNS_FOR_TAILS)
 
     @property
     def tail_note(self) -> str:

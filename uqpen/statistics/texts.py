@@ -37,6 +37,13 @@ JACKKNIFE = "jackknife over replicates"
 WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blocks"
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
+CORRECTED_STUDENT = "surrogate corrected by runs: Student t, moved out for rare values"
+CORRECTED_DELTA_ON_LOGARITHM = (
+    "surrogate corrected by runs: delta method on the logarithm, moved out for rare values"
+)
+CORRECTED_BONETT_PRICE = "surrogate corrected by runs: Bonett-Price"
+CORRECTED_WOODRUFF = "surrogate corrected by runs: Woodruff, by Bonett-Price intervals"
+CORRECTED_BRACKET = "surrogate corrected by runs: between a lower and an upper bound, delta method"
 
 # Bands over all places of a field, and ranked curves.
 SIMULTANEOUS = "{method}, at a level that holds at all places at once"
@@ -170,7 +177,28 @@ FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 # Estimators of a surrogate.
 FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
 NO_PAIRS = "none: inputs cannot be drawn given others"
+CORRECTED_BY = "{estimator}; corrected by {runs} runs"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
+
+# Estimates of a surrogate that runs cannot correct.
+NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's own figure"
+NO_CORRECTION_OF_LOGARITHM = "its terms are known for the logarithm only, so runs cannot correct it"
+NO_CORRECTION_WITHOUT_TERMS = "the terms of the surrogate are not known, so runs cannot correct it"
+NO_CORRECTION_IF_INADMISSIBLE = "some inputs are inadmissible, so runs cannot correct it"
+NO_BAND_KNOWN = "no simultaneous band is known"
+NO_VARIANCE_LEFT = "the runs leave no variance"
+HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
+EXPLAINS_TOO_LITTLE = "the surrogate explains {share:.0f} % of the variance at runs left out"
+SEE_QUANTILES = "see the quantiles"
+NOT_FINITE_PREDICTIONS = "predictions of it are not finite"
+NOT_FITTED_WITHOUT = "not fitted without a fold of its training runs: {reason}"
+NO_CORRECTING_RUN = "no run corrects it"
+FEW_CORRECTING_RUNS = "{runs} runs are too few to correct it"
+NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
+OF_ALL_ADMISSIBLE = (
+    "of all admissible inputs: {missing} runs failed, and the interval allows for what they may "
+    "have given"
+)
 
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"

@@ -87,7 +87,7 @@ def plan_runs(runs: int, inputs: int, no_surrogate: str = "") -> tuple[PlannedTa
             "surrogates",
             "pce",
             {"kind": "polynomial-chaos", "design": "latin_hypercube", "check": "monte_carlo"},
-            "often sharper than a sample, where checked",
+            "corrected by all runs, often sharper than a sample",
         ),
     )
 

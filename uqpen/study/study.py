@@ -154,17 +154,6 @@ class ValidatedStudy:
         wanted = {each.output.name: each.display_unit for each in self.quantities_of_interest}
         return units | wanted
 
-    def validation_designs(self, surrogate: Surrogate) -> list[str]:
-        """Return the designs of a surrogate's validation runs, the main one first.
-
-        That is the design that the surrogate names; else the first sample of the joint
-        distribution that it was not fitted to.
-        """
-        others = [name for name in self.designs if name != surrogate.design]
-        samples = [name for name in others if self.designs[name].samples_inputs(self.joint)]
-        first = [surrogate.check] if surrogate.check else samples[:1]
-        return first + [name for name in samples if name not in first]
-
     def files(self) -> Iterator[FileSnapshot]:
         """Return the files that it names, with the content that was read.
 

@@ -91,9 +91,9 @@ def runs_text(study: ValidatedStudy) -> str:
 
 
 def surrogate_rows(study: ValidatedStudy) -> Rows:
-    """Return the name of each surrogate with its design and its first validation design."""
+    """Return the name of each surrogate with its design and its check design."""
     return [
-        (name, surrogate.design, next(iter(study.validation_designs(surrogate)), "nothing"))
+        (name, surrogate.design, surrogate.check or "nothing")
         for name, surrogate in study.surrogates.items()
     ]
 

@@ -9,6 +9,7 @@ __all__ = ["ENTRY_POINTS", "SURROGATES"]
 
 SURROGATES = {
     "polynomial-chaos": "uqpen.surrogates.polynomial_chaos:PolynomialChaos",
+    "gaussian-process": "uqpen.surrogates.gaussian_process:GaussianProcess",
 }
 
 # The group of entry points with which installed packages add kinds.

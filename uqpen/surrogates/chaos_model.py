@@ -150,6 +150,14 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
         coefficients[rows.ravel(), columns] = np.concatenate([e.coefficients for e in expansions])
         return indices, coefficients
 
+    def closed_form_parts(self, output: str, inputs: Arrays) -> tuple[FloatArray, FloatArray]:
+        """Return sums of an expansion's terms; see `ClosedForms.closed_form_parts`."""
+        indices, coefficients = self._terms(output)
+        values = self.basis.matrix(inputs, indices) * coefficients
+        is_in = indices > 0
+        is_alone = is_in & (is_in.sum(axis=1) == 1)[:, None]
+        return values @ is_alone, values @ is_in
+
     def closed_form_problem(self, output: str) -> str:
         """Return the reason why the coefficients do not give the output's moments and indices.
 

@@ -189,3 +189,21 @@ class ClosedForms(ABC):
         coefficients : ndarray, shape (term, output)
         """
         return None
+
+    def closed_form_parts(
+        self, output: str, inputs: Arrays
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return what each input adds to an output at some points; None if that is not known.
+
+        Parameters
+        ----------
+        output : str
+        inputs : mapping of str to ndarray, shape (run,)
+            SI values of the random inputs at least.
+
+        Returns
+        -------
+        alone, in_all : ndarray, shape (run, input)
+            Sum of the terms in the input alone, and of all terms that it is in.
+        """
+        return None

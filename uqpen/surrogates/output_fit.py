@@ -34,6 +34,15 @@ class OutputFit(ABC):
             The random inputs in SI units, in the order of the fit.
         """
 
+    @property
+    def is_of_logarithm(self) -> bool:
+        """True if it was fitted to the logarithm of the output."""
+        return False
+
+    def predict_mean(self, points: FloatArray) -> FloatArray:
+        """Predict the output without its standard deviation, which a fit may do faster."""
+        return self.predict(points).mean
+
     def diagnostics(self) -> Iterator[Diagnostic]:
         """Yield numbers that say something about the fit, each under a name of its own."""
         yield from ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,6 +16,7 @@ from uqpen.core.settings import name
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
+from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.principal_components import components_setting
 from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_output
@@ -22,7 +24,10 @@ from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 from uqpen.surrogates.training_record import TrainingRecord
 
-__all__ = ["OutputSurrogate", "unfitted"]
+__all__ = ["OutputSurrogate", "fit_separately", "unfitted"]
+
+# Fits an output; its arguments are those of `OutputSurrogate.fit_output`, after the output itself.
+Fit = Callable[[Output, FloatArray, FloatArray, np.random.Generator], OutputFit | str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,56 +78,88 @@ class OutputSurrogate(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> SeparateFits:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        training = TrainingRuns.from_runs(runs, model, joint)
-        record = _record(self, training, joint)
-        fitted: dict[str, FittedOutput] = {}
-        reasons: dict[str, str] = {}
-        for output in model.all_outputs:
-            rng = stream.generator("fit", output.name)
-            found: FittedOutput | str = training.output_problem(output)
-            if not found:
-                points = np.column_stack([training.inputs[each] for each in record.random_inputs])
-                found = self._fitted_output(output, points, training.outputs[output.name], rng)
-            if isinstance(found, FittedOutput):
-                fitted[output.name] = found
-            else:
-                reasons[output.name] = found
-        return SeparateFits(
-            name=name,
-            inputs=known_inputs(model, joint),
-            outputs=tuple(each.output for each in fitted.values()),
-            fitted=fitted,
-            reasons=reasons,
-            fixed=training.fixed,
-            training=record,
-            kind=_reference(self),
-            original=model,
-        )
 
-    def _fitted_output(
-        self, output: Output, points: FloatArray, values: FloatArray, rng: np.random.Generator
-    ) -> FittedOutput | str:
-        """Return the fit to an output, or the reason why there is none."""
-        try:
-            fit = self.fit_output(points.copy(), values.copy(), rng)
-            if isinstance(fit, str):
-                return fit
-            if not isinstance(fit, self.output_fit):
+        def fit_one(
+            output: Output, points: FloatArray, values: FloatArray, rng: np.random.Generator
+        ) -> OutputFit | str:
+            fit = self.fit_output(points, values, rng)
+            if not isinstance(fit, str | self.output_fit):
                 wrong, expected = type(fit).__name__, self.output_fit.__name__
                 raise TypeError(f"fit_output returns an object of class {wrong}, not {expected}")
-            found = FittedOutput(output, fit, float(values.min()), float(values.max()))
-            found.to_groups()
-            predicted = predict_output(fit, points).mean
-        except (Exception, SystemExit) as error:  # a foreign class can raise anything
-            return f"its fit fails: {error_text(error)}"
-        if not np.isfinite(predicted).all():
-            return "its fit fails: a prediction at the training runs is not finite"
-        return found
+            return fit
+
+        return fit_separately(self, fit_one, name, runs, model, joint, stream)
 
     @classmethod
     def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> SeparateFits:
         """Restore a surrogate of this class; see `Surrogate.restore`."""
         return SeparateFits.from_tree(tree, name, original, cls.output_fit)
+
+
+def fit_separately(
+    surrogate: Surrogate,
+    fit_one: Fit,
+    name: str,
+    runs: xr.Dataset,
+    model: Model,
+    joint: JointDistribution,
+    stream: Stream,
+) -> SeparateFits:
+    """Fit every output that has numbers by itself.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The settings, for the record.
+    fit_one : callable
+        Fits an output, or returns the reason where that is not possible.
+    name, runs, model, joint, stream
+        As `Surrogate.fit` takes them.
+    """
+    training = TrainingRuns.from_runs(runs, model, joint)
+    record = _record(surrogate, training, joint)
+    fitted: dict[str, FittedOutput] = {}
+    reasons: dict[str, str] = {}
+    for output in model.all_outputs:
+        rng = stream.generator("fit", output.name)
+        found: FittedOutput | str = training.output_problem(output)
+        if not found:
+            points = np.column_stack([training.inputs[each] for each in record.random_inputs])
+            values = training.outputs[output.name]
+            found = _fitted_output(output, fit_one, points, values, rng)
+        if isinstance(found, FittedOutput):
+            fitted[output.name] = found
+        else:
+            reasons[output.name] = found
+    return SeparateFits(
+        name=name,
+        inputs=known_inputs(model, joint),
+        outputs=tuple(each.output for each in fitted.values()),
+        fitted=fitted,
+        reasons=reasons,
+        fixed=training.fixed,
+        training=record,
+        kind=_reference(surrogate),
+        original=model,
+    )
+
+
+def _fitted_output(
+    output: Output, fit_one: Fit, points: FloatArray, values: FloatArray, rng: np.random.Generator
+) -> FittedOutput | str:
+    """Return the fit to an output, or the reason why there is none."""
+    try:
+        fit = fit_one(output, points.copy(), values.copy(), rng)
+        if isinstance(fit, str):
+            return fit
+        found = FittedOutput(output, fit, float(values.min()), float(values.max()))
+        found.to_groups()
+        predicted = predict_output(fit, points).mean
+    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+        return f"its fit fails: {error_text(error)}"
+    if not np.isfinite(predicted).all():
+        return "its fit fails: a prediction at the training runs is not finite"
+    return found
 
 
 def unfitted(
@@ -156,4 +193,7 @@ def _record(
 
 
 def _reference(surrogate: Surrogate) -> str:
-    return f"{type(surrogate).__module__}:{type(surrogate).__qualname__}"
+    """Return the name of a built-in kind, or the reference of a class from outside."""
+    reference = f"{type(surrogate).__module__}:{type(surrogate).__qualname__}"
+    built_in = {each: kind for kind, each in SURROGATES.items()}
+    return built_in.get(reference, reference)

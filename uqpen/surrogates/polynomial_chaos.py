@@ -29,7 +29,7 @@ from uqpen.surrogates.term_selection import (
     projection_terms,
     regression_terms,
 )
-from uqpen.surrogates.training import TrainingRuns, known_inputs
+from uqpen.surrogates.training import TrainingRuns, known_inputs, logarithm_problem
 
 __all__ = ["PolynomialChaos"]
 
@@ -165,9 +165,8 @@ class PolynomialChaos(Surrogate):
         if problem := training.output_problem(output):
             return problem
         values = training.outputs[output.name]
-        if is_logarithm and not (values > 0).all():
-            least = f"its least value is {values.min():g}"
-            return f"it has no logarithm where it is not positive: {least}"
+        if is_logarithm and (problem := logarithm_problem(values)):
+            return problem
         fitted = np.log(values) if is_logarithm else values
         points = FitPoints(basis, training.inputs, self.truncation)
         # Scaled to size one, so that neither units nor a large mean cost any digits.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -14,7 +14,8 @@ import xarray as xr
 from uqpen.archive.tree import read_group
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.labels import NOT_FITTED
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, Diagnostic, diagnostics_dataset
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
@@ -23,7 +24,7 @@ from uqpen.surrogates.prediction_error import predictive_q2
 from uqpen.surrogates.storage import describe, description, unfitted_outputs
 from uqpen.surrogates.training_record import TrainingRecord
 
-__all__ = ["FittedOutput", "SeparateFits", "predict_output"]
+__all__ = ["FittedOutput", "SeparateFits", "predict_mean", "predict_output"]
 
 # Points predicted at a time, so that memory suffices for a matrix of them and the training runs.
 _ROWS = 4096
@@ -127,6 +128,17 @@ class SeparateFits(FittedSurrogate):
         points = self._points(inputs)
         return {name: predict_output(each.fit, points) for name, each in self.fitted.items()}
 
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Return the predicted values without their deviations; see `Model.evaluate`."""
+        points = self._points(inputs)
+        values = {name: predict_mean(each.fit, points) for name, each in self.fitted.items()}
+        return Results(values, np.full(len(points), Status.OK, dtype=np.int8))
+
+    @property
+    def logarithms(self) -> frozenset[str]:
+        """Outputs that were fitted as their logarithm."""
+        return frozenset(name for name, each in self.fitted.items() if each.fit.is_of_logarithm)
+
     def training_range(self, output: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an output in the training runs."""
         return self.fitted[output].smallest, self.fitted[output].largest
@@ -209,15 +221,27 @@ def predict_output(fit: OutputFit, points: FloatArray) -> Prediction:
     TypeError, ValueError
         If the fit gives anything but a number for each point, and a standard deviation if any.
     """
-    parts = [
-        _valid_prediction(fit.predict(points[start : start + _ROWS]), points[start : start + _ROWS])
-        for start in range(0, len(points), _ROWS)
-    ]
+    parts = _in_parts(fit.predict, points)
     deviations = [part.std for part in parts if part.std is not None]
     return Prediction(
-        np.concatenate([part.mean for part in parts]) if parts else np.empty(0),
+        _joined_means(parts),
         np.concatenate(deviations) if deviations and len(deviations) == len(parts) else None,
     )
+
+
+@one_blas_thread()
+def predict_mean(fit: OutputFit, points: FloatArray) -> FloatArray:
+    """Return the prediction without deviations; otherwise as `predict_output`."""
+    return _joined_means(_in_parts(lambda some: Prediction(fit.predict_mean(some)), points))
+
+
+def _in_parts(predict: Callable[[FloatArray], Prediction], points: FloatArray) -> list[Prediction]:
+    parts = (points[start : start + _ROWS] for start in range(0, len(points), _ROWS))
+    return [_valid_prediction(predict(part), part) for part in parts]
+
+
+def _joined_means(parts: list[Prediction]) -> FloatArray:
+    return np.concatenate([part.mean for part in parts]) if parts else np.empty(0)
 
 
 def _valid_prediction(found: object, points: FloatArray) -> Prediction:

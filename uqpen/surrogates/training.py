@@ -15,7 +15,7 @@ from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
-__all__ = ["TrainingRuns", "known_inputs", "size_problem"]
+__all__ = ["TrainingRuns", "known_inputs", "logarithm_problem", "size_problem"]
 
 # Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
 _LARGEST = 1e140
@@ -113,6 +113,13 @@ def size_problem(values: FloatArray) -> str:
         what = f"its largest size is {size:g}, its range {width:g}"
         return f"its squares are too large or too small for floating-point numbers: {what}"
     return ""
+
+
+def logarithm_problem(values: FloatArray) -> str:
+    """Return the reason why the logarithm of values cannot be fitted; empty if it can."""
+    if (values > 0).all():
+        return ""
+    return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
 
 
 def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:

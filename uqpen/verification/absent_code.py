@@ -15,10 +15,10 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
 from uqpen.verification.archived_study import external_members
 from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.earlier_surrogates import leave_out_surrogates
 from uqpen.verification.outside_statistics import (
     outside_statistic_names,
     without_distributions,
-    without_surrogates,
 )
 from uqpen.verification.repetition import Runs, repeated_points
 
@@ -44,9 +44,7 @@ def without_absent(
     absent = [name for name, surrogate in study.surrogates.items() if surrogate.absence]
     if not absent:
         return study, tree, []
-    others = {name: each for name, each in study.surrogates.items() if name not in absent}
-    kept = without_surrogates(tree, absent)
-    return replace(study, surrogates=others), kept, [_unchecked_surrogates(study, absent)]
+    return *leave_out_surrogates(study, tree, absent), [_unchecked_surrogates(study, absent)]
 
 
 def _unchecked_surrogates(study: ValidatedStudy, absent: list[str]) -> CheckResult:

@@ -39,11 +39,7 @@ def check_recipe(tree: xr.DataTree) -> CheckResult | None:
 
 
 def without_intervals(dataset: xr.Dataset, names: Collection[str]) -> xr.Dataset:
-    """Return a group with the estimates of some statistics alone, without bounds and their texts.
-
-    Labels and notes of a surrogate's estimates follow from the intervals of other sources, so they
-    are left out as well.
-    """
+    """Return a group in which some statistics have estimates alone, no bounds and no texts."""
     kept = dataset.drop_vars(map(interval_codes_name, names), errors="ignore")
     for name in names:
         if name in kept.data_vars and BOUND in kept[name].dims:

@@ -31,7 +31,6 @@ from uqpen.verification.differences import (
     relative_difference,
     unequal,
 )
-from uqpen.verification.earlier_verdicts import earlier_verdict_groups, without_verdicts
 from uqpen.verification.interval_recipes import other_recipe, without_intervals
 from uqpen.workflow import analyse_runs, run_design
 
@@ -160,8 +159,6 @@ def repeated_statistics(
 ) -> CheckResult:
     """Repeat the statistics of the archived runs and compare them with the archived ones.
 
-    Verdicts on surrogates by another rule than today's are left out (`earlier_verdicts`).
-
     Parameters
     ----------
     study, tree, runs
@@ -181,12 +178,10 @@ def repeated_statistics(
     again = analyse_runs(study, in_order, progress)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
     found = list(missing_keys(archived_groups, repeated_groups))
-    earlier, uncompared = earlier_verdict_groups(tree), other_recipe(tree)
+    uncompared = other_recipe(tree)
     for path in sorted(archived_groups & repeated_groups):
         parts = path.strip("/").split("/") if path != "/" else []
         pair = [without_intervals(read_group(each, *parts), uncompared) for each in (tree, again)]
-        if path in earlier or path.rpartition("/")[0] in earlier:
-            pair = [without_verdicts(each) for each in pair]
         found += [
             difference._replace(what=f"{path}: {difference.what}")
             for difference in find_differences(*pair, besides=(CONTENT, RECIPE, *besides))

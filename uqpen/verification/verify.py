@@ -46,7 +46,7 @@ from uqpen.verification.archived_study import (
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
-from uqpen.verification.earlier_verdicts import earlier_verdict_groups, unchecked_verdicts
+from uqpen.verification.earlier_surrogates import check_surrogate_recipe
 from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.outside_statistics import without_outside_statistics
 from uqpen.verification.repetition import (
@@ -287,11 +287,11 @@ def _repeat_statistics(
     """Repeat statistics, except those that follow from code that is not loaded."""
     study, tree, unchecked = without_absent(study, tree)
     yield from unchecked
+    study, tree, unchecked = check_surrogate_recipe(study, tree)
+    yield from unchecked
     if not trust and (analyses := outside_analyses(study.text)):
         yield unchecked_analyses(analyses, tree)
         study, tree = replace(study, analyses=()), without_outside_statistics(tree)
-    if earlier := earlier_verdict_groups(tree):
-        yield unchecked_verdicts(earlier.values())
     if recipe := check_recipe(tree):
         yield recipe
     ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, REUSED_RUNS, *besides]

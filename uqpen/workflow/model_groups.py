@@ -62,7 +62,7 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
             marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
             yield f"/{JOINT_GROUP}/{design}", pack(marked)
     for name in study.surrogates:
-        fitted, sources[name] = surrogate_source(study, model, name, runs, sources, steps)
+        fitted, sources[name] = surrogate_source(study, model, name, runs, steps)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)

@@ -13,11 +13,15 @@ root.dataset.script = "runs";
 
 // A list that several traces have is written in the first of them.
 const holders = [...charts, ...runTables];
-for (const trace of holders.flatMap((holder) => holder.traces)) {
-  for (const [key, value] of Object.entries(trace)) {
-    if (value === null || value.same === undefined) continue;
-    const [holder, position, name] = value.same;
-    trace[key] = holders[holder].traces[position][name];
+const listAt = ([holder, trace, key]) => holders[holder].traces[trace][key];
+const places = charts.flatMap(({ place }) => (place ? [place, ...place.columns] : []));
+for (const each of [...holders.flatMap(({ traces }) => traces), ...places]) {
+  for (const [key, value] of Object.entries(each)) {
+    if (value?.same) each[key] = listAt(value.same);
+    if (value?.columns) {
+      const columns = value.columns.map(listAt);
+      each[key] = columns[0].map((_, row) => columns.map((column) => column[row]));
+    }
   }
 }
 

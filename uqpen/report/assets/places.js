@@ -11,14 +11,32 @@ function sliceOf({ slices }) {
   return nearestPosition(slices.values, thresholds.get(keyOf(slices.of)));
 }
 
+// A trace with some of its members replaced, those of its objects likewise.
+function replaced(trace, members) {
+  const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
+  const changed = Object.entries(members).map(
+    ([key, value]) => [key, isObject(value) ? replaced(trace[key], value) : value],
+  );
+  return { ...trace, ...Object.fromEntries(changed) };
+}
+
 function slicedTraces(chart) {
   const now = chart.slices?.traces[sliceOf(chart)];
-  return now ? chart.traces.map((trace, number) => ({ ...trace, ...now[number] })) : chart.traces;
+  return now ? chart.traces.map((trace, number) => replaced(trace, now[number])) : chart.traces;
+}
+
+// The estimates at a place, as a sentence.
+function placeText({ heads, columns }, at) {
+  const told = columns.filter(({ texts }) => texts[at] !== "–").map(
+    ({ label, unit, texts, reasons }) => (
+      `${label} ${texts[at]}${unit}${reasons[at] ? ` (no interval: ${reasons[at]})` : ""}`),
+  );
+  return `At ${heads[at]}: ${told.join("; ") || "no run gets this far"}.`;
 }
 
 function placeForm(form) {
   const chart = charts[form.dataset.chart];
-  const { values, texts, start } = chart.place;
+  const { values, start } = chart.place;
   const key = keyOf(chart.x.of);
   const slider = form.querySelector("input");
   const readout = form.querySelector(".readout");
@@ -26,8 +44,9 @@ function placeForm(form) {
   function show() {
     const at = nearestPosition(values, thresholds.get(key));
     slider.value = at;
-    slider.setAttribute("aria-valuetext", texts[at]);
-    readout.textContent = texts[at];
+    const text = placeText(chart.place, at);
+    slider.setAttribute("aria-valuetext", text);
+    readout.textContent = text;
   }
 
   slider.addEventListener("input", () => moveTo(key, values[slider.value]));

@@ -7,17 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.read import group_names, read_group
+from uqpen.archive.read import read_group
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
     DEPENDENCE,
     INTERVAL_LEVEL,
     NOTE,
-    REFUSED,
     RUN,
     RUNS,
-    SURROGATES,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -26,7 +24,6 @@ from uqpen.report.blocks import Alert
 from uqpen.report.counting import count_text
 from uqpen.report.sections.missing_runs import missing_count
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
-from uqpen.report.sections.surrogate_validation import verdict_counts
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
@@ -46,7 +43,6 @@ def alerts(
     """Yield what to mind about quantities by a design, the gravest first."""
     yield from _missing_alert(view, design)
     yield from _precision_alert(view, design, quantities)
-    yield from _surrogate_alerts(view)
     yield from _input_alerts(view, design)
     yield _scope_alert(view, design)
 
@@ -70,7 +66,7 @@ def _precision_alert(
     named: dict[str, dict[str, list[str]]] = {}
     stated = {each.heading for each in quantities}
     for quantity in (*quantities, *(each for each in moments if each.heading not in stated)):
-        estimate = quantity.estimate(design)
+        estimate = quantity.leading_estimate(design)
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
         if estimate is not None and not is_said and (note := interval_text(estimate, NOTE)):
@@ -90,19 +86,6 @@ def _precision_alert(
 def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
     """Return statistics with the outputs that they are of, as one name."""
     return capitalized("; ".join(f"{label} of {join_names(of)}" for label, of in outputs.items()))
-
-
-def _surrogate_alerts(view: ArchiveView) -> Iterator[Alert]:
-    for name in group_names(view.tree, SURROGATES):
-        counts = verdict_counts(view, name)
-        if refused := counts.get(REFUSED, 0):
-            whole = grouped_number(sum(counts.values()))
-            yield Alert(
-                "Surrogate",
-                f"{grouped_number(refused)} of {whole} estimates by {name} are refused: "
-                "independent runs do not confirm them.",
-                "Quote the runs in their place, or fit the surrogate to more runs.",
-            )
 
 
 def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:

@@ -24,6 +24,7 @@ from uqpen.report.blocks import (
 from uqpen.report.counting import count_text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
+from uqpen.report.sections.curve_overview import first_curves
 from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
 from uqpen.report.sections.field_sentences import field_sentences
@@ -75,6 +76,8 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
         yield Columns(stated, _picture(view, design))
     else:
         yield from stated
+    if not view.model:
+        yield from first_curves(view)
     quantities = [each for entry in shown for each in entry.quantities]
     findings = (
         Finding("What drives it?", _driver_text(view)),

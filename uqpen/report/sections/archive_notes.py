@@ -13,14 +13,11 @@ from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUND,
-    CHECKED,
     DIFFERENCES,
-    INTERVAL_LABEL,
     MISSING,
     NOTE,
     RUNS,
     SURROGATES,
-    VERDICTS,
 )
 from uqpen.report.counting import count_text
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES
@@ -42,20 +39,20 @@ _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 
 def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
     """The distinct notes of an archive's estimates, the most frequent first, one line each."""
-    counts: Counter[tuple[str, str]] = Counter()
+    counts: Counter[str] = Counter()
     for model in model_trees(tree).values():
         counts.update(_estimate_notes(SourceStatistics(model)))
         counts.update(_failure_notes(model))
     for name in group_names(tree, DIFFERENCES):
         counts.update(_estimate_notes(SourceStatistics.of_differences(tree, name)))
     first = counts.most_common(_MOST_NOTES)
-    lines = [_note_line(label, note, count) for (label, note), count in first]
+    lines = [_note_line(note, count) for note, count in first]
     if more := counts.total() - sum(count for _, count in first):
         lines.append(f"{grouped_number(more)} more estimates have other notes.")
     return (*_model_notes(tree), *lines)
 
 
-def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
+def _estimate_notes(statistics: SourceStatistics) -> Iterator[str]:
     # A published estimate has no interval, and its own note on that.
     sources = [name for name in statistics.sources if not statistics.citation(name)]
     outputs = statistics.scalar_outputs
@@ -67,7 +64,7 @@ def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
                     yield from _notes(arrays[name], is_whole=CATALOGUE[name].is_function)
 
 
-def _failure_notes(model: xr.DataTree) -> Iterator[tuple[str, str]]:
+def _failure_notes(model: xr.DataTree) -> Iterator[str]:
     statistics = SourceStatistics(model)
     found = [statistics.failures(source) for source in statistics.sources]
     for name in ("probability", "larger", "further_out"):
@@ -76,20 +73,17 @@ def _failure_notes(model: xr.DataTree) -> Iterator[tuple[str, str]]:
                 yield from _notes(arrays[name])
 
 
-def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[tuple[str, str]]:
-    """Yield the verdicts and notes of an array's entries, or of the whole once."""
+def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[str]:
+    """Yield the notes of an array's entries, or of the whole once."""
     if BOUND not in array.dims:
         return
-    labels, notes = (np.ravel(array.coords[text].values) for text in (INTERVAL_LABEL, NOTE))
-    entries = zip(labels.tolist(), notes.tolist(), strict=True)
-    for label, note in list(entries)[: 1 if is_whole else None]:
-        if note and label != CHECKED:
-            yield label if label in VERDICTS else "", _NUMBERS.sub("", note)
+    notes = np.ravel(array.coords[NOTE].values).tolist()
+    for note in filter(None, notes[: 1 if is_whole else None]):
+        yield _NUMBERS.sub("", note)
 
 
-def _note_line(label: str, note: str, count: int) -> str:
-    verdict = f"{label}: " if label else ""
-    return f"{count_text(count, 'estimate')}: {verdict}{plain_text(note, 240)}"
+def _note_line(note: str, count: int) -> str:
+    return f"{count_text(count, 'estimate')}: {plain_text(note, 240)}"
 
 
 def _model_notes(tree: xr.DataTree) -> Iterator[str]:

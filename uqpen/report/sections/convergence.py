@@ -34,10 +34,10 @@ from uqpen.results.table import (
     Conversion,
     OutputTable,
     below_label,
-    estimate_with_verdict,
     exceedance_label,
     identity,
     quantile_label,
+    shown_estimate,
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
@@ -186,7 +186,7 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
     bounds, runs, unit = history.bounds, history.runs, unit_suffix(history.unit)
     lower, upper, is_cut = _axis_limits(bounds)
     texts = [
-        f"{count_text(size, 'run')}: {estimate_with_verdict(estimate, history.convert)}{unit}"
+        f"{count_text(size, 'run')}: {shown_estimate(estimate, history.convert)}{unit}"
         for size, estimate in zip(runs, history.estimates, strict=True)
     ]
     trace = dot_trace(

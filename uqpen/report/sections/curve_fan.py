@@ -12,9 +12,17 @@ from uqpen.core.labels import RUN
 from uqpen.figures.scatter import thin_runs
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, line_trace
+from uqpen.report.marks import Trace
 from uqpen.report.place_selection import PlaceReadout
-from uqpen.report.sections.curve_lines import DASHES, band, level_text, line, place_axis
+from uqpen.report.sections.curve_lines import (
+    DASHES,
+    band,
+    level_text,
+    line,
+    place_axis,
+    thin_lines,
+    value_axis,
+)
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import grouped_number, percent_text
@@ -23,15 +31,15 @@ from uqpen.results.texts import capitalized, join_names
 
 __all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart", "tolerance_chart"]
 
-# Single runs that are drawn, thin, behind the others.
-_MOST_RUNS = 20
+# Single runs that are drawn, thin, behind the others, and outlying ones.
+_MOST_RUNS, _MOST_OUTLYING = 20, 10
 
 
 def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
     """Return the chart of the mean with its band, the quantiles, and some single runs."""
     series = curve.view.series(curve.source)
-    traces, key = _single_runs(curve)
-    keys = [key]
+    run_lines, key = _single_runs(curve)
+    traces, keys = [run_lines], [key]
     for label, dash, bounds in _quantiles(curve, "quantile"):
         traces.append(line(curve, bounds, "ink", label, dash=dash, width=1.5))
         keys.append(LegendKey(label, "ink", "line", dash))
@@ -46,9 +54,9 @@ def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
     title = capitalized(output_title(curve.view, curve.output))
     return Chart(
         title=f"{title} along {curve.view.axis_label(curve.dimension)}",
-        summary=readout.texts[readout.start],
+        summary=readout.text(readout.start),
         x=place_axis(curve),
-        y=Axis(curve.view.axis_label(curve.output)),
+        y=value_axis(curve),
         traces=tuple(traces),
         keys=tuple(keys),
         notes=_places_notes(curve),
@@ -82,20 +90,20 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
         title="Tolerance band",
         summary=f"By {curve.source}: {text}.",
         x=place_axis(curve),
-        y=Axis(curve.view.axis_label(curve.output)),
-        traces=(*(trace for traces in found.values() for trace in traces), *runs),
+        y=value_axis(curve),
+        traces=(*(trace for traces in found.values() for trace in traces), runs),
         keys=(LegendKey(text, series, "band"), key),
         height=320,
     )
 
 
-def _single_runs(curve: CurveEstimates) -> tuple[list[Trace], LegendKey]:
+def _single_runs(curve: CurveEstimates) -> tuple[Trace, LegendKey]:
     """Return thin lines of some runs, and their key, which has their number."""
     numbers = xr.Dataset({"number": (RUN, np.arange(len(curve.runs)))})
     runs = curve.runs[thin_runs(numbers, _MOST_RUNS)["number"].values]
     counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
     key = LegendKey(f"{counted} of {curve.source}", "quiet", "line")
-    return [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs], key
+    return thin_lines(curve.places, runs, "quiet", 0.6), key
 
 
 def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
@@ -105,15 +113,15 @@ def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
         return
     series = curve.view.series(curve.source)
     outlying = curve.outlying_runs
-    shown = outlying[:_MOST_RUNS]
-    lines = [line_trace(curve.places, run, "beyond", hover="", width=1) for run in shown]
+    shown = outlying[:_MOST_OUTLYING]
+    lines = [thin_lines(curve.places, shown, "beyond", 1)] if len(shown) else []
     count = count_text(len(outlying), "outlying run")
     omitted = f"{len(shown)} of them are drawn." if len(shown) < len(outlying) else ""
     yield Chart(
         title="Ranked curves",
         summary=f"By {curve.source}: {count} of {grouped_number(len(curve.runs))}.",
         x=place_axis(curve),
-        y=Axis(curve.view.axis_label(curve.output)),
+        y=value_axis(curve),
         traces=(
             *band(curve, envelope, "quiet"),
             *band(curve, region, series),
@@ -147,7 +155,7 @@ def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
         summary=f"Of {output_title(curve.view, curve.output)} by {curve.source}: "
         f"{', '.join(label for label, _, _ in entries)}.",
         x=place_axis(curve),
-        y=Axis(curve.view.axis_label(curve.output)),
+        y=value_axis(curve),
         traces=(*bands, *lines),
         keys=tuple(LegendKey(label, n, "line", dash) for n, (label, dash, _) in numbered),
         is_compared=True,

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.report.axes import quantity_axis
+from uqpen.report.axes import quantity, quantity_axis
 from uqpen.report.blocks import Axis
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.texts import unit_suffix
 
-__all__ = ["DASHES", "band", "level_text", "line", "place_axis"]
+__all__ = [
+    "DASHES",
+    "MOST_PLACES",
+    "band",
+    "level_text",
+    "line",
+    "place_axis",
+    "thin_lines",
+    "value_axis",
+]
 
 # Dashes of lines in turn; the first is that of a median.
 DASHES = ("solid", "dot", "dash", "dashdot", "longdash")
+# Places of a curve in its charts at the most, of some thousand.
+MOST_PLACES = 161
+# Characters of a label along the shorter charts.
+_LONGEST_LABEL = 28
+# Steps that the values of a line are rounded to, of the distance of its ends.
+_STEPS = 1000.0
 
 
 def place_axis(curve: CurveEstimates) -> Axis:
@@ -26,11 +43,18 @@ def place_axis(curve: CurveEstimates) -> Axis:
     return quantity_axis(curve.view, curve.dimension, ends)
 
 
+def value_axis(curve: CurveEstimates) -> Axis:
+    """Return the axis of the values, under the unit alone where the label has no room."""
+    label = curve.view.axis_label(curve.output)
+    is_short = len(label) <= _LONGEST_LABEL
+    return Axis(label if is_short else quantity(curve.view, curve.output).unit)
+
+
 def band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) -> list[Trace]:
     """Return the band between the bounds of a statistic at each place; nothing without any."""
     if bounds is None or not np.isfinite(bounds[:, 1:]).any():
         return []
-    return band_traces(curve.places, bounds[:, 1], bounds[:, 2], series)
+    return band_traces(curve.places, *_drawn(bounds[:, 1:]).T, series)
 
 
 def line(
@@ -47,15 +71,31 @@ def line(
     unit = unit_suffix(curve.view.unit(curve.output)) if has_unit else ""
     trace = line_trace(
         curve.places,
-        bounds[:, 0],
+        _drawn(bounds[:, 0]),
         series,
-        hover=f"%{{text}} {escape_text(name, 40)}",
+        hover=f"%{{text}}{escape_text(unit)} {escape_text(name, 40)}",
         name=name,
         dash=dash,
         width=width,
     )
-    texts = (f"{estimate_text(*row)}{unit}" for row in bounds.tolist())
-    return trace | {"text": [escape_text(text) for text in texts]}
+    return trace | {"text": [escape_text(estimate_text(*row)) for row in bounds.tolist()]}
+
+
+def thin_lines(places: FloatArray, runs: FloatArray, colour: str, width: float) -> Trace:
+    """Return lines of single runs, shape (run, place), as one trace with gaps between them."""
+    values = np.column_stack([_drawn(runs), np.full(len(runs), np.nan)])
+    along = np.tile(np.append(places, places[-1]), len(runs))
+    return line_trace(along, values.ravel(), colour, hover="", width=width)
+
+
+def _drawn(values: FloatArray) -> FloatArray:
+    """Return values rounded to what can be seen of them in a chart."""
+    known = values[np.isfinite(values)]
+    # Halves, as the difference of large numbers may overflow.
+    span = 2 * (float(known.max()) / 2 - float(known.min()) / 2) if known.size else 0.0
+    if not 1e-290 < span < 1e290:  # powers of ten beyond are no numbers
+        return values
+    return np.round(values, math.ceil(math.log10(_STEPS / span)))
 
 
 def level_text(array: xr.DataArray | None) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
-from uqpen.report.place_selection import PlaceReadout
+from uqpen.report.marks import rounded_numbers
+from uqpen.report.place_selection import PlaceColumn, PlaceReadout
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text
@@ -19,42 +20,41 @@ __all__ = ["place_readout"]
 
 
 def place_readout(curve: CurveEstimates) -> PlaceReadout:
-    """Return the estimates at each place; the place of the largest mean is shown first."""
-    mean = curve.bounds("mean")
-    is_known = mean is not None and np.isfinite(mean[:, 0]).any()
+    """Return the estimates at each place; that of the largest standard deviation is first."""
+    unit = unit_suffix(curve.view.unit(curve.dimension))
     return PlaceReadout(
         output=output_title(curve.view, curve.output),
         dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
-        values=curve.places.tolist(),
-        texts=_texts(curve),
-        start=int(np.nanargmax(mean[:, 0])) if mean is not None and is_known else 0,
+        values=rounded_numbers(curve.places),
+        heads=[f"{place:.6g}{unit}" for place in curve.places.tolist()],
+        columns=list(_columns(curve)),
+        start=_first_place(curve),
     )
 
 
-def _texts(curve: CurveEstimates) -> list[str]:
-    columns = list(_columns(curve))
-    unit = unit_suffix(curve.view.unit(curve.dimension))
-    texts = []
-    for number, place in enumerate(curve.places.tolist()):
-        found = [f"{label} {column[number]}" for label, column in columns if column[number]]
-        found_text = "; ".join(found) or "no run gets this far"
-        texts.append(f"At {place:.6g}{unit}: {found_text}.")
-    return texts
+def _first_place(curve: CurveEstimates) -> int:
+    """Return where runs differ most, or where the mean is largest if no deviation is known."""
+    for statistic in ("std", "mean"):
+        bounds = curve.bounds(statistic)
+        if bounds is not None and np.isfinite(bounds[:, 0]).any():
+            return int(np.nanargmax(bounds[:, 0]))
+    return 0
 
 
-def _columns(curve: CurveEstimates) -> Iterator[tuple[str, list[str]]]:
-    """Yield the label of each statistic, and its texts by place; empty where there is none."""
+def _columns(curve: CurveEstimates) -> Iterator[PlaceColumn]:
+    """Yield each statistic at the places."""
     unit = unit_suffix(curve.view.unit(curve.output))
     for statistic, label in (("mean", "mean"), ("std", "sd")):
         if (bounds := curve.bounds(statistic)) is not None:
-            yield label, _cells(bounds, _notes(curve, statistic), unit)
+            yield _column(label, unit, bounds, _notes(curve, statistic))
     for number, (p, bounds) in enumerate(curve.entries("quantile").items()):
-        yield quantile_label(p), _cells(bounds, _notes(curve, "quantile", number), unit)
+        yield _column(quantile_label(p), unit, bounds, _notes(curve, "quantile", number))
     for statistic, written in (("exceedance", exceedance_label), ("below", below_label)):
         for number, (text, bounds) in enumerate(curve.entries(statistic).items()):
-            yield f"{written(str(text))} =", _cells(bounds, _notes(curve, statistic, number))
+            label = f"{written(str(text))} ="
+            yield _column(label, "", bounds, _notes(curve, statistic, number))
     if (bounds := curve.bounds("reached")) is not None:
-        yield "share of runs that get this far", _cells(bounds, _notes(curve, "reached"))
+        yield _column("share of runs that get this far", "", bounds, _notes(curve, "reached"))
 
 
 def _notes(curve: CurveEstimates, statistic: str, entry: int = 0) -> list[str]:
@@ -66,11 +66,8 @@ def _notes(curve: CurveEstimates, statistic: str, entry: int = 0) -> list[str]:
     return list(map(str, notes.reshape(curve.places.size, -1)[:, entry]))
 
 
-def _cells(estimates: FloatArray, notes: list[str], unit: str = "") -> list[str]:
-    """Return the estimate at each place with its interval, or with the reason for none."""
-    cells = []
-    for bounds, note in zip(estimates.tolist(), notes, strict=True):
-        text = f"{estimate_text(*bounds)}{unit}" if np.isfinite(bounds[0]) else ""
-        is_without = bool(text and note) and not np.isfinite(bounds[1:]).any()
-        cells.append(f"{text} (no interval: {note})" if is_without else text)
-    return cells
+def _column(label: str, unit: str, estimates: FloatArray, notes: list[str]) -> PlaceColumn:
+    """Return the estimates with their intervals, and the reasons where there is none."""
+    lacks = np.isfinite(estimates[:, 0]) & ~np.isfinite(estimates[:, 1:]).any(axis=1)
+    reasons = {at: notes[at] for at in np.flatnonzero(lacks).tolist() if notes[at]}
+    return PlaceColumn(label, unit, [estimate_text(*row) for row in estimates.tolist()], reasons)

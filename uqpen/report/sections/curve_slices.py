@@ -13,7 +13,7 @@ from uqpen.figures.histogram import bin_values
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, bar_trace, dot_trace, series_marker
+from uqpen.report.marks import Trace, dot_trace, escape_text, even_bar_trace, series_marker
 from uqpen.report.place_selection import PlaceReadout, PlaceSlices
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.curve_estimates import CurveEstimates
@@ -22,8 +22,8 @@ from uqpen.results.digits import estimate_text
 __all__ = ["place_drivers", "place_histogram"]
 
 # Places with a histogram or with drivers of their own, at the most.
-_MOST_PLACES = 41
-_HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
+_MOST_PLACES = 21
+_HOVER = "%{y} runs around %{x:.4~g}"
 
 
 def place_histogram(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
@@ -41,7 +41,7 @@ def place_histogram(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
         keys=(LegendKey(f"runs of {curve.source}", series, "bar"),),
         notes=_notes(curve, numbers),
         height=280,
-        slices=_slices(curve, numbers, bars),
+        slices=_slices(curve, numbers, bars, bars[start]),
     )
 
 
@@ -80,7 +80,7 @@ def place_drivers(
         ),
         notes=_notes(curve, numbers),
         height=110 + 34 * len(rows),
-        slices=_slices(curve, numbers, traces),
+        slices=_slices(curve, numbers, traces, traces[start]),
     )
 
 
@@ -90,32 +90,37 @@ def _notes(curve: CurveEstimates, numbers: IntArray) -> tuple[str, ...]:
     return (f"At the nearest of {len(numbers)} of {curve.size} places.",)
 
 
-def _slices(curve: CurveEstimates, numbers: IntArray, traces: list[list[Trace]]) -> PlaceSlices:
+def _slices(
+    curve: CurveEstimates, numbers: IntArray, traces: list[list[Trace]], shown: list[Trace]
+) -> PlaceSlices:
     return PlaceSlices(
         quantity(curve.view, curve.dimension),
         curve.places[numbers].tolist(),
-        [[_changing(trace) for trace in at] for at in traces],
+        [[_differing(*pair) for pair in zip(at, shown, strict=True)] for at in traces],
     )
 
 
-def _changing(trace: Trace) -> Trace:
-    """Return the members of a trace that differ from place to place."""
-    kept = ("x", "y", "width", "customdata", "error_x", "text", "marker")
-    return {key: value for key, value in trace.items() if key in kept}
+def _differing(trace: Trace, shown: Trace) -> Trace:
+    """Return the members of a trace that are not those of the trace that is shown first."""
+    return {
+        key: _differing(value, shown[key]) if isinstance(value, dict) else value
+        for key, value in trace.items()
+        if value != shown[key]
+    }
 
 
 def _bars(values: FloatArray, series: int) -> Trace:
     known = values[np.isfinite(values)]
-    if not known.size:
-        return bar_trace([0.0, 1.0], [0], series, hover=_HOVER)
-    counts, edges = bin_values(known)
-    return bar_trace(edges, counts, series, hover=_HOVER)
+    counts, edges = bin_values(known) if known.size else ([0], np.array([0.0, 1.0]))
+    return even_bar_trace(edges, counts, series, hover=_HOVER)
 
 
 def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Trace:
     offsets = [row + 0.22 * (place - 0.5) for row in range(len(rows))]
-    hovers = [
-        f"{row}, {label} by {source}: {estimate_text(*each)}"
-        for row, each in zip(rows, bounds.tolist(), strict=True)
-    ]
-    return dot_trace(bounds, offsets, place, hovers=hovers, name=label, marker=series_marker(place))
+    texts = [estimate_text(*each) for each in bounds.tolist()]
+    trace = dot_trace(bounds, offsets, place, hovers=texts, name=label, marker=series_marker(place))
+    hover = f"%{{customdata}}, {escape_text(label)} by {escape_text(source, 40)}: %{{text}}"
+    return trace | {
+        "customdata": [escape_text(row) for row in rows],
+        "hovertemplate": f"{hover}<extra></extra>",
+    }

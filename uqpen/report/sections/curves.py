@@ -14,6 +14,7 @@ from uqpen.report.sections.curve_fan import (
     ranked_chart,
     tolerance_chart,
 )
+from uqpen.report.sections.curve_lines import MOST_PLACES
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
 from uqpen.report.sections.field_maps import map_charts
@@ -28,8 +29,6 @@ __all__ = ["curves"]
 _MOST = 2
 # Maps of a field that are open: of the mean and the standard deviation.
 _OPEN_MAPS = 2
-# Places of a curve in its charts at the most, of some thousand.
-_MOST_PLACES = 161
 
 
 def curves(view: ArchiveView) -> Iterator[Block]:
@@ -62,7 +61,7 @@ def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]
     if view.statistics.get(design, field, "mean") is None:
         return
     if len(along) == 1:
-        yield from _curve_blocks(CurveEstimates(view, field, design, _MOST_PLACES))
+        yield from _curve_blocks(CurveEstimates(view, field, design, MOST_PLACES))
         return
     maps = tuple(map_charts(view, field, design))
     yield Charts(maps[:_OPEN_MAPS])

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import read_group
-from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, INTERVAL_LABEL, REFUSED, ROLE, RUNS
+from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, ROLE, RUNS
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
@@ -115,8 +114,6 @@ def _rankings(view: ArchiveView, output: str, statistic: str) -> Iterator[Rankin
     for source, array in view.estimates(output, statistic).items():
         known = [each for each in array if np.isfinite(each.values[0])]
         if not known or view.statistics.citation(source):
-            continue
-        if any(interval_text(each, INTERVAL_LABEL) == REFUSED for each in known):
             continue
         ordered = sorted(known, key=lambda each: -abs(float(each.values[0])))
         yield Ranking(statistic, source, {str(each[INPUT].item()): each for each in ordered})

@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqpen.archive.estimates import interval_text
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INPUT, INTERVAL_LABEL, REFUSED, VERDICTS
+from uqpen.core.labels import INPUT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, rank_inputs
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
+from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.sections.drivers import InputOrder, input_label
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
@@ -53,7 +52,6 @@ class _InputEstimate(NamedTuple):
 
     name: str
     bounds: FloatArray
-    label: str
     note: str
 
     @property
@@ -118,7 +116,6 @@ def _plotted_series(
         _InputEstimate(
             input_label(view, name),
             np.array(shown_bounds(entry, convert)),
-            interval_text(entry, INTERVAL_LABEL),
             estimate_remark(entry),
         )
         for name, entry in entries.items()
@@ -140,24 +137,17 @@ def _traces(every: Sequence[_PlottedSeries], rows: Sequence[str], unit: str) -> 
         bounds = np.array([one.bounds for one in estimates])
         hovers = [_hover(one, name, unit) for one in estimates]
         yield dot_trace(bounds, places, colour, hovers=hovers, name=name, marker=marker)
-        refused = [at for at, one in enumerate(estimates) if one.label == REFUSED]
-        if refused:
-            yield cross_trace(bounds[refused, 0], places[refused], f"{name}, refused")
 
 
 def _hover(one: _InputEstimate, series: str, unit: str) -> str:
     text = f"{one.name}, {series}: {one.text(unit)}"
-    verdict = one.label if one.label in VERDICTS else ""
-    known = ", ".join(filter(None, (verdict, one.note)))
-    return f"{text} ({known})" if known else text
+    return f"{text} ({one.note})" if one.note else text
 
 
 def _keys(every: Sequence[_PlottedSeries]) -> Iterator[LegendKey]:
     for _, name, colour, marker, estimates in every:
         is_hollow = estimates and not any(one.has_interval for one in estimates)
         yield LegendKey(name, colour, f"{marker}-open" if is_hollow else marker)
-    if any(one.label == REFUSED for each in every for one in each.estimates):
-        yield LegendKey("refused", "ink", "x")
 
 
 def _notes(every: Sequence[_PlottedSeries]) -> Iterator[str]:
@@ -166,15 +156,15 @@ def _notes(every: Sequence[_PlottedSeries]) -> Iterator[str]:
     barred = [(name, one) for name, one in named if one.has_interval]
     for text, names in _names_by_text((name, one.note) for name, one in barred if one.note).items():
         yield f"Note on {', '.join(names)}: {text}."
-    hollow = ((name, _missing_interval_reason(one)) for name, one in named if not one.has_interval)
+    hollow = (
+        (name, one.note or "no reason is known") for name, one in named if not one.has_interval
+    )
     reasons = _names_by_text(hollow)
     if len(reasons) > _MOST_REASONS:
         yield "Hollow: no interval; the reasons are notes of the table."
     else:
         for text, names in reasons.items():
             yield f"Hollow, no interval: {', '.join(names)} ({text})."
-    if any(one.label == REFUSED for _, one in named):
-        yield "Crossed out: refused, as independent runs contradict it."
 
 
 def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
@@ -187,12 +177,6 @@ def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return found
 
 
-def _missing_interval_reason(one: _InputEstimate) -> str:
-    if one.label in VERDICTS:
-        return f"{one.label}: {one.note}"
-    return one.note or "no reason is known"
-
-
 def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
     """Return a sentence on the largest estimate and on the intervals that overlap with it."""
     each, label = _summary_series(every, spec.summary_order)
@@ -200,20 +184,18 @@ def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
     text = f"By {each.of.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
     if others:
         text += f"; {others[0].name} comes next: {others[0].text(spec.unit)}"
-    verdict = " It is refused, as independent runs contradict it." * (first.label == REFUSED)
-    return f"{text}.{verdict}{_order_certainty(first, others)}"
+    return f"{text}.{_order_certainty(first, others)}"
 
 
 def _summary_series(
     every: Sequence[_PlottedSeries], order: Sequence[str]
 ) -> tuple[_PlottedSeries, str]:
-    """Return the series for the summary: one with intervals if any has, else one not refused."""
+    """Return the series for the summary: one with intervals if any has."""
     labelled = ((each, each.of.label or order[0]) for each in every if each.estimates)
 
-    def rank(entry: tuple[_PlottedSeries, str]) -> tuple[bool, bool, int]:
+    def rank(entry: tuple[_PlottedSeries, str]) -> tuple[bool, int]:
         each, label = entry
-        lacks = not all(one.has_interval for one in each.estimates)
-        return lacks, any(one.label == REFUSED for one in each.estimates), order.index(label)
+        return not all(one.has_interval for one in each.estimates), order.index(label)
 
     return min((entry for entry in labelled if entry[1] in order), key=rank)
 

@@ -26,7 +26,7 @@ def agreement_text(quantities: Sequence[QuotedStatistic], design: str) -> str:
     by: set[str] = set()
     output = ""
     for quantity in quantities[:_MOST]:
-        own, others = quantity.estimate(design), other_design_estimates(quantity, design)
+        own, others = quantity.leading_estimate(design), other_design_estimates(quantity, design)
         if own is None or not others:
             continue
         label = quantity.label if quantity.output == output else quantity.heading

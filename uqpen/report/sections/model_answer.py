@@ -11,6 +11,7 @@ from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Block, Columns, Finding, Findings, Table, Text
 from uqpen.report.sections.alerts import alerts
+from uqpen.report.sections.curve_overview import first_curves
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences
@@ -32,11 +33,12 @@ __all__ = ["model_answer"]
 
 
 def model_answer(view: ArchiveView) -> Iterator[Block]:
-    """Yield the differences of the models, a table of their main results, and their curves."""
+    """Yield what the models say about curves, their differences, and a table of main results."""
     views = view.model_views
     design = leading_design(view)
     if design is None:
         return
+    yield from first_curves(view)
     entries = tuple(_differences(view, design))
     blocks: tuple[Block, ...] = (Text("The archive has no differences of its models."),)
     if entries:

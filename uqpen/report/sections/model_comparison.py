@@ -10,6 +10,7 @@ from uqpen.figures.distributions import CUT, model_curves
 from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
+from uqpen.report.sections.curve_overview import further_curves
 from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.report.sections.main_outputs import main_outputs
@@ -22,12 +23,13 @@ __all__ = ["model_chart", "model_comparison"]
 
 
 def model_comparison(view: ArchiveView) -> Iterator[Block]:
-    """Distribution functions by each of several models, and the models' differences.
+    """Curves and distribution functions by each of several models, and the models' differences.
 
-    The first main output is on the page already, with the main results.
+    The first curves and the first main output are on the page already, with the main results.
     """
     if not view.model:
         return
+    yield from further_curves(view)
     design = leading_design(view)
     first = main_outputs(view)[:1] if design else []
     for output in view.numeric_outputs if design else ():

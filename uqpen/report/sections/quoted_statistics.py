@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
+from uqpen.archive.read import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, UnitRule
-from uqpen.core.labels import INTERVAL_LEVEL, RUNS
+from uqpen.core.labels import INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.correction_tables import equivalent_runs_text, is_corrected
 from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
 from uqpen.results.table import (
     below_label,
@@ -70,6 +71,16 @@ class QuotedStatistic:
         # A tolerance interval has ends alone.
         return array if np.isfinite(array.values).any() else None
 
+    def leading_estimate(self, design: str) -> xr.DataArray | None:
+        """Return the estimate that the page states: corrected by real runs, or else the design's.
+
+        A study that fits a surrogate asks for its estimates. So that comes first which has an
+        interval, whether or not it is narrower than the design's.
+        """
+        surrogates = group_names(self.view.tree, SURROGATES)
+        corrected = (found for each in surrogates if is_corrected(found := self.estimate(each)))
+        return next(corrected, self.estimate(design))
+
     def bounds(self, array: xr.DataArray) -> FloatArray:
         """Estimate, lower, upper in the unit that is shown; a probability as it is."""
         if self.is_probability:
@@ -94,6 +105,8 @@ class QuotedStatistic:
         _, lower, upper = self.texts(array)
         has_lower, has_upper = np.isfinite(self.bounds(array)[1:]).tolist()
         level = f"{no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))} interval"
+        if equivalent := equivalent_runs_text(array):
+            level += f", as narrow as {no_break(equivalent)} plain runs make it"
         if has_lower and has_upper:
             return f"({lower} to {upper}, {level})"
         if has_lower or has_upper:

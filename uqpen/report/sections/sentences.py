@@ -23,6 +23,7 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.correction_tables import is_corrected
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
@@ -56,7 +57,8 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     common = default_statistic(view, output, design)
     if common is not None and len(kept) < _MOST_STATED:
         kept.append(common)
-    estimates = [(each, found) for each in kept if (found := each.estimate(design)) is not None]
+    found = ((each, each.leading_estimate(design)) for each in kept)
+    estimates = [(each, array) for each, array in found if array is not None]
     if not estimates:
         return None
     limits = [each for each in estimates if each[0].statistic in _EVENTS]
@@ -78,9 +80,10 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     runs = grouped_number(counts[Status.OK])
     level = _level(array)
     text = f"in {estimate} of cases {quantity.interval(array)}."
-    if array.values[0] == 0 and np.isfinite(array.values[2]):
+    counts_events = not is_corrected(array)
+    if counts_events and array.values[0] == 0 and np.isfinite(array.values[2]):
         text = f"in none of {runs} completed runs: at most {upper} of cases ({level} interval)."
-    elif array.values[0] == 1 and np.isfinite(array.values[1]):
+    elif counts_events and array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
     event = f"{name} {_EVENTS[quantity.statistic]} {threshold}"

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import xarray as xr
 
-from uqpen.archive.estimates import interval_text
-from uqpen.core.labels import INTERVAL_LABEL, REFUSED
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.estimate_dots import REFUSED_NOTE
 from uqpen.figures.source_comparison import ComparedStatistic, compared_statistics
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Fold, LegendKey, Table, Text
-from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
+from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.sections.interval_costs import interval_costs, main_statistics
 from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import statistics_table
-from uqpen.results.table import estimate_with_verdict, identity
+from uqpen.results.table import identity, shown_estimate
 from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["source_comparison"]
@@ -86,8 +82,6 @@ def _comparison_charts(
     keys = []
     if not all(has_interval(each.values) for each in every):
         keys.append(LegendKey("no interval", "ink", "circle-open"))
-    if any(map(_is_refused, every)):
-        keys.append(LegendKey(REFUSED_NOTE, "ink", "x"))
     return Charts(
         charts=tuple(_chart(view, output, each, rows) for each in found),
         keys=tuple(keys),
@@ -99,30 +93,21 @@ def _chart(
     view: ArchiveView, output: str, statistic: ComparedStatistic, rows: tuple[str, ...]
 ) -> Chart:
     traces: list[Trace] = []
-    refused: list[Trace] = []
     texts = []
     unit = DIMENSIONLESS if statistic.convert is identity else view.unit(output)
     for source, estimate in statistic.available_estimates.items():
-        texts.append(
-            f"{source} {estimate_with_verdict(estimate, statistic.convert)}{unit_suffix(unit)}"
-        )
+        texts.append(f"{source} {shown_estimate(estimate, statistic.convert)}{unit_suffix(unit)}")
         bounds = np.asarray([statistic.convert(estimate.values)], dtype=np.float64)
         place, position = [rows.index(source)], view.series(source)
         marker = series_marker(position)
         traces.append(
             dot_trace(bounds, place, position, hovers=texts[-1:], name=source, marker=marker)
         )
-        if _is_refused(estimate):
-            refused.append(cross_trace(bounds[:, 0], place, REFUSED))
     return Chart(
         title=statistic.label,
         summary=f"Of {output_title(view, output)}: {'; '.join(texts)}.",
         x=Axis(title_with_unit(statistic.label, unit)),
         y=Axis("", rows=rows),
-        traces=(*traces, *refused),
+        traces=tuple(traces),
         height=_FRAME + _ROW * len(rows),
     )
-
-
-def _is_refused(estimate: xr.DataArray) -> bool:
-    return interval_text(estimate, INTERVAL_LABEL) == REFUSED

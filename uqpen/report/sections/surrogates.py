@@ -17,8 +17,8 @@ from uqpen.figures.surrogate import fit_quality, predict, test_design
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
-from uqpen.report.sections.surrogate_validation import surrogate_validation
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import grouped_number
 from uqpen.results.output_tables import fit_table
 from uqpen.results.surrogate_fits import fitted_outputs
@@ -47,7 +47,8 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
             yield Text(f"{made.attrs['kind']} is not executed here, so no predictions are shown.")
         elif outputs and view.has_completed_runs(design):
             yield _comparison(view, name, design, outputs)
-        yield from surrogate_validation(view, name)
+        for table in correction_tables(view.tree, name):
+            yield Table(table)
 
 
 class _Predictions(NamedTuple):

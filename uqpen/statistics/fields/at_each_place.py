@@ -14,6 +14,7 @@ from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import IntArray
 from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import BOUND, CONDITIONAL, INTERVAL_LEVEL
+from uqpen.core.model import Output
 from uqpen.statistics import texts
 from uqpen.statistics.estimate_vector import PLACE
 from uqpen.statistics.fields.field_sample import FieldSample
@@ -57,15 +58,17 @@ def at_each_place(
         for name, array in islice(analysis(group.runs, scalar), most):
             found.setdefault(name, []).append((group.places, array))
     for name, parts in found.items():
-        yield name, _joined(parts, field)
+        yield name, _joined(parts, field.output, field.runs.level)
 
 
-def along_field(array: xr.DataArray, field: FieldSample) -> xr.DataArray:
+def along_field(array: xr.DataArray, output: Output, level: float) -> xr.DataArray:
     """Return an estimate array along all places as one along the dimensions of the field."""
-    return _joined([(np.arange(array.sizes[PLACE]), array)], field)
+    return _joined([(np.arange(array.sizes[PLACE]), array)], output, level)
 
 
-def _joined(parts: list[tuple[IntArray, xr.DataArray]], field: FieldSample) -> xr.DataArray:
+def _joined(
+    parts: list[tuple[IntArray, xr.DataArray]], output: Output, level: float
+) -> xr.DataArray:
     """Return the arrays of all groups of places as one along the dimensions of the field."""
     order = np.argsort(np.concatenate([places for places, _ in parts]))
     arrays = [array for _, array in parts]
@@ -75,12 +78,12 @@ def _joined(parts: list[tuple[IntArray, xr.DataArray]], field: FieldSample) -> x
         for name, each in arrays[0].coords.items()
         if name not in (*INTERVAL_TEXTS, BOUND)
     }
-    attributes: dict[str, Any] = {INTERVAL_LEVEL: field.runs.level}
-    if field.output.may_end:
+    attributes: dict[str, Any] = {INTERVAL_LEVEL: level}
+    if output.may_end:
         attributes[CONDITIONAL] = texts.REACHED
     return estimate_array(
         np.concatenate([array.values for array in arrays])[order],
-        {**field.sizes, **own},
+        {**{each.name: len(each.values) for each in output.dims}, **own},
         {
             text: np.concatenate([array.coords[text].values for array in arrays])[order]
             for text in INTERVAL_TEXTS
@@ -88,5 +91,5 @@ def _joined(parts: list[tuple[IntArray, xr.DataArray]], field: FieldSample) -> x
         units=arrays[0].attrs["units"],
         long_name=arrays[0].attrs["long_name"],
         attributes=attributes,
-        coordinates={**field_coordinates(field.dims), **coordinates},
+        coordinates={**field_coordinates(output.dims), **coordinates},
     )

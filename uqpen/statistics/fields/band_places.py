@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class BandPlaces:
 
     reasons: tuple[str, ...]
 
-    @property
+    @cached_property
     def covered(self) -> IntArray:
         """Positions of the places that the band covers."""
         return np.array([p for p, reason in enumerate(self.reasons) if not reason], dtype=np.int64)

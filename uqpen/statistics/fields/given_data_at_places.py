@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields.distances import DistanceShape
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.place_arrays import input_place_array
@@ -20,7 +20,6 @@ from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.explained_variance import (
     LocalRegressions,
     SampledVariable,
-    StandardizedVariables,
     VarianceParts,
 )
 from uqpen.statistics.sensitivity.given_data import indices_name
@@ -58,24 +57,14 @@ def first_order_at_places(
     if not inputs:
         return
     whole = _FieldRegressions(sample)
-    rows = whole.place_indices()
+    at_places = whole.place_indices()
     title = indices_name(quantity.output.title, sample.runs)
-    yield "first_order", input_place_array(rows, quantity.output, inputs, title, level)
-    generalized = whole.generalized_indices(rows)
+    yield "first_order", input_place_array(at_places, quantity.output, inputs, title, level)
+    generalized = whole.generalized_indices(at_places)
     yield (
         "generalized_first_order",
         input_array(generalized, inputs, f"generalized {title}", level=level),
     )
-
-
-@dataclass(frozen=True)
-class _PlaceVariable(SampledVariable):
-    """The values of a field at a place."""
-
-    @property
-    def _tail_note(self) -> str:
-        # Places have a text in common.
-        return texts.HEAVY_TAIL_AT_PLACES
 
 
 @dataclass(frozen=True)
@@ -118,10 +107,9 @@ class _InputSums:
     left: float = 0.0
     products: FloatArray = field(default_factory=lambda: np.zeros(1))
 
-    def add(
-        self, runs: IntArray, weights: FloatArray, lines: ResidualVariance, parts: VarianceParts
-    ) -> None:
+    def add(self, places: _Part, lines: ResidualVariance, parts: VarianceParts) -> None:
         """Add places that exist in some of the runs."""
+        runs, weights = places.runs, places.weights
         self.variance += float((weights * parts.total).sum())
         self.left += float((weights * parts.left).sum())
         squares, left = (
@@ -137,12 +125,9 @@ class _InputSums:
 
     def parts(self, pair_noise: float) -> VarianceParts:
         """Return the parts of the variance of the whole field."""
+        sums = self.variance, self.left
         return VarianceParts(
-            np.array([self.variance]),
-            np.array([self.left]),
-            self.influence[None],
-            self.left_influence[None],
-            np.array([pair_noise]),
+            *map(np.asarray, sums), self.influence, self.left_influence, np.asarray(pair_noise)
         )
 
 
@@ -158,16 +143,16 @@ class _Part:
         The runs in which they exist, by their positions in the field.
     regressions : LocalRegressions
         Of these runs.
-    variables : sequence of SampledVariable
+    variable : SampledVariable
         The values at each place.
-    weights : ndarray, shape (variable,)
-        Variance at each place that varies, times its part of the grid.
+    weights : ndarray, shape (place,)
+        Variance at each place, times its part of the grid.
     """
 
     places: IntArray
     runs: IntArray
     regressions: LocalRegressions
-    variables: Sequence[SampledVariable]
+    variable: SampledVariable
     weights: FloatArray
 
 
@@ -196,55 +181,50 @@ class _FieldRegressions:
     @cached_property
     def unit(self) -> float:
         """Range of the values; squares of values over it do not overflow."""
-        matrix = self.field.matrix[self.field.exists]
-        return float(np.ptp(matrix)) if matrix.size and np.ptp(matrix) > 0 else 1.0
+        matrix = self.field.matrix
+        spread = float(np.fmax.reduce(matrix, axis=None) - np.fmin.reduce(matrix, axis=None))
+        return spread if spread > 0 else 1.0
 
-    def place_indices(self) -> list[list[Estimate]]:
+    def place_indices(self) -> EstimateVector:
         """Estimate the indices at each place, and add the places up."""
-        rows: dict[int, list[Estimate]] = {}
-        for part in self._parts():
+        return EstimateVector.joined(
+            (part.places, part.regressions.indices(part.variable, partial(self._add, part)))
+            for part in self._parts()
+        )
 
-            def add(
-                column: int,
-                _: StandardizedVariables,
-                lines: ResidualVariance,
-                parts: VarianceParts,
-                part: _Part = part,
-            ) -> None:
-                self.sums[column].add(part.runs, part.weights, lines, parts)
+    def _add(
+        self, places: _Part, column: int, lines: ResidualVariance, parts: VarianceParts
+    ) -> None:
+        self.sums[column].add(places, lines, parts)
 
-            found = part.regressions.indices(part.variables, add)
-            rows |= zip(part.places.tolist(), found, strict=True)
-        return [rows[place] for place in range(len(rows))]
-
-    def generalized_indices(self, rows: list[list[Estimate]]) -> list[Estimate]:
+    def generalized_indices(self, at_places: EstimateVector) -> list[Estimate]:
         """Estimate the indices of the field as a whole, where those at its places are known."""
-        return [self._generalized_index(column, rows) for column in range(len(self.sums))]
+        first = at_places[0].each()
+        return [
+            self._generalized_index(column, sums) if sums.variance > 0 else first[column]
+            for column, sums in enumerate(self.sums)
+        ]
 
-    def _generalized_index(self, column: int, rows: list[list[Estimate]]) -> Estimate:
-        sums = self.sums[column]
-        if not sums.variance > 0:
-            return rows[0][column]
+    def _generalized_index(self, column: int, sums: _InputSums) -> Estimate:
         distances = replace(self.field.runs, values=np.sqrt(sums.squares))
         regressions = self.regressions
         # Where curves end, the bins of places differ, and the noise of pairs is counted twice.
         noise = 0.0 if self.has_ends else regressions.bins[column].pair_noise(sums.products)
         variable = _Distances(distances, has_ends=self.has_ends)
-        (estimate,) = regressions.estimates(
-            [variable], sums.parts(noise), lambda _: np.array([self._halved_share(column)])
+        found = regressions.estimates(
+            variable, sums.parts(noise), lambda _: np.array([self._halved_share(column)])
         )
-        return regressions.row([estimate])[0]
+        (estimate,) = regressions.with_note(found).each()
+        return estimate
 
     def _halved_share(self, column: int) -> float:
         """Return the share of the field's variance that bins of half the size explain."""
         explained = 0.0
         for part in self._parts():
-            known = StandardizedVariables(
-                [each for each in part.variables if not each.reason_without_indices]
-            )
-            if known.each:
-                shares = part.regressions.halved_shares(known, column, list(range(len(known.each))))
-                explained += float((part.weights * known.variance * shares).sum())
+            if not part.variable.too_few_runs:
+                everywhere = np.ones(len(part.places), dtype=np.bool_)
+                shares = part.regressions.halved_shares(part.variable, column, everywhere)
+                explained += float((part.weights * part.variable.variance * shares).sum())
         return explained / self.sums[column].variance
 
     def _parts(self) -> Iterator[_Part]:
@@ -253,12 +233,12 @@ class _FieldRegressions:
             runs = np.flatnonzero(self.field.exists[:, group.places[0]])
             size = max(_VALUES_TOGETHER // max(group.runs.size, 1), 1)
             for start in range(0, len(group.places), size):
-                positions = range(start, min(start + size, len(group.places)))
                 places = group.places[start : start + size]
-                variables = [_PlaceVariable(group.at(position)) for position in positions]
-                weights = [
-                    weight * (each.std / self.unit) ** 2
-                    for each, weight in zip(variables, self.field.weights[places], strict=True)
-                    if not each.reason_without_indices
-                ]
-                yield _Part(places, runs, regressions, variables, np.array(weights))
+                values = group.values[start : start + size]
+                variable = SampledVariable(replace(group.runs, values=values))
+                yield _Part(places, runs, regressions, variable, self._weights(places, variable))
+
+    def _weights(self, places: IntArray, variable: SampledVariable) -> FloatArray:
+        if variable.too_few_runs:
+            return np.zeros(len(places))
+        return self.field.weights[places] * (variable.std / self.unit) ** 2

@@ -12,14 +12,15 @@ from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import BOUND, CONDITIONAL, INPUT
 from uqpen.core.model import Output
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.fields.at_each_place import along_field
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
 __all__ = ["input_place_array", "joined_places"]
 
 
 def input_place_array(
-    rows: Sequence[Sequence[Estimate]],
+    estimates: EstimateVector,
     output: Output,
     inputs: Sequence[str],
     long_name: str,
@@ -29,8 +30,8 @@ def input_place_array(
 
     Parameters
     ----------
-    rows : sequence of sequence of Estimate
-        For each place, one for each input.
+    estimates : EstimateVector
+        Of shape (place, input).
     output : Output
         The field.
     inputs : sequence of str
@@ -40,15 +41,11 @@ def input_place_array(
     level : float
         Confidence level of their intervals.
     """
-    array = Estimate.array(
-        [estimate for row in rows for estimate in row],
-        {**_sizes(output), INPUT: len(inputs)},
-        units="1",
-        long_name=long_name,
-        coordinates={**field_coordinates(output.dims), **input_coordinate(inputs)},
-        level=level,
+    along = input_coordinate(inputs)
+    array = estimates.to_array(
+        INPUT, units="1", long_name=long_name, coordinates=along, level=level
     )
-    return array.assign_attrs(_condition(output))
+    return along_field(array, output, level)
 
 
 def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArray:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.catalogue import CURVE
 from uqpen.core.coordinates import field_coordinates
 from uqpen.statistics import texts
@@ -87,26 +87,42 @@ def band_depth(field: FieldSample) -> FloatArray:
     pairs.
     """
     total, weight = np.zeros(field.runs.size), np.zeros(field.runs.size)
-    for values, exists in zip(field.matrix.T, field.exists.T, strict=True):
-        count = int(exists.sum())
-        if count < 2:
+    for group in field.samples():
+        exists = np.flatnonzero(field.exists[:, group.places[0]])
+        if len(exists) < 2:
             continue
-        share = count / field.runs.size
-        total[exists] += share * _enclosing_share(values[exists])
-        weight[exists] += share
+        share = len(exists) / field.runs.size
+        total[exists] += share * _enclosing_share(group.values).sum(axis=0)
+        weight[exists] += share * len(group.places)
     with np.errstate(invalid="ignore"):
         return np.where(weight > 0, total / weight, 0.0)
 
 
 def _enclosing_share(values: FloatArray) -> FloatArray:
-    """Return the share of the pairs of values between which each value lies, or on one of them."""
-    _, level, counts = np.unique(values, return_inverse=True, return_counts=True)
-    up_to = np.cumsum(counts)
-    runs = len(values)
+    """Return the share of the pairs of values between which each value lies, or on one of them.
+
+    Values are of shape (place, run), and compared with those of the same place.
+    """
+    runs = values.shape[-1]
+    order = np.argsort(values, axis=-1)
+    ascending = np.take_along_axis(values, order, axis=-1)
+    below, up_to = _ranks_of_equals(ascending)
     # All pairs, but for those above the value and those below it.
-    outside = _pairs(up_to - counts) + _pairs(runs - up_to)
-    share: FloatArray = (1 - outside / _pairs(runs))[level]
+    outside = _pairs(below) + _pairs(runs - up_to)
+    share = np.empty(values.shape)
+    np.put_along_axis(share, order, 1 - outside / _pairs(runs), axis=-1)
     return share
+
+
+def _ranks_of_equals(ascending: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return how many of the values in a row lie below each, and how many do not lie above it."""
+    runs = ascending.shape[-1]
+    differs = ascending[:, 1:] != ascending[:, :-1]
+    edge = np.ones((len(ascending), 1), dtype=np.bool_)
+    first, last = np.hstack([edge, differs]), np.hstack([differs, edge])
+    below = np.maximum.accumulate(np.where(first, np.arange(runs), 0), axis=-1)
+    up_to = np.where(last, np.arange(1, runs + 1), runs)
+    return below, np.minimum.accumulate(up_to[:, ::-1], axis=-1)[:, ::-1]
 
 
 def _pairs(count: Any) -> Any:
@@ -124,10 +140,9 @@ def _range(curves: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _outlying(field: FieldSample, low: FloatArray, high: FloatArray) -> BoolArray:
     """Mask of the curves that leave the central region by far, at any place where there is one."""
     reach = _FENCE * (high - low) + _ROUNDING * np.maximum(np.abs(low), np.abs(high))
-    found = np.zeros(field.runs.size, dtype=np.bool_)
-    for values, below, above in zip(field.matrix.T, low - reach, high + reach, strict=True):
-        found |= (values < below) | (values > above)
-    return found
+    below, above = low - reach, high + reach
+    # Run after run, so that memory is bounded. A place without a region has no comparison.
+    return np.array([((run < below) | (run > above)).any() for run in field.matrix])
 
 
 def _by_curve(field: FieldSample, values: Any, long_name: str) -> xr.DataArray:

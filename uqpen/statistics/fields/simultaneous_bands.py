@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -12,7 +12,6 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
@@ -64,10 +63,14 @@ def quantile_band(
     curves = array.values[..., 0].reshape(len(places.reasons), -1).T
     levels = [_level(field, places, partial(_is_below, curve)) for curve in curves]
     if places.covered.size:
-        for position, (p, level) in enumerate(zip(quantity.quantiles, levels, strict=True)):
-            alone = replace(quantity, quantiles=(p,))
-            wide = _at_level(quantile_estimates, field, alone, level).isel({PROBABILITY: 0})
-            array = _widened(array, position, wide)
+        alone = [replace(quantity, quantiles=(p,)) for p in quantity.quantiles]
+        array = _widened(
+            array,
+            [
+                _at_level(quantile_estimates, field, one, level)
+                for one, level in zip(alone, levels, strict=True)
+            ],
+        )
     yield "quantile_band", _band(array, field, places, np.array(levels))
 
 
@@ -88,19 +91,21 @@ def _at_level(
     return next(at_each_place(analysis, at_level, quantity, most=1))[1]
 
 
-def _widened(array: xr.DataArray, position: int, wide: xr.DataArray) -> xr.DataArray:
-    """Return the intervals of several quantiles, one of them with the wider bounds and their texts.
+def _widened(array: xr.DataArray, wide: Sequence[xr.DataArray]) -> xr.DataArray:
+    """Return the intervals of several quantiles with the wider bounds of each, and their texts.
 
     The error over replicates may suffice at the lower of the levels alone. The formula in its place
     at the higher one may be narrower at an end. NaN stays: it is an end that does not exist.
     """
-    array = array.copy(deep=True)
-    part = array.values[..., position, :]
-    part[..., 1] = np.minimum(part[..., 1], wide.values[..., 1])
-    part[..., 2] = np.maximum(part[..., 2], wide.values[..., 2])
-    for text in INTERVAL_TEXTS:
-        array.coords[text].values[..., position] = wide.coords[text].values
-    return array
+    values = np.concatenate([each.values for each in wide], axis=-2)
+    values[..., 0] = array.values[..., 0]
+    values[..., 1] = np.minimum(array.values[..., 1], values[..., 1])
+    values[..., 2] = np.maximum(array.values[..., 2], values[..., 2])
+    texts_of_each = {
+        text: (array.dims[:-1], np.concatenate([each.coords[text].values for each in wide], -1))
+        for text in INTERVAL_TEXTS
+    }
+    return array.copy(deep=False, data=values).assign_coords(texts_of_each)
 
 
 def _band(array: xr.DataArray, field: FieldSample, places: BandPlaces, level: Any) -> xr.DataArray:
@@ -109,15 +114,18 @@ def _band(array: xr.DataArray, field: FieldSample, places: BandPlaces, level: An
     method, label, note = (
         array.coords[text].values.reshape(values.shape[:2]).copy() for text in INTERVAL_TEXTS
     )
-    for place, reason in enumerate(places.reasons):
-        if reason:
-            values[place, :, 1:] = np.nan
-            method[place] = label[place] = "none"
-            note[place] = reason
+    left_out = np.setdiff1d(np.arange(len(places.reasons)), places.covered)
+    values[left_out, :, 1:] = np.nan
+    method[left_out] = label[left_out] = "none"
+    note[left_out] = np.array(places.reasons, dtype=object)[left_out, np.newaxis]
     has_bounds = label != "none"
-    method[has_bounds] = [texts.SIMULTANEOUS.format(method=each) for each in method[has_bounds]]
-    left_out = places.left_out(field.dims)
-    attributes = {**array.attrs, INTERVAL_LEVEL: field.runs.level, **left_out}
+    for each in set(method[has_bounds]):
+        method[has_bounds & (method == each)] = texts.SIMULTANEOUS.format(method=each)
+    attributes = {
+        **array.attrs,
+        INTERVAL_LEVEL: field.runs.level,
+        **places.left_out(field.dims),
+    }
     if places.covered.size:
         attributes["pointwise_level"] = level
     return estimate_array(

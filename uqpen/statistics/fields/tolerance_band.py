@@ -79,7 +79,10 @@ def tolerance_band(
         coordinates=_content_coordinates(contents, needed),
         level=runs.level,
     )
-    yield "tolerance_band", along_field(array, field).assign_attrs(places.left_out(field.dims))
+    yield (
+        "tolerance_band",
+        along_field(array, field.output, runs.level).assign_attrs(places.left_out(field.dims)),
+    )
 
 
 def _parts(field: FieldSample) -> tuple[FieldSample, FieldSample]:

@@ -16,8 +16,9 @@ from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
+from uqpen.statistics.intervals import group_sums, ratio_jackknife_error, student_quantile
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity import salib_estimators
@@ -44,15 +45,15 @@ class IndexTerms:
 
     Parameters
     ----------
-    value : float
+    value : ndarray, shape (...)
         The index.
-    numerator : ndarray, shape (block,)
+    numerator : ndarray, shape (..., block)
         Of a variable with variance 1.
-    informative : ndarray of bool, shape (block,)
+    informative : ndarray of bool, shape (..., block)
         The blocks that contribute.
     """
 
-    value: float
+    value: FloatArray
     numerator: FloatArray
     informative: BoolArray
 
@@ -61,11 +62,13 @@ class IndexTerms:
 class BlockVariable:
     """A variable over the runs of blocks, and its Sobol' indices.
 
+    At places of a field it is a variable at each of them.
+
     Parameters
     ----------
     blocks : PickFreezeBlocks
-    values : ndarray, shape (run,)
-        The variable, in any unit.
+    values : ndarray, shape (run,) or (place, run)
+        The variable, in any unit. At no place it is constant.
     is_event : bool
         True if it is the indicator (0 or 1) of an event.
     level : float
@@ -83,7 +86,7 @@ class BlockVariable:
         drawn = np.concatenate([self.blocks.rows[MATRIX_A], self.blocks.rows[MATRIX_B]])
         everything = np.arange(len(drawn))
         return Sample(
-            values=self.values[drawn].astype(np.float64),
+            values=np.take(self.values, drawn, axis=-1).astype(np.float64),
             used=everything,
             missing=everything[:0],
             columns=InputColumns.none(len(drawn)),
@@ -97,9 +100,9 @@ class BlockVariable:
         return SampleShape(self.sample)
 
     @property
-    def std(self) -> float:
+    def std(self) -> FloatArray:
         """The standard deviation of that sample."""
-        return float(self.shape.scale * self.shape.deviations.std())
+        return self.shape.scale * self.shape.deviations.std(axis=-1)
 
     def logarithm(self) -> BlockVariable:
         """Return the variable's logarithm; NaN for failed runs."""
@@ -116,7 +119,7 @@ class BlockVariable:
         """Share of the variance that would go were input `i` known."""
         if reason := self.reason_without_indices:
             return Estimate.without_bounds(math.nan, reason)
-        return self.estimate(self.first_order_terms(i))
+        return self._single_estimate(self.first_order_terms(i))
 
     def first_order_terms(self, i: int) -> IndexTerms:
         """Return the terms of a first-order index of a variable that varies."""
@@ -134,7 +137,7 @@ class BlockVariable:
         """Share of the variance that would stay were all inputs but `i` known."""
         if reason := self.reason_without_indices:
             return Estimate.without_bounds(math.nan, reason)
-        return self.estimate(self.total_order_terms(i))
+        return self._single_estimate(self.total_order_terms(i))
 
     def total_order_terms(self, i: int) -> IndexTerms:
         """Return the terms of a total-order index of a variable that varies."""
@@ -157,7 +160,11 @@ class BlockVariable:
         pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
         numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
         value = salib_estimators.second_order(A, ABj, ABk, BAj, pair, B)
-        return self.estimate(IndexTerms(value, numerator, numerator != 0))
+        return self._single_estimate(IndexTerms(value, numerator, numerator != 0))
+
+    def _single_estimate(self, terms: IndexTerms) -> Estimate:
+        (found,) = self.estimates(terms).each()
+        return found
 
     @cached_property
     def drawn(self) -> tuple[FloatArray, FloatArray]:
@@ -175,9 +182,9 @@ class BlockVariable:
 
     def _values_at(self, matrix: int) -> FloatArray:
         """Standardized values at a part of each block."""
-        values = self.values[self.blocks.rows[matrix]]
-        scaled = (values - self.shape.mean) / self.shape.scale
-        return scaled / self.shape.deviations.std()
+        values = np.take(self.values, self.blocks.rows[matrix], axis=-1)
+        mean, scale = (each[..., np.newaxis] for each in (self.shape.mean, self.shape.scale))
+        return (values - mean) / scale / self.shape.deviations.std(axis=-1, keepdims=True)
 
     @cached_property
     def _denominator(self) -> FloatArray:
@@ -185,55 +192,62 @@ class BlockVariable:
         A, B = self.drawn
         return (A**2 + B**2) / 2
 
-    def estimate(self, terms: IndexTerms) -> Estimate:
+    def estimates(self, terms: IndexTerms) -> EstimateVector:
         """Return an index with its interval."""
-        value, numerator = terms.value, terms.numerator
-        if reason := self._reason_without_bounds(terms.informative):
-            return Estimate.without_bounds(value, reason)
-        blocks = self.blocks
-        error, freedom = ratio_jackknife_error(
-            numerator, self._denominator, blocks.replicate, blocks.replicate_count
-        )
-        if error < _ROUNDING:
-            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_STRATA)
+        value, blocks = terms.value, self.blocks
+        if blocks.replicate_count < 2:
+            return EstimateVector.without_bounds(value, texts.BLOCKS_OF_ONE_REPLICATE)
+        # Where a replicate has all of the variance there are no bounds.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error, freedom = ratio_jackknife_error(
+                terms.numerator, self._denominator, blocks.replicate, blocks.replicate_count
+            )
         half = student_quantile(freedom, self.level) * error
-        if not self._warning:
-            ends, note = (value - half, value + half), self._reservation
-            return Estimate(value, *ends, texts.JACKKNIFE, "nominal", note)
-        influence = numerator - value * self._denominator
-        over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
-        half = max(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
-        ends, note = (value - half, value + half), texts.DOUBTFUL_AS.format(reason=self._warning)
-        return Estimate(value, *ends, texts.WIDER_OF_TWO, "conservative", note)
+        influence = terms.numerator - value[..., np.newaxis] * self._denominator
+        over_blocks = influence.std(axis=-1, ddof=1) / math.sqrt(blocks.count)
+        wide = np.maximum(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
+        half = np.where(self._is_warned, wide, half)
+        warning = texts.DOUBTFUL_AS.format(reason=self._warning)
+        found = EstimateVector(
+            value,
+            value - half,
+            value + half,
+            np.where(self._is_warned, texts.WIDER_OF_TWO, texts.JACKKNIFE),
+            np.where(self._is_warned, "conservative", "nominal"),
+            np.where(self._is_warned, warning, self._reservation),
+        )
+        found = found.remove_bounds_at(error < _ROUNDING, texts.NO_SCATTER_OF_STRATA)
+        return self._without_doubtful_bounds(found, terms.informative)
+
+    @cached_property
+    def _is_warned(self) -> BoolArray:
+        """True where the scatter of replicates does not show the error, as `_warning` says."""
+        return bool(self.shape.hidden_tail) | self.shape.is_heavy
 
     @property
     def _warning(self) -> str:
-        """Warning that the scatter of replicates does not show the error; empty for none."""
         if self.shape.hidden_tail:
             return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
-        return self._tail_note if self.shape.is_heavy else ""
-
-    @property
-    def _tail_note(self) -> str:
         return self.shape.tail_note
 
     @property
-    def _reservation(self) -> str:
+    def _reservation(self) -> npt.NDArray[np.str_]:
         """Warning of a similar effect that may be hidden in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
             is_small = self.blocks.count < _ENOUGH_FOR_EVENTS
-            return texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS) if is_small else ""
-        return texts.DOUBTFUL_TAIL if self.shape.is_doubtful else ""
+            return np.where(is_small, texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS), "")
+        return np.where(self.shape.is_doubtful, texts.DOUBTFUL_TAIL, "")
 
-    def _reason_without_bounds(self, informative: BoolArray) -> str:
-        if self.blocks.replicate_count < 2:
-            return texts.BLOCKS_OF_ONE_REPLICATE
+    def _without_doubtful_bounds(
+        self, found: EstimateVector, informative: BoolArray
+    ) -> EstimateVector:
+        """Return indices without the bounds that so few blocks contribute to."""
+        spread = group_sums(self._denominator, self.blocks.replicate, self.blocks.replicate_count)
+        is_in_one = spread.max(axis=-1) == spread.sum(axis=-1)
+        found = found.remove_bounds_at(is_in_one, texts.VARIES_IN_ONE_REPLICATE)
+        are_few = np.count_nonzero(informative, axis=-1) < _FEWEST_INFORMATIVE
+        found = found.remove_bounds_at(are_few, texts.FEW_INFORMATIVE_BLOCKS)
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return texts.TOO_ONE_SIDED
-        if np.count_nonzero(informative) < _FEWEST_INFORMATIVE:
-            return texts.FEW_INFORMATIVE_BLOCKS
-        spread = np.bincount(self.blocks.replicate, self._denominator)
-        if spread.max() == spread.sum():
-            return texts.VARIES_IN_ONE_REPLICATE
-        return ""
+            return EstimateVector.without_bounds(found.value, texts.TOO_ONE_SIDED)
+        return found

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
-from uqpen.statistics.sensitivity.input_measures import reason_of_input, reason_of_output
+from uqpen.statistics.sensitivity.input_measures import reason_of_input
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["LocalRegressions", "SampledVariable", "StandardizedVariables", "VarianceParts"]
+__all__ = ["LocalRegressions", "SampledVariable", "VarianceParts"]
 
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
@@ -38,10 +37,13 @@ _ROUNDING = 1e-12
 class SampledVariable:
     """A variable over runs, and the interval of the share of its variance that an input explains.
 
+    At places of a field it is a variable at each of them, and its numbers are arrays of shape
+    (place,).
+
     Parameters
     ----------
     sample : Sample
-        Its values.
+        Its values, of shape (run,) or (place, run).
     has_doubtful_source : bool
         True if the output that it derives from may have a heavy tail.
     is_event : bool
@@ -57,67 +59,83 @@ class SampledVariable:
         """The shape of its tail."""
         return SampleShape(self.sample)
 
+    @property
+    def too_few_runs(self) -> str:
+        """Reason why so few runs give no index; empty where there are enough."""
+        if self.sample.size >= _FEWEST_RUNS:
+            return ""
+        # All places exist in the same runs, so that their number may be stated.
+        return replace(self.sample, values=np.zeros(self.sample.size)).too_few_runs
+
+    @property
+    def text_of_constant(self) -> str:
+        """Reason why no input has an index where the variable is constant."""
+        return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
+
+    @property
+    def std(self) -> FloatArray:
+        """The standard deviation in the unit of the values; 0 where it is constant."""
+        return self.shape.scale * self.shape.deviations.std(axis=-1)
+
     @cached_property
-    def reason_without_indices(self) -> str:
-        """Reason why no input has an index; empty where inputs may have."""
-        constant = texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
-        return reason_of_output(self.sample, _FEWEST_RUNS, constant)
-
-    @property
-    def std(self) -> float:
-        """The standard deviation in the unit of the values."""
-        return float(self.shape.scale * self.shape.deviations.std())
-
-    @property
     def standardized(self) -> FloatArray:
-        """Deviations from the mean, of variance 1."""
-        return self.shape.deviations / self.shape.deviations.std()
+        """Deviations from the mean, of variance 1; 0 where it is constant."""
+        std = self.shape.deviations.std(axis=-1)
+        return self.shape.deviations / np.where(std > 0, std, 1.0)[..., np.newaxis]
 
-    def estimate(self, value: float, error: float, freedom: float, pair_noise: float) -> Estimate:
-        """Return an index with its bounds.
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Variance of `standardized` about the mean of the distribution, not of the sample."""
+        errors, freedom = standard_error(self.sample, self.standardized)
+        return 1 + errors**2 if freedom else np.full(errors.shape, 1 + 1 / self.sample.size)
+
+    def estimates(
+        self, value: FloatArray, error: FloatArray, freedom: float, pair_noise: FloatArray
+    ) -> EstimateVector:
+        """Return indices with their bounds.
 
         Leaving out runs, or replicates, counts the noise of pairs of runs twice.
         """
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
-            return Estimate.without_bounds(value, reason)
-        excess = error**2 - pair_noise**2
-        variance = max(error**2 if self._warning else excess, pair_noise**2)
-        if not variance > _ROUNDING**2:
-            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
-        half = student_quantile(freedom, self.sample.level) * math.sqrt(variance)
-        estimate = Estimate(
+            return EstimateVector.without_bounds(value, reason)
+        noise = pair_noise**2
+        variance = np.maximum(np.where(self._is_warned, error**2, error**2 - noise), noise)
+        half = student_quantile(freedom, self.sample.level) * np.sqrt(variance)
+        is_wider = self._is_warned | self._is_wider
+        note = np.where(self._is_doubtful, texts.DOUBTFUL_TAIL, "").astype(object)
+        found = EstimateVector(
             value,
             value - half,
-            min(value + half, 1.0),
+            np.minimum(value + half, 1.0),
             texts.DELTA_METHOD.format(error_model=self.sample.error_model),
-            "conservative" if self._is_wider else "nominal",
+            np.where(is_wider, "conservative", "nominal").astype(object),
+            np.where(self._is_warned, texts.DOUBTFUL_AS.format(reason=self._warning), note),
         )
-        if self._warning:
-            return estimate.with_note(texts.DOUBTFUL_AS.format(reason=self._warning))
-        return estimate.with_note(texts.DOUBTFUL_TAIL) if self._is_doubtful else estimate
+        return found.remove_bounds_at(~(variance > _ROUNDING**2), texts.NO_SCATTER_OF_RUNS)
 
     @property
     def _is_wider(self) -> bool:
-        return bool(self._warning) or self.sample.error_model is ErrorModel.REPLICATED
+        return self.sample.error_model is ErrorModel.REPLICATED
 
     @property
-    def _is_doubtful(self) -> bool:
+    def _is_doubtful(self) -> BoolArray:
         if self.is_event:
             # It has no tail that could be hidden.
-            return False
+            return np.zeros(self.sample.values.shape[:-1], dtype=np.bool_)
         # A logarithm shows less of a tail than the output does. Where 1 000 runs of the concrete
         # study showed none in it, the largest index was covered in 78 %.
-        may_hide = self.has_doubtful_source and self.shape.has_few_effective_runs
-        return bool(self.shape.is_doubtful or may_hide)
+        may_hide = self.has_doubtful_source & self.shape.has_few_effective_runs
+        return self.shape.is_doubtful | may_hide
+
+    @cached_property
+    def _is_warned(self) -> BoolArray:
+        """True where `_warning` applies."""
+        return bool(self.shape.hidden_tail) | self.shape.is_heavy
 
     @property
     def _warning(self) -> str:
         if self.shape.hidden_tail:
             return texts.ONLY_RUNS.format(runs=self.sample.size)
-        return self._tail_note if self.shape.is_heavy else ""
-
-    @property
-    def _tail_note(self) -> str:
         return self.shape.tail_note
 
     @property
@@ -130,35 +148,16 @@ class SampledVariable:
 
 
 @dataclass(frozen=True, eq=False)
-class StandardizedVariables:
-    """Variables over the same runs, none of them constant."""
-
-    each: Sequence[SampledVariable]
-
-    @cached_property
-    def standardized(self) -> FloatArray:
-        """Their standardized values, shape (variable, run)."""
-        return np.stack([variable.standardized for variable in self.each])
-
-    @cached_property
-    def variance(self) -> FloatArray:
-        """Variance of each about the mean of its distribution, which differs from the sample's."""
-        sample = self.each[0].sample
-        errors, freedom = standard_error(sample, self.standardized)
-        return 1 + errors**2 if freedom else np.full(len(self.each), 1 + 1 / sample.size)
-
-
-@dataclass(frozen=True, eq=False)
 class VarianceParts:
-    """Variances of variables, and the parts of them that an input does not explain.
+    """Variance of a variable, and the part of it that an input does not explain.
 
     Parameters
     ----------
-    total, left : ndarray, shape (variable,)
+    total, left : ndarray, shape (...)
         The variance, and its part about the lines of the input's bins.
-    squares, left_influence : ndarray, shape (variable, run)
+    squares, left_influence : ndarray, shape (..., run)
         The influence of each run on them, but for a constant.
-    pair_noise : ndarray, shape (variable,)
+    pair_noise : ndarray, shape (...)
         The part of the error of `left` from the products of pairs of runs.
     """
 
@@ -169,33 +168,28 @@ class VarianceParts:
     pair_noise: FloatArray
 
     @classmethod
-    def about(cls, lines: ResidualVariance, variables: StandardizedVariables) -> VarianceParts:
-        """Return the parts about the lines through variables."""
-        squares = variables.standardized**2
-        return cls(variables.variance, lines.variance, squares, lines.influence, lines.pair_noise)
+    def about(cls, lines: ResidualVariance, variable: SampledVariable) -> VarianceParts:
+        """Return the parts about the lines through a variable."""
+        squares = variable.standardized**2
+        return cls(variable.variance, lines.variance, squares, lines.influence, lines.pair_noise)
 
-    def estimates(self, variables: Sequence[SampledVariable], sample: Sample) -> list[Estimate]:
-        """Return the share of each variance that the input explains, with its bounds."""
-        values = 1 - self.left / self.total
-        ratio = (self.left / self.total)[:, None]
-        influence = (ratio * self.squares - self.left_influence) / self.total[:, None]
-        errors, freedom = standard_error(sample, influence)
-        numbers = zip(values, errors, self.pair_noise / self.total, strict=True)
-        return [
-            variable.estimate(float(value), float(error), freedom, float(noise))
-            for variable, (value, error, noise) in zip(variables, numbers, strict=True)
-        ]
+    def estimates(self, variable: SampledVariable) -> EstimateVector:
+        """Return the share of the variance that the input explains, with its bounds."""
+        ratio = self.left / self.total
+        influence = ratio[..., np.newaxis] * self.squares - self.left_influence
+        errors, freedom = standard_error(variable.sample, influence / self.total[..., np.newaxis])
+        return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
 
 
-# Hears an input's number, variables, the lines of the input's bins, and the parts about them.
-Listener = Callable[[int, StandardizedVariables, ResidualVariance, VarianceParts], None]
+# Hears an input's number, the lines of the input's bins, and the parts about them.
+Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
 @dataclass(frozen=True)
 class LocalRegressions:
     """The runs of a sample, put together by each of their inputs.
 
-    StandardizedVariables over these runs have the bins of the inputs in common.
+    Variables over these runs have the bins of the inputs in common.
     """
 
     sample: Sample
@@ -216,85 +210,75 @@ class LocalRegressions:
         return {}
 
     def indices(
-        self, variables: Sequence[SampledVariable], listener: Listener | None = None
-    ) -> list[list[Estimate]]:
-        """Estimate the index of each input, for each variable.
+        self, variable: SampledVariable, listener: Listener | None = None
+    ) -> EstimateVector:
+        """Estimate the index of each input, along a further axis behind that of places.
 
         Parameters
         ----------
-        variables : sequence of SampledVariable
+        variable : SampledVariable
         listener : callable, optional
-            Called with each input, the variables that vary, and their lines and parts.
+            Called with each input that varies, and its lines and parts.
         """
-        known = StandardizedVariables(
-            [each for each in variables if not each.reason_without_indices]
-        )
-        columns = [self._input_indices(known, column, listener) for column in self.inputs]
-        rows = zip(*columns, strict=True)
-        return [self.row(each.reason_without_indices or next(rows)) for each in variables]
+        columns = [self._input_indices(variable, column, listener) for column in self.inputs]
+        return self.with_note(EstimateVector.stack(columns))
 
-    def row(self, found: Iterable[Estimate] | str) -> list[Estimate]:
-        """Return the indices of all inputs, or the reason why there are none, with their note."""
-        if isinstance(found, str):
-            found = [Estimate.without_bounds(math.nan, found) for _ in self.inputs]
-        note = texts.INCLUDES_CORRELATION if self.sample.dependence else ""
-        return [each.with_note(each.note, note) for each in found]
+    def with_note(self, found: EstimateVector) -> EstimateVector:
+        """Return indices with a note on the dependence of the inputs, where there is one."""
+        return found.with_further_note(texts.INCLUDES_CORRELATION if self.sample.dependence else "")
 
     def _input_indices(
-        self, known: StandardizedVariables, column: int, listener: Listener | None
-    ) -> list[Estimate]:
-        if not known.each:
-            return []
+        self, variable: SampledVariable, column: int, listener: Listener | None
+    ) -> EstimateVector:
+        nothing = np.full(variable.sample.values.shape[:-1], np.nan)
+        if variable.too_few_runs:
+            return EstimateVector.without_bounds(nothing, variable.too_few_runs)
+        none = EstimateVector.without_bounds(nothing, variable.text_of_constant)
         if reason := reason_of_input(self.sample, column):
-            return [Estimate.without_bounds(math.nan, reason) for _ in known.each]
-        lines = ResidualVariance(self.bins[column], known.standardized)
-        parts = VarianceParts.about(lines, known)
+            unknown = EstimateVector.without_bounds(nothing, reason)
+            return unknown.replace_at(variable.sample.is_constant, none)
+        lines = ResidualVariance(self.bins[column], variable.standardized)
+        parts = VarianceParts.about(lines, variable)
         if listener:
-            listener(column, known, lines, parts)
-        return self.estimates(
-            known.each, parts, lambda rows: self.halved_shares(known, column, rows)
+            listener(column, lines, parts)
+        found = self.estimates(
+            variable, parts, lambda rows: self.halved_shares(variable, column, rows)
         )
+        return found.replace_at(variable.sample.is_constant, none)
 
-    def halved_shares(
-        self, known: StandardizedVariables, column: int, rows: list[int]
-    ) -> FloatArray:
-        """Return the shares that bins of half the size explain, of some variables."""
+    def halved_shares(self, variable: SampledVariable, column: int, rows: BoolArray) -> FloatArray:
+        """Return the shares that bins of half the size explain, at some places."""
         if column not in self._halved_bins:
             bins = RegressionBins.from_sample(self.sample, column, halved=True)
             self._halved_bins[column] = bins
-        lines = ResidualVariance(self._halved_bins[column], known.standardized[rows])
-        return 1 - lines.variance / known.variance[rows]
+        lines = ResidualVariance(self._halved_bins[column], variable.standardized[rows])
+        return 1 - lines.variance / variable.variance[rows]
 
     def estimates(
         self,
-        variables: Sequence[SampledVariable],
+        variable: SampledVariable,
         parts: VarianceParts,
-        halved_shares: Callable[[list[int]], FloatArray],
-    ) -> list[Estimate]:
-        """Estimate the index of an input, for each variable.
+        halved_shares: Callable[[BoolArray], FloatArray],
+    ) -> EstimateVector:
+        """Estimate the index of an input.
 
         Parameters
         ----------
-        variables : sequence of SampledVariable
+        variable : SampledVariable
         parts : VarianceParts
-            Their variances about the lines of the input's bins.
+            Its variance about the lines of the input's bins.
         halved_shares : callable
-            Returns the shares that bins of half the size explain, of some of the variables.
+            Returns the shares that bins of half the size explain, at the places of a mask.
         """
-        found = parts.estimates(variables, self.sample)
-        large = [row for row, each in enumerate(found) if _may_hide_a_jump(each)]
-        for row, share in zip(large, halved_shares(large) if large else (), strict=True):
-            hidden = max(float(share) - found[row].value, 0.0)
-            found[row] = replace(found[row], upper=min(found[row].upper + 2 * hidden, 1.0))
-        return [_up_to_all(each) for each in found]
-
-
-def _may_hide_a_jump(estimate: Estimate) -> bool:
-    """Return True if a jump along the input may hide a part of the index, in the bin with it."""
-    return estimate.label != "none" and _LARGE <= estimate.value <= _NEARLY_ALL
-
-
-def _up_to_all(estimate: Estimate) -> Estimate:
-    if estimate.label == "none" or estimate.value <= _NEARLY_ALL:
-        return estimate
-    return replace(estimate, upper=1.0, label="conservative")
+        found = parts.estimates(variable)
+        # In its bin, a jump along the input may hide a part of such an index.
+        large = found.has_bounds & (found.value >= _LARGE) & (found.value <= _NEARLY_ALL)
+        hidden = np.zeros(found.value.shape)
+        if large.any():
+            hidden[large] = np.maximum(halved_shares(large) - found.value[large], 0.0)
+        is_all = found.has_bounds & (found.value > _NEARLY_ALL)
+        return replace(
+            found,
+            upper=np.where(is_all, 1.0, np.minimum(found.upper + 2 * hidden, 1.0)),
+            label=np.where(is_all, "conservative", found.label),
+        )

@@ -75,7 +75,8 @@ class _Indices:
         """Indices of a variable over the runs, along ``input``."""
         has_doubtful_source = bool(SampleShape(self.sample).is_doubtful)
         variable = SampledVariable(replace(self.sample, values=values), has_doubtful_source)
-        (estimates,), name = self.regressions.indices([variable]), indices_name(title, self.sample)
+        estimates = self.regressions.indices(variable).each()
+        name = indices_name(title, self.sample)
         array = input_array(estimates, self.sample.inputs, name, level=self.sample.level)
         return f"{prefix}first_order", array
 
@@ -84,9 +85,8 @@ class _Indices:
     ) -> tuple[str, xr.DataArray]:
         """Indices of events, given the runs in which each event occurs."""
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
-        rows = self.regressions.indices(
-            [SampledVariable(sample, is_event=True) for sample in samples]
-        )
+        variables = [SampledVariable(sample, is_event=True) for sample in samples]
+        rows = [self.regressions.indices(each).each() for each in variables]
         inputs, name = self.sample.inputs, indices_name(title, self.sample)
         array = event_array(rows, coordinates, inputs, name, self.sample.level)
         return f"{prefix}first_order", array

@@ -32,7 +32,6 @@ from uqpen.core.labels import (
     NOTE,
     QUANTILES,
     SENSITIVITY,
-    UNCHECKED,
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension
@@ -256,7 +255,7 @@ class _Field:
             sizes,
             {
                 INTERVAL: "none",
-                INTERVAL_LABEL: np.where(is_known, UNCHECKED, "none").astype(object),
+                INTERVAL_LABEL: "none",
                 NOTE: np.where(is_known, self.fit.text, reason).astype(object),
             },
             units=unit,

@@ -1,0 +1,525 @@
+"""How often the corrected estimates of surrogates cover, and how wide they are.
+
+Run it as ``python benchmarks/corrected_coverage.py --output FILE.csv``, with uqpen installed, and
+then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
+up. A file grows as seeds are done, so that a run may be stopped. A width is over that of the plain
+interval of the same runs: of the mean, the standard deviation, quantiles and probabilities.
+
+A surrogate is a sparse polynomial chaos of an order fixed beforehand, in five folds. All statistics
+of a seed share the fits. True values are from a million points of a Sobol' sequence. A cell fails
+if its intervals cover in less than 92 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache, cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from coverage_table import CORRECTED
+from scipy import special
+from scipy.stats import qmc
+from skewed_coverage import Design
+
+from uqpen.core.model import Output
+from uqpen.core.status import Status
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.execution import Evaluator
+from uqpen.statistics.distribution_function.probabilities import event_probability
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.moments.sample_moments import sample_moments
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.surrogate.correction.corrected_indices import InputParts, corrected_indices
+from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.disagreements import CorrectedCdf, corrected_probability
+from uqpen.study.load import load_study
+from uqpen.surrogates.basis import ProductBasis
+from uqpen.surrogates.regression import sparse_regression
+from uqpen.surrogates.univariate_basis import univariate_basis
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+LOWEST = 0.92
+# A cell with fewer intervals has too large an error to be judged.
+FEWEST = 50
+FOLDS = 5
+QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
+QUANTILES = np.array(QUANTITY.quantiles)
+EXCEEDED = (0.14, 0.05, 0.01)
+SIZES = (100, 200, 500)
+# Sets of quasi-random draws at which the fits are evaluated, and points of each.
+SETS, POINTS = 16, 1024
+# Seeds take turns with this many families of draws.
+_FAMILIES = 2
+_CHUNK = 5
+_TRUTH_POINTS = 20
+_COLUMNS = ("function", "design", "runs", "statistic", "seeds", "covers", "intervals", "width")
+_COLUMNS += ("plain_covers", "plain_intervals", "plain_width")
+
+CONCRETE = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
+
+
+class Function(NamedTuple):
+    """A function of points of the unit cube; NaN where they are inadmissible.
+
+    Its polynomials are of uniform inputs, or of normal scores. Runs at some points may fail.
+    """
+
+    inputs: int
+    values: Callable[[FloatArray], FloatArray]
+    order: dict[int, int]
+    title: str
+    is_normal: bool = False
+    is_logarithm: bool = False
+    has_indices: bool = False
+    correlation: float = 0.0
+    fails_at: Callable[[FloatArray], npt.NDArray[np.bool_]] | None = None
+
+    def points(self, cube: FloatArray) -> FloatArray:
+        """Return dependent points, if the inputs depend on each other."""
+        if not self.correlation:
+            return cube
+        scores = special.ndtri(cube)
+        shared = math.sqrt(self.correlation) * scores[:, :1]
+        return np.asarray(special.ndtr(math.sqrt(1 - self.correlation) * scores + shared))
+
+
+def _ishigami(u: FloatArray) -> FloatArray:
+    x1, x2, x3 = (2 * u[:, :3] - 1).T * math.pi
+    return np.asarray(np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1))
+
+
+def _borehole(u: FloatArray) -> FloatArray:
+    low = np.array([0.05, 100, 63070, 990, 63.1, 700, 1120, 9855])
+    high = np.array([0.15, 50000, 115600, 1110, 116, 820, 1680, 12045])
+    rw, r, tu, hu, tl, hl, length, kw = (low + u * (high - low)).T
+    log = np.log(r / rw)
+    below = log * (1 + 2 * length * tu / (log * rw**2 * kw) + tu / tl)
+    return np.asarray(2 * math.pi * tu * (hu - hl) / below)
+
+
+def _additive(u: FloatArray) -> FloatArray:
+    return np.asarray(
+        4 * u[:, 0] + (3 * u[:, 1] - 1) ** 2 + np.exp(u[:, 2]) + np.sin(3 * u[:, 3]) + u[:, 4] ** 3
+    )
+
+
+def _step(u: FloatArray) -> FloatArray:
+    return np.asarray(2.0 * (u[:, 0] + 0.6 * u[:, 1] > 0.9) + u[:, 2])
+
+
+def _rough(u: FloatArray) -> FloatArray:
+    return np.asarray(np.sin(41 * u[:, 0]) * np.cos(37 * u[:, 1]) + 0.5 * np.sin(53 * u[:, 2]))
+
+
+def _concrete(u: FloatArray) -> FloatArray:
+    return _rods(u, "penetration_depth")
+
+
+def _residue(u: FloatArray) -> FloatArray:
+    return _rods(u, "projectile_residue")
+
+
+def _rods(u: FloatArray, output: str) -> FloatArray:
+    joint, (variant,) = CONCRETE.joint, CONCRETE.models.values()
+    fixed = {each.variable.name: np.full(len(u), each.value) for each in joint.fixed}
+    results = Evaluator(variant.model, CONCRETE.constraints)({**fixed, **joint.ppf(u)})
+    return np.where(results.status == Status.OK, results.outputs[output], np.nan)
+
+
+def _scores(u: FloatArray) -> FloatArray:
+    return np.asarray(special.ndtri(u))
+
+
+def _orders(few: int, more: int, most: int) -> dict[int, int]:
+    return dict(zip(SIZES, (few, more, most), strict=True))
+
+
+FUNCTIONS = {
+    "concrete": Function(4, _concrete, _orders(3, 4, 5), "concrete depth", is_logarithm=True),
+    "residue": Function(4, _residue, _orders(3, 4, 5), "concrete residue"),
+    "ishigami": Function(3, _ishigami, _orders(7, 9, 10), "Ishigami", has_indices=True),
+    "borehole": Function(8, _borehole, _orders(2, 3, 3), "borehole", has_indices=True),
+    "additive": Function(5, _additive, _orders(3, 4, 5), "additive", has_indices=True),
+    "step": Function(3, _step, _orders(4, 5, 7), "step", has_indices=True),
+    "rough": Function(3, _rough, _orders(3, 4, 5), "rough (useless surrogate)", has_indices=True),
+    "lognormal": Function(
+        2, lambda u: np.exp(_scores(u[:, 0])), _orders(4, 5, 6), "exp z", is_normal=True
+    ),
+    "pareto": Function(1, lambda u: (1 - u[:, 0]) ** (-1 / 3.3), _orders(8, 10, 12), "Pareto 3.3"),
+    "modulus": Function(
+        2, lambda u: np.exp(np.abs(_scores(u[:, 0]))), _orders(6, 8, 10), "exp |z|", is_normal=True
+    ),
+    "reciprocal": Function(2, lambda u: 1 / (0.02 + u[:, 0]), _orders(8, 10, 12), "1/(0.02 + u)"),
+    "dependent": Function(
+        3, _ishigami, _orders(7, 9, 10), "Ishigami, inputs correlated by 0.6", correlation=0.6
+    ),
+    "failures": Function(
+        3,
+        _ishigami,
+        _orders(7, 9, 10),
+        "Ishigami, failures in a corner",
+        fails_at=lambda u: (u[:, 0] > 0.7) & (u[:, 1] > 0.5),
+    ),
+}
+_HYPERCUBE = LatinHypercube(runs=20, replicates=10)
+
+
+def _designs(runs: int) -> dict[str, Design]:
+    return {
+        "monte-carlo": Design(lambda rng, n, d: rng.random((n, d)), 0, runs),
+        "latin-hypercube × 10": Design(_HYPERCUBE.draw, 10, runs // 10),
+    }
+
+
+class Truth(NamedTuple):
+    """True values by statistic, and the thresholds of the probabilities."""
+
+    values: dict[str, float]
+    thresholds: FloatArray
+
+
+class Problem:
+    """A function with its true statistics, its polynomials, and draws for its surrogates."""
+
+    def __init__(self, function: Function) -> None:
+        self.function = function
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The true statistics."""
+        function = self.function
+        drawn = qmc.Sobol(function.inputs, seed=1).random_base2(_TRUTH_POINTS)
+        values = function.values(function.points(drawn))
+        values = values[~np.isnan(values)]
+        thresholds = np.quantile(values, [1 - p for p in EXCEEDED])
+        found = {"mean": float(values.mean()), "std": float(values.std())}
+        for p, threshold in zip(EXCEEDED, thresholds, strict=True):
+            found[f"P {p:g}"] = float((values > threshold).mean())
+        for p, value in zip(QUANTILES, np.quantile(values, QUANTILES), strict=True):
+            found[f"quantile {p:g}"] = float(value)
+        if function.has_indices:
+            found |= dict(self._indices())
+        return Truth(found, thresholds)
+
+    def _indices(self) -> Iterator[tuple[str, float]]:
+        inputs = self.function.inputs
+        both = qmc.Sobol(2 * inputs, seed=2).random_base2(_TRUTH_POINTS)
+        one, other = both[:, :inputs], both[:, inputs:]
+        values, others = self.function.values(one), self.function.values(other)
+        variance = values.var()
+        for name in range(inputs):
+            mixed = one.copy()
+            mixed[:, name] = other[:, name]
+            changed = self.function.values(mixed)
+            first = float((others * (changed - values)).mean() / variance)
+            yield f"first {name}", max(first, 0.0)
+            yield f"total {name}", float(((values - changed) ** 2).mean() / (2 * variance))
+
+    @cache  # noqa: B019 - problems last as long as the script
+    def terms(self, runs: int) -> tuple[ProductBasis, IntArray]:
+        """Return the polynomials of a fit to a number of runs, and their degrees."""
+        order = self.function.order[runs]
+        names = [f"x{number}" for number in range(self.function.inputs)]
+        law = Normal(mean=0.0, std=1.0) if self.function.is_normal else Uniform(lower=0, upper=1)
+        basis = ProductBasis(tuple(univariate_basis(name, law, order) for name in names))
+        return basis, basis.indices(order, 1.0)
+
+    def matrix(self, runs: int, points: FloatArray) -> FloatArray:
+        """Return the values of the terms at points."""
+        basis, indices = self.terms(runs)
+        columns = _scores(points) if self.function.is_normal else points
+        return basis.matrix(dict(zip(basis.names, columns.T, strict=True)), indices)
+
+    @cache  # noqa: B019
+    def draws(self, runs: int, family: int) -> tuple[FloatArray, IntArray]:
+        """Return the terms at a family of draws, and the set of each draw."""
+        function, inputs = self.function, self.function.inputs
+        drawn = [
+            qmc.Sobol(inputs, seed=1000 * family + number).random_base2(POINTS.bit_length() - 1)
+            for number in range(10, 10 + SETS)
+        ]
+        points = function.points(np.concatenate(drawn))
+        is_admissible = ~np.isnan(function.values(points))
+        return (
+            self.matrix(runs, points[is_admissible]),
+            np.repeat(np.arange(SETS), POINTS)[is_admissible],
+        )
+
+
+class Seed(NamedTuple):
+    """The runs of one seed: a sample of them, and what corrects a surrogate."""
+
+    sample: Sample
+    runs: CorrectionRuns
+    parts: tuple[InputParts, InputParts] | None
+
+
+def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
+    """Fit a surrogate in folds to the runs of a seed."""
+    function = problem.function
+    rng = Stream(seed, "coverage").generator()
+    cube, whole = design.sample(rng, function.inputs)
+    points = function.points(cube)
+    values = function.values(points)
+    is_missing = (
+        function.fails_at(points) if function.fails_at else np.zeros(len(points), dtype=np.bool_)
+    )
+    completed = ~np.isnan(values) & ~is_missing
+    unit = whole.replicates if design.replicates else np.arange(len(points))
+    fold = (rng.permutation(int(unit.max()) + 1) % FOLDS)[unit]
+    matrix = problem.matrix(runs, points)
+    at_draws, draw_set = problem.draws(runs, seed % _FAMILIES)
+    fits = [
+        _fit(matrix[completed & (fold != k)], values[completed & (fold != k)], function)
+        for k in range(FOLDS)
+    ]
+    predictions = np.empty(len(points))
+    draws = np.empty((FOLDS, len(at_draws)))
+    for k, fit in enumerate(fits):
+        predictions[fold == k] = _predicted(matrix[fold == k], fit, function)
+        draws[k] = _predicted(at_draws, fit, function)
+    sample = replace(
+        whole,
+        values=values[completed],
+        used=np.flatnonzero(completed),
+        missing=np.flatnonzero(is_missing),
+    )
+    is_exact = (
+        not function.is_logarithm and not function.correlation and len(draw_set) == SETS * POINTS
+    )
+    moments = [(fit[0], math.sqrt(fit[1:] @ fit[1:])) for fit in fits] if is_exact else None
+    found = CorrectionRuns(
+        values[completed],
+        predictions[completed],
+        fold[completed],
+        draws,
+        draw_set,
+        predictions[is_missing],
+        None if moments is None else np.array(moments),
+    )
+    parts = _parts(problem, runs, matrix, fits, fold) if function.has_indices else None
+    return Seed(sample, found, parts)
+
+
+def _fit(matrix: FloatArray, values: FloatArray, function: Function) -> FloatArray:
+    """Return the coefficients of all terms."""
+    fitted = np.log(values) if function.is_logarithm else values
+    centre, spread = fitted.mean(), fitted.std()
+    fit = sparse_regression(matrix, (fitted - centre) / spread)
+    coefficients = np.zeros(matrix.shape[1])
+    if fit is not None:
+        coefficients[fit.terms] = fit.coefficients * spread
+    coefficients[0] += centre
+    return coefficients
+
+
+def _predicted(matrix: FloatArray, coefficients: FloatArray, function: Function) -> FloatArray:
+    used = np.flatnonzero(coefficients)
+    found = matrix[:, used] @ coefficients[used]
+    return np.exp(found) if function.is_logarithm else found
+
+
+def _parts(
+    problem: Problem, runs: int, matrix: FloatArray, fits: list[FloatArray], fold: IntArray
+) -> tuple[InputParts, InputParts]:
+    _, indices = problem.terms(runs)
+    is_in = indices > 0
+    is_alone = is_in & (is_in.sum(axis=1) == 1)[:, None]
+    return tuple(
+        InputParts(
+            np.array([row * fits[k] @ terms for row, k in zip(matrix, fold, strict=True)]),
+            np.array([fit**2 @ terms for fit in fits]),
+        )
+        for terms in (is_alone, is_in)
+    )
+
+
+def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
+    """Yield the corrected estimates of a seed."""
+    runs = seed.runs
+    moments = CorrectedMoments(runs)
+    yield "mean", moments.mean()
+    yield "std", moments.std()
+    for p, limit in zip(EXCEEDED, truth.thresholds, strict=True):
+        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
+        found = corrected_probability(runs, *(each > limit for each in of))
+        yield f"P {p:g}", Estimate(found.value, found.lower, found.upper, "", "discrete")
+    ends = CorrectedCdf(runs).quantile(QUANTILES)
+    for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
+        yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
+    if seed.parts and not moments.heavy_tail:
+        for order, parts in zip(("first", "total"), seed.parts, strict=True):
+            for name, estimate in enumerate(corrected_indices(runs, parts, moments.variance)):
+                yield f"{order} {name}", estimate
+
+
+def _plain(seed: Seed, truth: Truth) -> Iterator[tuple[str, FloatArray]]:
+    """Yield value and bounds of the plain estimates of a seed."""
+    for statistic, array in islice(sample_moments(seed.sample, QUANTITY), 2):
+        yield statistic, array.values
+    for p, limit in zip(EXCEEDED, truth.thresholds, strict=True):
+        found = event_probability(seed.sample, seed.sample.values > limit)
+        yield f"P {p:g}", np.array([found.value, found.lower, found.upper])
+    ((_, quantiles),) = quantile_estimates(seed.sample, QUANTITY)
+    for p, ends in zip(QUANTILES, quantiles.values, strict=True):
+        yield f"quantile {p:g}", ends
+
+
+def main() -> int:
+    options = _options()
+    if options.earlier:
+        rows = [row for path in options.earlier for row in _read(path)]
+    else:
+        _run(options)
+        rows = _read(options.output)
+    cells = _cells(rows)
+    if options.markdown:
+        CORRECTED.fill(options.markdown, "\n".join(_page(cells)))
+    failing = [key for key, cell in cells.items() if cell.fails]
+    for key in failing:
+        print("FAILS", *key, cells[key])
+    return 1 if failing else 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
+    parser.add_argument("--seeds", type=int, default=1000)
+    parser.add_argument("--function", default="", help="the name of one")
+    parser.add_argument("--runs", type=int, choices=SIZES, help="one of the sizes")
+    parser.add_argument("--output", type=Path, default=Path("corrected_coverage.csv"))
+    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    return parser.parse_args()
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Write the counts of each cell, some seeds of all cells after the other."""
+    problems = {
+        name: Problem(function)
+        for name, function in FUNCTIONS.items()
+        if options.function in ("", name)
+    }
+    with options.output.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, _COLUMNS)
+        writer.writeheader()
+        for first in range(options.first, options.first + options.seeds, _CHUNK):
+            seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
+            for runs in SIZES if options.runs is None else (options.runs,):
+                for name, problem in problems.items():
+                    for design in _designs(runs):
+                        writer.writerows(_rows(name, problem, design, runs, seeds))
+                        file.flush()
+            print(f"seeds to {seeds[-1]} are done", flush=True)
+
+
+def _rows(
+    name: str, problem: Problem, design: str, runs: int, seeds: Sequence[int]
+) -> Iterator[dict[str, Any]]:
+    counts: dict[str, dict[str, float]] = defaultdict(lambda: dict.fromkeys(_COLUMNS[4:], 0))
+    for number in seeds:
+        with one_blas_thread():
+            seed = _seed(problem, _designs(runs)[design], runs, number)
+            plain = dict(_plain(seed, problem.truth))
+            corrected = dict(_corrected(seed, problem.truth))
+        for statistic, true in problem.truth.values.items():
+            count = counts[statistic]
+            count["seeds"] += 1
+            ends = corrected[statistic].bounds if statistic in corrected else (math.nan,) * 3
+            _, low, high = plain.get(statistic, (math.nan,) * 3)
+            has_both = not math.isnan(high - low) and not math.isnan(ends[2] - ends[1])
+            if not math.isnan(ends[2] - ends[1]):
+                count["intervals"] += 1
+                count["covers"] += bool(ends[1] <= true <= ends[2])
+            if has_both:
+                count["plain_intervals"] += 1
+                count["plain_covers"] += bool(low <= true <= high)
+                count["width"] += float(ends[2] - ends[1])
+                count["plain_width"] += float(high - low)
+    for statistic, count in counts.items():
+        key = {"function": name, "design": design, "runs": runs, "statistic": statistic}
+        yield {**key, **count}
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+class Cell(NamedTuple):
+    """Sums over the seeds of a cell."""
+
+    seeds: float = 0
+    covers: float = 0
+    intervals: float = 0
+    width: float = 0
+    plain_covers: float = 0
+    plain_intervals: float = 0
+    plain_width: float = 0
+
+    @property
+    def fails(self) -> bool:
+        """True if its intervals cover too seldom."""
+        return self.intervals >= FEWEST and self.covers < LOWEST * self.intervals
+
+    @property
+    def text(self) -> str:
+        """Coverage in per cent, and the width over that of the plain interval."""
+        if self.intervals < FEWEST and self.intervals < self.seeds / 2:
+            return "none"
+        coverage = f"{100 * self.covers / self.intervals:.0f}"
+        return f"{coverage} / {self.width / self.plain_width:.2f}" if self.plain_width else coverage
+
+
+_Key = tuple[str, str, int, str]
+
+
+def _cells(rows: Sequence[dict[str, Any]]) -> dict[_Key, Cell]:
+    found: dict[_Key, Cell] = {}
+    for row in rows:
+        statistic = row["statistic"]
+        key = row["function"], row["design"], int(row["runs"]), statistic.partition(" ")[0]
+        if not statistic.startswith(("first", "total")):
+            key = (*key[:3], statistic)
+        before = found.get(key, Cell())
+        found[key] = Cell(*(old + float(row[name]) for name, old in before._asdict().items()))
+    return found
+
+
+def _page(cells: dict[_Key, Cell]) -> Iterator[str]:
+    designs = dict.fromkeys(design for _, design, _, _ in cells)
+    statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
+    for design in designs:
+        yield f"| {design} | runs | {' | '.join(statistics)} |"
+        yield "|---" * (len(statistics) + 2) + "|"
+        for name, function in FUNCTIONS.items():
+            for runs in SIZES:
+                row = [cells.get((name, design, runs, each)) for each in statistics]
+                if any(row):
+                    texts = (cell.text if cell else "–" for cell in row)
+                    yield f"| {function.title} | {runs} | {' | '.join(texts)} |"
+        yield ""
+    fewest = min(cell.seeds for key, cell in cells.items() if key[3] == "mean")
+    yield f"Seeds of a cell: {fewest:.0f} or more."
+
+
+if __name__ == "__main__":
+    sys.exit(main())

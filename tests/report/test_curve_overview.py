@@ -1,0 +1,109 @@
+"""Curves at a glance, which a reader sees first: as blocks and in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+from playwright.sync_api import Page
+
+import uqpen
+from uqpen.report.blocks import Block, Chart, find_charts
+from uqpen.report.sections.answer import answer
+from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import estimate_text
+
+MODEL = """\
+import numpy as np
+t = np.linspace(0, 10, 11)
+def first(a):
+    ending = np.where(t <= 5 * a, a * t, np.nan)
+    return {"once": a + t, "ending": ending, **{f"c{k}": k * t * a for k in range(4)}}
+def second(a):
+    return {"ending": t * a / 2, **{f"c{k}": k * t for k in range(4)}}
+"""
+CURVE = """
+[models.MODEL.outputs.NAME]
+unit = "cm"
+may_end = ENDS
+along = { t = { unit = "ms", from = 0, to = 10, size = 11 } }
+"""
+HEAD = '[models.MODEL]\npython = "model.py:MODEL"\ninputs = { a = "1" }\n'
+REST = '[inputs]\na = "1 ± 0.2"\n[designs.mc]\nkind = "monte-carlo"\nruns = 60\n'
+
+
+def model_text(model: str, *curves: str) -> str:
+    made = (
+        CURVE.replace("NAME", name).replace("ENDS", str(name == "ending").lower())
+        for name in curves
+    )
+    return (HEAD + "".join(made)).replace("MODEL", model)
+
+
+@pytest.fixture(scope="module")
+def pair(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> xr.DataTree:
+    """Five curves by two models, and one more by the first alone."""
+
+    def make() -> xr.DataTree:
+        folder = tmp_path_factory.mktemp("pair")
+        (folder / "model.py").write_text(MODEL)
+        shared = ("ending", "c0", "c1", "c2", "c3")
+        models = model_text("first", "once", *shared) + model_text("second", *shared)
+        return uqpen.run(uqpen.parse_study(f"seed = 3\n{models}{REST}", folder=folder))
+
+    return made_once("curve_pair", make)
+
+
+def charts(tree: xr.DataTree, section: Callable[[ArchiveView], Block]) -> list[Chart]:
+    return list(find_charts(section(ArchiveView(tree, "first"))))
+
+
+def test_curves_of_several_models_come_first(pair: xr.DataTree) -> None:
+    first = charts(pair, answer)[:4]
+    further = charts(pair, model_comparison)[:2]
+    titles = [each.title for each in (*first, *further)]
+    assert titles == [f"{name} [cm]" for name in ("Ending", "c0", "c1", "c2", "c3", "Once")]
+    assert [each.notes for each in further] == [(), ("By first alone.",)]
+
+
+def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair: xr.DataTree) -> None:
+    (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
+    lower, upper = drawn.traces[:2]
+    line = next(each for each in drawn.traces if each.get("name") == "first")
+    found = pair["models/first/statistics/mc/c2"].to_dataset()["quantile"].values[:, :, 0] * 100
+    np.testing.assert_allclose(line["y"], found[:, 1], rtol=1e-3, atol=0.02)
+    np.testing.assert_allclose(lower["y"], found[:, 0], rtol=1e-3, atol=0.02)
+    np.testing.assert_allclose(upper["y"], found[:, 2], rtol=1e-3, atol=0.02)
+
+
+def test_a_pointer_reads_the_interval_of_a_median(pair: xr.DataTree) -> None:
+    (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
+    line = next(each for each in drawn.traces if each.get("name") == "first")
+    bounds = pair["models/first/statistics/mc/c2"].to_dataset()["quantile"].values[-1, 1] * 100
+    assert line["text"][-1].startswith(estimate_text(*bounds.tolist()))
+
+
+def test_a_study_without_curves_has_none(archives: dict[str, xr.DataTree]) -> None:
+    found = find_charts(answer(ArchiveView(archives["beam"], "")))
+    assert [each.title for each in found if "[" in each.title] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_bands_are_drawn_and_fit(show: Callable[[str], Page], theme: str) -> None:
+    page = show("pair")
+    page.emulate_media(color_scheme=theme)
+    for width in (1280, 390):
+        page.set_viewport_size({"width": width, "height": 900})
+        ready = (
+            f"html[data-ready=yes]:not(:has(#answer .plot:not([data-drawn={theme}], details *)))"
+        )
+        page.wait_for_selector(ready, state="attached")
+        bands = page.locator("#answer > div > .charts .plot .fills path")
+        assert bands.count() == 8
+        assert page.evaluate("document.documentElement.scrollWidth") == width

@@ -1,0 +1,276 @@
+"""Corrected estimates of surrogates: what real runs add to a surrogate's figures."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from uqpen.archive.estimates import interval_text
+from uqpen.core.labels import RUN, SAMPLING, STATUS
+from uqpen.core.status import Status
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.quadrature import Quadrature
+from uqpen.execution import Evaluator, evaluate
+from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean
+from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
+from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.disagreements import (
+    CorrectedCdf,
+    bonett_price,
+    corrected_probability,
+)
+from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
+from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.cross_fitting import cross_fit
+from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+
+MakeStudy = Callable[..., ValidatedStudy]
+
+STREAM = Stream(1, "surrogates", "pce")
+NORMAL = "{ normal = { mean = 0, std = 1 } }"
+
+
+def runs_of(
+    seed: int = 0, runs: int = 40, error: float = 0.3, missing: int = 0, slope: float = 1.0
+) -> CorrectionRuns:
+    """Runs of a normal output with predictions that err, in two folds."""
+    rng = np.random.default_rng(seed)
+    truth, predicted = rng.normal(size=(2, runs))
+    return CorrectionRuns(
+        truth,
+        slope * truth + error * predicted,
+        np.arange(runs) % 2,
+        np.hypot(slope, error) * rng.normal(size=(2, 64)),
+        np.arange(64) % 4,
+        rng.normal(size=missing),
+    )
+
+
+def made(study: ValidatedStudy, design: Design) -> xr.Dataset:
+    points = next(design.rounds(study.joint, Stream(1, "design", str(design))))
+    runs = evaluate(Evaluator(study.models[""].model, study.constraints), points, {})
+    return runs.assign_attrs({SAMPLING: str(design.sampling)})
+
+
+def corrected(
+    study: ValidatedStudy, training: xr.Dataset, check: xr.Dataset | None = None, order: int = 2
+) -> OutputStatistics:
+    """Return the corrected statistics of a polynomial chaos."""
+    surrogate, model = PolynomialChaos(design="training", order=order), study.models[""].model
+    fitted = surrogate.fit("pce", training, model, study.joint, STREAM)
+    folds = cross_fit(surrogate, "pce", training, model, study.joint, STREAM)
+    draws = SurrogateDraws(fitted, study.joint, study.constraints, {}, STREAM)
+    quantities = study.model_quantities(model)
+    evidence = correction_evidence(draws, folds, training, check, quantities)
+    found = surrogate_statistics(draws, quantities).outputs
+    return correct_statistics(found, evidence, quantities)["y"]
+
+
+def test_bonett_and_price_is_its_formula() -> None:
+    centre, half = bonett_price(np.array(7), np.array(2), 48, 0.95)
+    assert centre == pytest.approx(8 / 50 - 3 / 50)
+    expected = stats.norm.ppf(0.975) * math.sqrt((11 / 50 - (5 / 50) ** 2) / 50)
+    assert half == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("expected", [(0.5, 0.5), (3, 0.1), (6, 6), (0.1, 8)])
+def test_few_disagreements_keep_the_coverage(expected: tuple[float, float]) -> None:
+    runs = 60
+    one, other = np.array(expected) / runs
+    gained, dropped = np.meshgrid(np.arange(41), np.arange(41))
+    chances = stats.multinomial.pmf(
+        np.stack([gained, dropped, runs - gained - dropped], axis=-1).clip(0).reshape(-1, 3),
+        runs,
+        [one, other, 1 - one - other],
+    ).reshape(gained.shape)
+    centre, half = bonett_price(gained, dropped, runs, 0.95)
+    covers = np.abs(centre - (one - other)) <= half
+    assert (chances * covers).sum() >= 0.93
+
+
+def test_a_useless_surrogate_leaves_the_plain_mean() -> None:
+    runs = replace(runs_of(), predictions=np.zeros(40), draws=np.zeros((2, 64)))
+    found = corrected_mean(runs, runs.values, runs.predictions, runs.draws)
+    assert found.weight == 0
+    assert found.value == pytest.approx(runs.values.mean())
+    assert found.error == pytest.approx(runs.values.std(ddof=1) / math.sqrt(40))
+
+
+def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> None:
+    rng = np.random.default_rng(2)
+    values, draws = rng.normal(size=50), rng.normal(size=4096)
+    exact = np.array([[0.0, 1.0]])
+    at = np.repeat(np.arange(16), 256)
+    runs = CorrectionRuns(
+        values, values, np.zeros(50, dtype=np.int64), draws[None], at, values[:0], exact
+    )
+    mean, std = CorrectedMoments(runs).mean(), CorrectedMoments(runs).std()
+    assert mean.value == pytest.approx(0, abs=1e-12)
+    assert mean.lower < -1e-3
+    assert mean.upper > 1e-3
+    assert std.value == pytest.approx(1)
+    assert std.lower < 0.999
+    assert std.upper > 1.001
+
+
+@given(st.integers(0, 10**6), st.sampled_from([-3.0, 0.5, 40.0]), st.sampled_from([-7.0, 0.0, 9.0]))
+def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> None:
+    runs = runs_of(seed, missing=2)
+    other = replace(
+        runs,
+        values=factor * runs.values + offset,
+        predictions=factor * runs.predictions + offset,
+        draws=factor * runs.draws + offset,
+        missing_predictions=factor * runs.missing_predictions + offset,
+    )
+    one, moved = CorrectedMoments(runs), CorrectedMoments(other)
+    ends = sorted(factor * end + offset for end in one.mean().bounds)
+    assert sorted(moved.mean().bounds) == pytest.approx(ends)
+    ends = [abs(factor) * end for end in one.std().bounds]
+    assert list(moved.std().bounds) == pytest.approx(ends, nan_ok=True)
+
+
+@given(st.integers(0, 10**6), st.floats(-1, 1))
+def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
+    seed: int, limit: float
+) -> None:
+    runs = runs_of(seed, missing=3)
+
+    def of(runs: CorrectionRuns) -> tuple[float, float, float]:
+        every = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
+        found = corrected_probability(runs, *(each > limit for each in every))
+        return float(found.value), float(found.lower), float(found.upper)
+
+    _, lower, upper = of(runs)
+    for outcome in itertools.product((limit - 1, limit + 1), repeat=3):
+        whole = replace(
+            runs,
+            values=np.concatenate([runs.values, outcome]),
+            predictions=np.concatenate([runs.predictions, runs.missing_predictions]),
+            fold=np.concatenate([runs.fold, [0, 1, 0]]),
+            missing_predictions=runs.missing_predictions[:0],
+            draws=np.tile(runs.draws[:1], (2, 1)),
+        )
+        alike = replace(runs, draws=whole.draws)
+        _, least, most = of(alike)
+        _, low, high = of(whole)
+        assert least - 1e-12 <= low
+        assert high <= most + 1e-12
+    assert 0 <= lower <= upper <= 1
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0.1, 0.5, 0.8]))
+def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: float) -> None:
+    cdf = CorrectedCdf(runs_of(seed, runs=60))
+    value, lower, upper = (float(each[0]) for each in cdf.quantile(np.array([p])))
+    assert lower <= value <= upper
+    every = np.sort(np.concatenate([cdf.runs.values, cdf.runs.predictions]))
+    found = cdf.at(every)
+    has = (found.lower <= p) & (p <= found.upper)
+    inside = (lower <= every) & (every < upper)
+    assert inside[has].all()
+
+
+def test_a_quantile_beyond_the_runs_has_no_bound() -> None:
+    value, lower, upper = CorrectedCdf(runs_of()).quantile(np.array([0.999]))
+    assert np.isfinite([value, lower]).all()
+    assert np.isnan(upper).all()
+
+
+def test_an_exactly_linear_model_has_intervals_of_everything(study_of: MakeStudy) -> None:
+    study = study_of("3 * a + 4 * b", "[outputs.y]\nexceeds = [5]", a=NORMAL, b=NORMAL)
+    found = corrected(study, made(study, MonteCarlo(runs=100)), order=1)
+    true = {"mean": 0.0, "std": 5.0, "exceedance": 1 - stats.norm.cdf(1)}
+    for name, value in true.items():
+        estimate, lower, upper = np.ravel(found[name].values)
+        assert lower < value < upper, name
+        assert estimate == pytest.approx(value, abs=0.01), name
+    assert float(found["std"][0]) == pytest.approx(5, abs=1e-9)
+    for order in ("first_order", "total_order"):
+        lower, upper = found[order].values[:, 1:].T
+        assert (lower < [0.36, 0.64]).all()
+        assert (upper > [0.36, 0.64]).all()
+        assert (upper - lower < 0.1).all()
+    assert float(found["mean"].coords["equivalent_runs"]) > 1000
+    labels = {
+        name: set(np.ravel(found[name]["interval_label"].values))
+        for name in found
+        if "interval_label" in found[name].coords
+    }
+    assert labels["mean"] == labels["std"] == labels["first_order"] == {"conservative"}
+    assert labels["exceedance"] == labels["cdf"] == {"discrete"}
+    assert labels["shapley"] == labels["cdf_band"] == {"none"}
+
+
+def test_a_bad_surrogate_costs_width_not_truth(study_of: MakeStudy) -> None:
+    study = study_of("np.sign(np.sin(31 * a))", a=(0, 1), b=(0, 1))
+    found = corrected(study, made(study, MonteCarlo(runs=100)))
+    equivalent = float(found["mean"].coords["equivalent_runs"])
+    assert 100 / 1.12**2 < equivalent < 130
+    assert abs(float(found["first_order"][1, 1])) < 1e-3
+    assert float(found["first_order"][0, 2]) == 1.0
+
+
+def test_failed_runs_widen_and_are_told(study_of: MakeStudy) -> None:
+    study = study_of("a + b", "[outputs.y]\nexceeds = [1.3]", a=(0, 1), b=(0, 1))
+    runs = made(study, MonteCarlo(runs=200))
+    is_missing = (runs["a"].values > 0.7) & (runs["b"].values > 0.7)
+    status = np.where(is_missing, Status.FAILED, Status.OK).astype(np.int8)
+    y = np.where(is_missing, np.nan, runs["y"].values)
+    partial = runs.assign({STATUS: (RUN, status), "y": (RUN, y, runs["y"].attrs)})
+    found = corrected(study, partial, order=1)
+    true = {"mean": 1.0, "exceedance": 0.245}
+    for name, value in true.items():
+        _, lower, upper = np.ravel(found[name].values)
+        assert lower < value < upper, name
+        assert "of all admissible inputs" in str(np.ravel(found[name].coords["note"].values)[0])
+    model = study.models[""].model
+    fitted = PolynomialChaos(design="t", order=1).fit("pce", partial, model, study.joint, STREAM)
+    predicted = missing_run_predictions(fitted, partial, study.model_quantities(model))["y"]
+    assert predicted.count == is_missing.sum()
+    assert predicted.lowest == pytest.approx(runs["y"].values[is_missing].min())
+    assert predicted.exceedance == {"1.3": 1.0}
+
+
+def test_only_check_runs_correct_a_fit_to_a_rule(study_of: MakeStudy) -> None:
+    study = study_of("a ** 2 + b", a=(0, 1), b=(0, 1))
+    rule, check = made(study, Quadrature(order=4)), made(study, MonteCarlo(runs=80))
+    alone = corrected(study, rule)
+    assert set(_labels(alone)) == {"none"}
+    assert interval_text(alone["mean"], "note") == (
+        "the training runs are no sample of the input distribution"
+    )
+    _, lower, upper = corrected(study, rule, check)["mean"].values
+    assert lower < 5 / 6 < upper
+
+
+def test_dependent_inputs_have_no_indices(study_of: MakeStudy) -> None:
+    pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
+    dependence = f'[dependence]\ncopula = "gaussian"\nof = "ranks"\n{pair}\n'
+    study = study_of("a + b", dependence, a=(0, 1), b=(0, 1))
+    found = corrected(study, made(study, MonteCarlo(runs=100)))
+    assert np.isfinite(found["mean"].values).all()
+    notes = found["first_order"].coords["note"].values
+    assert all("the random inputs depend on each other" in note for note in notes)
+    assert np.isnan(found["first_order"].values[:, 1:]).all()
+
+
+def _labels(statistics: Mapping[str, xr.DataArray]) -> list[str]:
+    arrays = [each for each in statistics.values() if "interval_label" in each.coords]
+    return [str(label) for each in arrays for label in np.ravel(each["interval_label"].values)]

@@ -1,0 +1,36 @@
+"""Surrogates of this uqpen's recipe are repeated; those of another are left out, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import xarray as xr
+
+import uqpen
+from uqpen.study.study import ValidatedStudy
+from uqpen.verification.earlier_surrogates import check_surrogate_recipe
+
+STUDY = """
+[designs.training]
+kind = "monte-carlo"
+runs = 20
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "training"
+order = 1
+"""
+
+
+def test_only_surrogates_of_the_recipe_of_today_are_repeated(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    study = study_of("a + b", STUDY, a=(0, 1), b=(0, 1))
+    tree: xr.DataTree = uqpen.run(study)
+    same, kept, results = check_surrogate_recipe(study, tree)
+    assert (same, kept, results) == (study, tree, [])
+    del tree["statistics/pce"].attrs["surrogate_recipe"]
+    bare, kept, (result,) = check_surrogate_recipe(study, tree)
+    assert bare.surrogates == {}
+    assert result.text == "not checked: pce; another uqpen has fitted and corrected them"
+    assert not [path for path in kept.groups if "pce" in path]
+    assert "/statistics/training/y" in kept.groups

@@ -1,0 +1,1 @@
+"""Estimates of surrogates, corrected by real runs."""

@@ -1,0 +1,169 @@
+"""Statistics of a surrogate, each corrected by real runs as far as intervals are known to cover."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import CATALOGUE, PERCENT, PROBABILITY
+from uqpen.core.labels import (
+    BOUND,
+    EQUIVALENT_RUNS,
+    ESTIMATOR,
+    INTERVAL_LEVEL,
+    NOTE,
+    RANK,
+    STOPPING_STATISTICS,
+    SURROGATE_ESTIMATE,
+)
+from uqpen.statistics import texts
+from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.stopped_runs import mark_uncertified
+from uqpen.statistics.surrogate.correction.correction_evidence import CorrectionEvidence
+from uqpen.statistics.surrogate.correction.output_correction import OutputCorrection
+
+__all__ = ["correct_statistics"]
+
+
+def correct_statistics(
+    found: Mapping[str, OutputStatistics],
+    evidence: CorrectionEvidence,
+    quantities: Sequence[QuantityOfInterest],
+) -> dict[str, OutputStatistics]:
+    """Correct the statistics of a surrogate by real runs.
+
+    Parameters
+    ----------
+    found : mapping of str to mapping of str to DataArray
+        By output, the surrogate's own estimate arrays.
+    evidence : CorrectionEvidence
+    quantities : sequence of QuantityOfInterest
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        Estimate arrays with the coordinates ``surrogate_estimate``, the surrogate's own figure,
+        and ``equivalent_runs``, the number of plain runs whose interval would be as narrow; NaN
+        where there is none. What runs cannot correct keeps its figure, with the reason.
+    """
+    wanted = {quantity.output.name: quantity for quantity in quantities}
+    corrected = {
+        name: _corrected(statistics, wanted[name], evidence) for name, statistics in found.items()
+    }
+    if not evidence.has_own_number:
+        return corrected
+    return mark_uncertified(corrected, {STOPPING_STATISTICS: "[]"})
+
+
+def _corrected(
+    statistics: OutputStatistics, quantity: QuantityOfInterest, evidence: CorrectionEvidence
+) -> OutputStatistics:
+    """Return the statistics of one output."""
+    output = quantity.output.name
+    if reason := evidence.reasons.get(output, ""):
+        return {name: _uncorrected(name, array, reason) for name, array in statistics.items()}
+    correction = OutputCorrection(evidence.runs[output], evidence.parts[output], quantity)
+    plain = evidence.plain[output]
+    found = {}
+    for name, array in statistics.items():
+        if RANK in array.dims:
+            found[name] = _at_ranks(name, array, correction, plain.get(name))
+        elif reason := correction.problem(name):
+            found[name] = _uncorrected(name, array, reason)
+        else:
+            estimates = correction.estimates(name, _probabilities(array))
+            own = array.values[..., 0]
+            found[name] = _with_estimates(array, estimates, own, correction, plain.get(name))
+    return found
+
+
+def _probabilities(array: xr.DataArray) -> FloatArray:
+    """Return the probabilities of quantiles; none of other statistics."""
+    if PERCENT in array.dims:
+        return np.asarray(array[PERCENT].values / 100)
+    return np.asarray(array[PROBABILITY].values) if PROBABILITY in array.dims else np.empty(0)
+
+
+def _at_ranks(
+    name: str, array: xr.DataArray, correction: OutputCorrection, plain: xr.DataArray | None
+) -> xr.DataArray:
+    """Return a statistic of the distribution function, at its corrected quantiles."""
+    values, _, _ = correction.cdf.quantile(array[RANK].values)
+    if BOUND not in array.dims:
+        return array.copy(data=values)
+    estimates = correction.estimates("cdf", values)
+    if correction.problem(name):
+        estimates = [Estimate.without_bounds(each.value, texts.NO_BAND_KNOWN) for each in estimates]
+    share = correction.cdf.surrogate_share(values)
+    return _with_estimates(array, estimates, share, correction, plain)
+
+
+def _uncorrected(name: str, array: xr.DataArray, reason: str) -> xr.DataArray:
+    """Return the surrogate's own figures without bounds; what is no number keeps its reason."""
+    if BOUND not in array.dims:
+        return array
+    keeps_note = name in CATALOGUE and CATALOGUE[name].note_is_of_estimate
+    found = []
+    for at in np.ndindex(array.shape[:-1]):
+        value, note = float(array.values[at][0]), str(array.coords[NOTE].values[at])
+        reasons = (note,) if math.isnan(value) else (reason, note if keeps_note else "")
+        found.append(Estimate.without_bounds(value, *reasons))
+    own = array.values[..., 0]
+    return _corrected_array(array, found, own, np.full(own.shape, math.nan))
+
+
+def _with_estimates(
+    array: xr.DataArray,
+    estimates: Sequence[Estimate],
+    own: FloatArray,
+    correction: OutputCorrection,
+    plain: xr.DataArray | None,
+) -> xr.DataArray:
+    """Return corrected estimates as the estimate array of a statistic."""
+    runs = correction.runs.size
+    estimator = texts.CORRECTED_BY.format(estimator=array.attrs[ESTIMATOR], runs=runs)
+    found = array.assign_attrs({ESTIMATOR: estimator})
+    return _corrected_array(found, estimates, own, _equivalent_runs(estimates, plain))
+
+
+def _equivalent_runs(estimates: Sequence[Estimate], plain: xr.DataArray | None) -> FloatArray:
+    """Return how many plain runs would give intervals as narrow, NaN where that is unknown."""
+    width = np.array([estimate.upper - estimate.lower for estimate in estimates])
+    if plain is None or plain.size != 3 * width.size:
+        return np.full(width.shape, math.nan)
+    _, lower, upper = plain.values.reshape(-1, 3).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = int(plain.attrs["runs_used"]) * ((upper - lower) / width) ** 2
+    return np.where(np.isfinite(found), found, math.nan)
+
+
+def _corrected_array(
+    array: xr.DataArray, estimates: Sequence[Estimate], own: FloatArray, equivalent: FloatArray
+) -> xr.DataArray:
+    """Return an estimate array with other estimates, and what stands beside them."""
+    dims = {str(dim): size for dim, size in array.sizes.items() if dim != BOUND}
+    attributes = dict(array.attrs)
+    level = attributes.pop(INTERVAL_LEVEL, LEVEL)
+    kept = {
+        str(key): each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
+    }
+    found = Estimate.array(
+        estimates,
+        dims,
+        units=attributes.pop("units"),
+        long_name=attributes.pop("long_name"),
+        coordinates=kept,
+        level=level,
+    )
+    shape = tuple(dims.values())
+    beside = {SURROGATE_ESTIMATE: own, EQUIVALENT_RUNS: equivalent}
+    return found.assign_coords(
+        {name: (tuple(dims), values.reshape(shape)) for name, values in beside.items()}
+    ).assign_attrs(attributes)

@@ -1,0 +1,83 @@
+"""Real runs of an output with predictions of a surrogate that has not seen them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.estimate import LEVEL
+
+__all__ = ["CorrectionRuns"]
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionRuns:
+    """Real runs of one output, and what the fits that have not seen them predict.
+
+    A fold is a set of runs with the same fit: training runs with the fit to the other ones, check
+    runs with the fit to all training runs.
+
+    Parameters
+    ----------
+    values, predictions : ndarray, shape (run,)
+        The output by the model, and by the fit of the run's fold, in its SI unit.
+    fold : ndarray of int, shape (run,)
+        The fold of each run, from 0.
+    draws : ndarray, shape (fold, draw)
+        The predictions of each fold's fit at draws of the input distribution given admissible.
+    draw_replicate : ndarray of int, shape (draw,)
+        The set of quasi-random points that each draw is of, from 0.
+    missing_predictions : ndarray, shape (missing,)
+        Predictions at the inputs of the runs that are missing.
+    exact_moments : ndarray, shape (fold, 2), optional
+        Mean and standard deviation of each fold's fit, where they are known without draws.
+    level : float
+        Confidence level of the intervals.
+    """
+
+    values: FloatArray
+    predictions: FloatArray
+    fold: IntArray
+    draws: FloatArray
+    draw_replicate: IntArray
+    missing_predictions: FloatArray
+    exact_moments: FloatArray | None = None
+    level: float = LEVEL
+
+    @property
+    def size(self) -> int:
+        """Number of real runs."""
+        return len(self.values)
+
+    @property
+    def missing(self) -> int:
+        """Number of missing runs."""
+        return len(self.missing_predictions)
+
+    @property
+    def share_missing(self) -> float:
+        """Share of the runs that are missing."""
+        return self.missing / (self.missing + self.size)
+
+    @cached_property
+    def shares(self) -> FloatArray:
+        """Share of each fold in the runs, shape (fold,)."""
+        return np.bincount(self.fold, minlength=len(self.draws)) / self.size
+
+    @property
+    def draw_replicates(self) -> int:
+        """Number of sets of quasi-random points."""
+        return int(self.draw_replicate.max(initial=-1)) + 1
+
+    def pooled(self, draws: FloatArray) -> FloatArray:
+        """Return the mean over the folds of something at the draws, shape (draw,)."""
+        return np.asarray(self.shares @ draws)
+
+    @cached_property
+    def q2(self) -> float:
+        """Share of the variance that the predictions explain."""
+        errors = self.values - self.predictions
+        return 1 - float((errors**2).mean()) / float(self.values.var())

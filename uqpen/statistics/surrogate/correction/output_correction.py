@@ -1,0 +1,138 @@
+"""Corrected estimates of one output, by the names of their statistics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.surrogate.correction.corrected_indices import (
+    IndexParts,
+    InputParts,
+    corrected_indices,
+)
+from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.disagreements import (
+    CorrectedCdf,
+    CorrectedProbability,
+    corrected_probability,
+)
+
+__all__ = ["OutputCorrection"]
+
+_INDICES = ("first_order", "total_order")
+_PERCENTILES = ("percentile", "quantile")
+_KNOWN = ("mean", "std", "exceedance", "below", "cdf", *_PERCENTILES, *_INDICES)
+
+
+@dataclass(frozen=True)
+class OutputCorrection:
+    """Real runs of one output, with its statistics.
+
+    Parameters
+    ----------
+    runs : CorrectionRuns
+    parts : IndexParts
+    quantity : QuantityOfInterest
+    """
+
+    runs: CorrectionRuns
+    parts: IndexParts
+    quantity: QuantityOfInterest
+
+    def problem(self, name: str) -> str:
+        """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
+        if name in _INDICES:
+            return self.parts.reason or self._moments.heavy_tail
+        return "" if name in _KNOWN else texts.NO_CORRECTION
+
+    def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
+        """Return the corrected estimates of a statistic.
+
+        Parameters
+        ----------
+        name : str
+            One without a `problem`.
+        along : ndarray
+            The probabilities of quantiles, or the values of a distribution function.
+        """
+        found = self._estimates(name, along)
+        if not self.runs.missing:
+            return found
+        note = texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
+        return [each if each.label == "none" else each.with_note(each.note, note) for each in found]
+
+    def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
+        match name:
+            case "mean":
+                return [self._moments.mean()]
+            case "std":
+                return [self._moments.std()]
+            case "exceedance":
+                return [self._exceedance(each.value) for each in self.quantity.thresholds]
+            case "below":
+                return [self._below(each.value) for each in self.quantity.lower_thresholds]
+            case "first_order":
+                return self._indices(self.parts.first)
+            case "total_order":
+                return self._indices(self.parts.total)
+            case "cdf":
+                return _probabilities(self.cdf.at(along))
+        return self._quantiles(along)
+
+    @cached_property
+    def cdf(self) -> CorrectedCdf:
+        """The corrected distribution function."""
+        return CorrectedCdf(self.runs)
+
+    @cached_property
+    def _moments(self) -> CorrectedMoments:
+        return CorrectedMoments(self.runs)
+
+    def _exceedance(self, limit: float) -> Estimate:
+        return self._probability(lambda values: values > limit)
+
+    def _below(self, limit: float) -> Estimate:
+        return self._probability(lambda values: values < limit)
+
+    def _probability(self, happens: Callable[[FloatArray], BoolArray]) -> Estimate:
+        runs = self.runs
+        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
+        return _probabilities(corrected_probability(runs, *map(happens, of)))[0]
+
+    def _quantiles(self, probabilities: FloatArray) -> list[Estimate]:
+        ends = zip(*self.cdf.quantile(probabilities), strict=True)
+        return [self._quantile(float(at), float(low), float(high)) for at, low, high in ends]
+
+    def _quantile(self, value: float, lower: float, upper: float) -> Estimate:
+        too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+        if math.isnan(lower) and math.isnan(upper):
+            return Estimate.without_bounds(value, too_few)
+        note = ""
+        if math.isnan(lower) or math.isnan(upper):
+            note = texts.NO_LOWER_BOUND if math.isnan(lower) else texts.NO_UPPER_BOUND
+        method = texts.CORRECTED_WOODRUFF
+        return Estimate(value, lower, upper, method, "discrete", note.format(too_few=too_few))
+
+    def _indices(self, parts: InputParts | None) -> list[Estimate]:
+        if parts is None:
+            return []
+        return list(corrected_indices(self.runs, parts, self._moments.variance))
+
+
+def _probabilities(found: CorrectedProbability) -> list[Estimate]:
+    """Return probabilities with their bounds as estimates."""
+    ends = zip(*map(np.atleast_1d, (found.value, found.lower, found.upper)), strict=True)
+    method = texts.CORRECTED_BONETT_PRICE
+    return [
+        Estimate(float(value), float(lower), float(upper), method, "discrete")
+        for value, lower, upper in ends
+    ]

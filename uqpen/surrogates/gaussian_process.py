@@ -1,0 +1,179 @@
+"""Gaussian process (kriging): outputs as processes with Matérn correlations, given the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Model, Output
+from uqpen.core.settings import choice, choices, name, share
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit, trend_terms
+from uqpen.surrogates.left_out_errors import LeftOutErrors
+from uqpen.surrogates.matern import SMOOTHNESS
+from uqpen.surrogates.output_surrogate import fit_separately
+from uqpen.surrogates.principal_components import components_setting
+from uqpen.surrogates.process_likelihood import (
+    ConditionedProcess,
+    ProcessData,
+    likeliest_parameters,
+)
+from uqpen.surrogates.separate_fits import SeparateFits
+from uqpen.surrogates.standardised_inputs import StandardisedInputs
+from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.training import logarithm_problem
+
+__all__ = ["GaussianProcess"]
+
+# A fit takes time in the cube of the runs, and its predictions in the square of them.
+_MOST_RUNS = 2000
+
+# Runs beyond the terms of the trend, for a variance and its correlations.
+_SPARE_RUNS = 3
+
+# With less, correlations of smooth processes are singular to rounding.
+_LEAST_NUGGET = 1e-12
+
+_LINEAR = "linear"
+
+
+@dataclass(frozen=True)
+class GaussianProcess(Surrogate):
+    """Gaussian process with Matérn correlations, and a length for each input.
+
+    Parameters
+    ----------
+    design : str
+        The design whose runs it is fitted to; 2000 completed runs at most.
+    kernel : str
+        ``"matern-5/2"`` for outputs that are smooth, ``"matern-3/2"`` for rougher ones.
+    trend : str
+        ``"constant"``, or ``"linear"`` in all inputs.
+    nugget : float, optional
+        Variance of the noise, as a share of that of the process; 0 for a process that goes
+        through all runs, as near as rounding lets it. Without it, it is estimated.
+    transform : mapping of str to str
+        Outputs that are fitted as their logarithm (``"log"``).
+    check : str, optional
+        A design whose runs show how good it is.
+    components : float or int
+        The principal components of a field that are kept: the share of its variance that they have
+        at least, or their number.
+
+    References
+    ----------
+    Sacks, J., Welch, W. J., Mitchell, T. J. & Wynn, H. P. (1989). Statist. Sci. 4, 409-423.
+    Santner, T. J., Williams, B. J. & Notz, W. I. (2018). The Design and Analysis of Computer
+    Experiments, 2nd ed. Springer.
+    """
+
+    design: str = name()
+    kernel: str = choice(*SMOOTHNESS, default="matern-5/2")
+    trend: str = choice("constant", _LINEAR, default="constant")
+    nugget: float | None = share(expected="a share of the variance, from 0 to 1", default=None)
+    transform: Mapping[str, str] = choices("log")
+    check: str | None = name(default=None)
+    components: float = components_setting()
+
+    def fit(
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
+    ) -> SeparateFits:
+        """Fit every output that has numbers; see `Surrogate.fit`."""
+        distributions = [entry.distribution for entry in joint.random]
+
+        def fit_one(
+            output: Output, points: FloatArray, values: FloatArray, rng: np.random.Generator
+        ) -> GaussianProcessFit | str:
+            is_logarithm = self.transform.get(output.name) == "log"
+            if is_logarithm and (problem := logarithm_problem(values)):
+                return problem
+            inputs = StandardisedInputs.of_runs(distributions, points)
+            return self.fit_values(inputs, points, values, rng, is_logarithm=is_logarithm)
+
+        return fit_separately(self, fit_one, name, runs, model, joint, stream)
+
+    @classmethod
+    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> SeparateFits:
+        """Restore a Gaussian process; see `Surrogate.restore`."""
+        return SeparateFits.from_tree(tree, name, original, GaussianProcessFit)
+
+    @one_blas_thread()
+    def fit_values(
+        self,
+        inputs: StandardisedInputs,
+        points: FloatArray,
+        values: FloatArray,
+        rng: np.random.Generator,
+        *,
+        is_logarithm: bool = False,
+    ) -> GaussianProcessFit | str:
+        """Fit one output or its logarithm; return the reason where that is not possible.
+
+        Parameters
+        ----------
+        inputs : StandardisedInputs
+            The map from the inputs to coordinates.
+        points : ndarray, shape (run, input)
+            In SI units.
+        values : ndarray, shape (run,)
+            The output, in its SI unit; positive if its logarithm is fitted.
+        rng : Generator
+            For the searches of the parameters.
+        """
+        coordinates = inputs.coordinates(points)
+        terms = trend_terms(coordinates, is_linear=self.trend == _LINEAR)
+        if problem := self._runs_problem(coordinates, terms.shape[1]):
+            return problem
+        fitted = np.log(values) if is_logarithm else values
+        # Scaled to size one, so that neither units nor a large mean cost any digits.
+        centre, scale = float(fitted.mean()), float(fitted.std())
+        data = ProcessData(
+            points=coordinates,
+            values=(fitted - centre) / scale,
+            trend=terms,
+            smoothness=SMOOTHNESS[self.kernel],
+            nugget=None if self.nugget is None else max(self.nugget, _LEAST_NUGGET),
+        )
+        parameters = likeliest_parameters(data, rng)
+        process = ConditionedProcess.of_runs(data, parameters)
+        left_out = LeftOutErrors.of_runs(data, parameters, rng)
+        if process is None or left_out is None:
+            return (
+                f"its correlations are singular to rounding, with the nugget {parameters.nugget:g}"
+            )
+        factor = left_out.std_factor
+        return GaussianProcessFit(
+            input_is_logarithm=inputs.is_logarithm,
+            input_location=inputs.location,
+            input_scale=inputs.scale,
+            points=coordinates / parameters.lengths,
+            lengths=parameters.lengths,
+            nugget=parameters.nugget,
+            weights=process.weights,
+            trend=process.coefficients,
+            std=factor * float(np.sqrt(process.variance)),
+            std_factor=factor,
+            centre=centre,
+            scale=scale,
+            smoothness=data.smoothness,
+            q2=left_out.q2(data.values),
+            of_logarithm=int(is_logarithm),
+        )
+
+    def _runs_problem(self, coordinates: FloatArray, terms: int) -> str:
+        """Return the reason why a process cannot be fitted to these runs; empty if it can."""
+        runs = len(coordinates)
+        if runs > _MOST_RUNS:
+            return f"{runs} completed runs are more than the {_MOST_RUNS} that it takes"
+        if runs < terms + _SPARE_RUNS:
+            least = terms + _SPARE_RUNS
+            return f"{runs} completed runs are too few: a {self.trend} trend needs {least} of them"
+        if self.nugget == 0 and len(np.unique(coordinates, axis=0)) < runs:
+            return "some runs have the same inputs, and nugget = 0 leaves no room between them"
+        return ""
