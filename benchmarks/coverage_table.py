@@ -237,8 +237,8 @@ _NONE = """\
 
 Skewness, delta, Morris's sigma and responses have no interval. Nor have those estimates of a
 surrogate that runs cannot correct. The standard deviation of runs has no interval below 200 runs or
-where the runs may be those of a heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
-mean](statistics.md).
+where the runs may be those of a heavy tail. A quantile has none if no order statistic bounds it.
+See [what the statistics mean](statistics.md).
 """
 
 

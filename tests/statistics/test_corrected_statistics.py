@@ -260,6 +260,17 @@ def test_only_check_runs_correct_a_fit_to_a_rule(study_of: MakeStudy) -> None:
     assert lower < 5 / 6 < upper
 
 
+def test_check_runs_that_do_not_vary_leave_no_spread(study_of: MakeStudy) -> None:
+    limit = "[outputs.y]\nexceeds = [0.5]"
+    study = study_of("np.where(a > 0.97, 1.0, 0.0)", limit, a=(0, 1), b=(0, 1))
+    rule, check = made(study, Quadrature(order=20)), made(study, MonteCarlo(runs=12))
+    assert np.ptp(check["y"].values) == 0
+    found = corrected(study, rule, check)
+    assert found["std"].coords["interval_label"] == "none"
+    _, lower, upper = found["exceedance"].values[0]
+    assert lower <= 0.03 <= upper
+
+
 def test_dependent_inputs_have_no_indices(study_of: MakeStudy) -> None:
     pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
     dependence = f'[dependence]\ncopula = "gaussian"\nof = "ranks"\n{pair}\n'

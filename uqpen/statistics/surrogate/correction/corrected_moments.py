@@ -99,7 +99,7 @@ class CorrectedMoments:
         """
         runs = self.runs
         kurtosis = max(_kurtosis(runs.values), *map(_kurtosis, runs.draws))
-        if kurtosis <= DOUBTFUL_KURTOSIS or runs.size / kurtosis >= FEWEST_EFFECTIVE_RUNS:
+        if kurtosis <= DOUBTFUL_KURTOSIS or runs.size >= FEWEST_EFFECTIVE_RUNS * kurtosis:
             return ""
         tail = texts.HEAVY_TAIL_OF_SURROGATE.format(kurtosis=kurtosis)
         return texts.NO_INTERVAL_AS.format(reason=tail)
@@ -114,10 +114,10 @@ class CorrectedMoments:
 
 
 def _kurtosis(values: FloatArray) -> float:
-    """Return the fourth standardized moment; 3 for a normal distribution."""
+    """Return the fourth standardized moment: 3 for a normal distribution, 0 for a constant."""
     deviations = values - values.mean()
     scale = float(np.abs(deviations).max())
     if not scale > 0:
-        return math.nan
+        return 0.0
     squares = (deviations / scale) ** 2
     return float((squares**2).mean() / squares.mean() ** 2)

@@ -32,6 +32,7 @@ from uqpen.statistics.surrogate.correction.output_correction import OutputCorrec
 __all__ = ["correct_statistics"]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # fourth powers may overflow: no interval then
 def correct_statistics(
     found: Mapping[str, OutputStatistics],
     evidence: CorrectionEvidence,

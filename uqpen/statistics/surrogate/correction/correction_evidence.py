@@ -186,6 +186,8 @@ class _Collected:
             return texts.FEW_CORRECTING_RUNS.format(runs=runs)
         if np.unique(self._points[REPLICATE].values).size < 2:
             return texts.NO_ADMISSIBLE_DRAW
+        if not all(np.isfinite(fold.completed[output].values).all() for fold in self.folds):
+            return texts.WITHOUT_VALUE_IN_RUNS
         predicted = (*self._at_runs, *self._at_missing, *self._at_draws)
         are_finite = all(np.isfinite(each[output]).all() for each in predicted)
         return "" if are_finite else texts.NOT_FINITE_PREDICTIONS

@@ -78,6 +78,6 @@ class CorrectionRuns:
 
     @cached_property
     def q2(self) -> float:
-        """Share of the variance that the predictions explain."""
-        errors = self.values - self.predictions
-        return 1 - float((errors**2).mean()) / float(self.values.var())
+        """Share of the variance that the predictions explain; 0 where there is none."""
+        errors, variance = self.values - self.predictions, float(self.values.var())
+        return 1 - float((errors**2).mean()) / variance if variance > 0 else 0.0

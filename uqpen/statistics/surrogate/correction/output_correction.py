@@ -51,7 +51,9 @@ class OutputCorrection:
     def problem(self, name: str) -> str:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
         if name in _INDICES:
-            return self.parts.reason or self._moments.heavy_tail
+            reason = self.parts.reason or self._moments.heavy_tail
+            has_variance = self._moments.variance.value > 0
+            return reason or ("" if has_variance else texts.NO_VARIANCE_LEFT)
         return "" if name in _KNOWN else texts.NO_CORRECTION
 
     def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
