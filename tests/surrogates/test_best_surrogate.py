@@ -10,7 +10,7 @@ import pytest
 import uqpen
 from uqpen.results.surrogate_fits import fit_diagnostics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.best_surrogate import BestSurrogate, ChosenKinds
+from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice
 from uqpen.surrogates.model_race import ModelRace
 from uqpen.surrogates.restoring import restore_surrogate
 
@@ -86,8 +86,8 @@ def test_refits_keep_the_kind_that_was_chosen(
     tree = uqpen.run(study)
     fitted = restore_surrogate(tree["surrogates/chosen"], "chosen")
     again = BestSurrogate("training").for_refits(fitted)
-    assert isinstance(again, ChosenKinds)
-    assert dict(again.kinds) == {"y": tree["surrogates/chosen/y"].attrs["chosen_kind"]}
+    assert isinstance(again, FixedChoice)
+    assert dict(again.choice) == {"y": tree["surrogates/chosen/y"].attrs["chosen_kind"]}
 
 
 def test_a_rule_is_no_sample_to_leave_out_runs_of(

@@ -28,7 +28,7 @@ from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS, components
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 
-__all__ = ["BestSurrogate", "ChosenKinds"]
+__all__ = ["BestSurrogate", "FixedChoice"]
 
 _EXPANSION, _LOGARITHM, _PROCESS = "polynomial-chaos", "polynomial-chaos-log", "gaussian-process"
 
@@ -77,16 +77,16 @@ class BestSurrogate(Surrogate):
                 races[output] = ModelRace.of_predictions(training.outputs[output], found)
             else:
                 reasons[output] = next((each.reason for each in fits.values()), "") or _ABSENT
-        chosen = ChosenKinds(self.design, {key: race.winner for key, race in races.items()})
+        chosen = FixedChoice(self.design, {key: race.winner for key, race in races.items()})
         fitted = chosen.fit(name, runs, model, joint, stream)
         failed = {**{key: text for key, text in reasons.items() if text}, **fitted.reasons}
         return replace(fitted, races=races, reasons=failed)
 
     def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
-        """Return settings that fit the kinds again that were chosen, without another race."""
+        """Return settings with the choice of a fit, so that there is no other race."""
         scalars = fitted.scalars if isinstance(fitted, FieldSurrogate) else fitted
-        kinds = scalars.kinds if isinstance(scalars, ChosenSurrogates) else {}
-        return ChosenKinds(self.design, kinds, components=self.components)
+        choice = scalars.choice if isinstance(scalars, ChosenSurrogates) else {}
+        return FixedChoice(self.design, choice, components=self.components)
 
     @classmethod
     def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> ChosenSurrogates:
@@ -95,19 +95,19 @@ class BestSurrogate(Surrogate):
 
 
 @dataclass(frozen=True)
-class ChosenKinds(Surrogate):
+class FixedChoice(Surrogate):
     """Surrogate with a given kind for each output.
 
     Parameters
     ----------
     design : str
         The design whose runs it is fitted to.
-    kinds : mapping of str to str
+    choice : mapping of str to str
         By output; others are not fitted.
     """
 
     design: str
-    kinds: Mapping[str, str]
+    choice: Mapping[str, str]
     check: str | None = None
     components: float = DEFAULT_COMPONENTS
 
@@ -118,18 +118,18 @@ class ChosenKinds(Surrogate):
         training = TrainingRuns.from_runs(runs, model, joint)
         members = {
             kind: each.fit(name, runs, model, joint, stream)
-            for kind, each in _candidates(self, training, list(self.kinds)).items()
-            if kind in self.kinds.values()
+            for kind, each in _candidates(self, training, list(self.choice)).items()
+            if kind in self.choice.values()
         }
         found = {
-            output: members[kind].reasons.get(output, "") for output, kind in self.kinds.items()
+            output: members[kind].reasons.get(output, "") for output, kind in self.choice.items()
         }
         return ChosenSurrogates(
             name=name,
             inputs=known_inputs(model, joint),
             outputs=tuple(each for each in model.all_outputs if found.get(each.name) == ""),
             members=members,
-            kinds={output: kind for output, kind in self.kinds.items() if not found[output]},
+            choice={output: kind for output, kind in self.choice.items() if not found[output]},
             reasons={output: reason for output, reason in found.items() if reason},
             fixed=training.fixed,
             training=training_record(self, training, joint),

@@ -1,4 +1,4 @@
-"""Fitted surrogate whose outputs are predicted by surrogates of several kinds."""
+"""Fitted surrogate whose outputs are predicted by surrogates of several sorts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NO_CLOSED_FORM = "its kind, {kind}, has no closed forms"
 
 @dataclass(frozen=True, eq=False)
 class ChosenSurrogates(FittedSurrogate, ClosedForms):
-    """Surrogates of several kinds, each of which predicts some outputs.
+    """Surrogates of several sorts; each predicts some outputs.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
         Those that could be fitted.
     members : mapping of str to FittedSurrogate
         By kind. They may predict other outputs as well.
-    kinds : mapping of str to str
+    choice : mapping of str to str
         The kind of each output.
     reasons, fixed, original
         As in `FittedSurrogate`.
@@ -62,7 +62,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
     members: Mapping[str, FittedSurrogate]
-    kinds: Mapping[str, str]
+    choice: Mapping[str, str]
     reasons: Mapping[str, str]
     fixed: Mapping[str, float]
     training: TrainingRecord
@@ -77,15 +77,15 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
     @property
     def logarithms(self) -> frozenset[str]:
         """Outputs that were fitted as their logarithm."""
-        return frozenset(each for each in self.kinds if each in self._member(each).logarithms)
+        return frozenset(each for each in self.choice if each in self._member(each).logarithms)
 
     def _member(self, output: str) -> FittedSurrogate:
-        return self.members[self.kinds[output]]
+        return self.members[self.choice[output]]
 
     def predict(self, inputs: Arrays) -> dict[str, Prediction]:
         """Predict its outputs; see `FittedSurrogate.predict`."""
-        found = {kind: self.members[kind].predict(inputs) for kind in set(self.kinds.values())}
-        return {each.name: found[self.kinds[each.name]][each.name] for each in self.outputs}
+        found = {kind: self.members[kind].predict(inputs) for kind in set(self.choice.values())}
+        return {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
 
     def training_range(self, output: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an output in the training runs."""
@@ -114,7 +114,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
                 attrs={
                     "kind": KIND,
                     "design": self.training.design,
-                    "outputs": " ".join(self.kinds),
+                    "outputs": " ".join(self.choice),
                     **self.training.attributes(),
                 }
             ),
@@ -124,7 +124,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
             tree = member.to_tree()
             for node in tree.subtree:
                 groups[f"/{kind}{node.path}".rstrip("/")] = node.to_dataset(inherit=False)
-            for output in (each for each, chosen in self.kinds.items() if chosen == kind):
+            for output in (each for each, chosen in self.choice.items() if chosen == kind):
                 own = shown_diagnostics(tree.children[output])
                 race = self.races.get(output)
                 text = {FIT_TEXT: race.text} if race else {}
@@ -146,20 +146,20 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
             if "-" in str(kind)
         }
         names = str(tree.attrs["outputs"]).split()
-        kinds = {output: str(tree.children[output].attrs[_CHOSEN]) for output in names}
+        choice = {output: str(tree.children[output].attrs[_CHOSEN]) for output in names}
         known = {key: {each.name: each for each in m.outputs} for key, m in members.items()}
         races = {}
         for output in names:
             found = shown_diagnostics(tree.children[output])
             if FIT_TEXT in tree.children[output].attrs:
                 values = {each.name: each.value for each in found}
-                races[output] = ModelRace.from_diagnostics(kinds[output], values)
+                races[output] = ModelRace.from_diagnostics(choice[output], values)
         return cls(
             name=name,
             inputs=original.inputs if original else inputs,
-            outputs=tuple(known[kinds[output]][output] for output in names),
+            outputs=tuple(known[choice[output]][output] for output in names),
             members=members,
-            kinds=kinds,
+            choice=choice,
             reasons=unfitted_outputs(tree),
             fixed=fixed,
             training=TrainingRecord.from_attributes(tree.attrs, group),
@@ -180,7 +180,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
         member = self._member(output)
         if isinstance(member, ClosedForms):
             return member.closed_form_problem(output)
-        return _NO_CLOSED_FORM.format(kind=self.kinds[output])
+        return _NO_CLOSED_FORM.format(kind=self.choice[output])
 
     def closed_form_moments(self, output: str) -> tuple[float, float]:
         """Return mean and standard deviation of the variable that was fitted."""
@@ -192,7 +192,7 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
 
     def closed_form_terms(self, outputs: Sequence[str]) -> tuple[IntArray, FloatArray] | None:
         """Return the terms of outputs of one kind; None for others."""
-        members = {self.kinds[output] for output in outputs}
+        members = {self.choice[output] for output in outputs}
         if len(members) > 1 or any(map(self.closed_form_problem, outputs)):
             return None
         return self._closed_forms(outputs[0]).closed_form_terms(outputs)
