@@ -145,7 +145,9 @@ SQUARE = law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0))
 def test_rosenbrocks_function_is_exact(design: Design, settings: dict[str, Any]) -> None:
     found = fitted(rosenbrock, SQUARE, design, **settings).expansions["y"]
     terms = found.indices, found.coefficients
-    assert found.order == 4
+    # The term of degrees 2 and 1 is of order 3, and of a higher one by a truncation below 1.
+    assert found.order == 4 or found.truncation < 1
+    assert found.indices.sum(axis=1).max() == 4
     assert mean(*terms) == pytest.approx(455 + 2 / 3, rel=1e-12)
     assert standard_deviation(*terms) == pytest.approx(606.5602418425781, rel=1e-12)
     exact = 0.49746891382737685, 0.29636448671718796
@@ -175,7 +177,8 @@ def test_a_product_and_a_sum() -> None:
     found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], joint, LatinHypercube(40, 1))
     expansion = found.expansions["y"]
     terms = expansion.indices, expansion.coefficients
-    assert expansion.order == 2
+    assert {(0, 0, 1), (1, 1, 0)} < set(map(tuple, expansion.indices.tolist()))
+    assert len(expansion.indices) == 5
     assert mean(*terms) == pytest.approx(0.75, abs=1e-13)
     assert standard_deviation(*terms) ** 2 == pytest.approx(19 / 144, abs=1e-13)
     indices = sobol_indices(*terms)
@@ -330,7 +333,7 @@ def test_too_few_runs_are_told(design: Design, settings: dict[str, Any], reason:
 
 def test_an_order_beyond_memory_is_told() -> None:
     joint = law_of(*[Uniform(0.0, 1.0)] * 30)
-    found = fitted(lambda x: x["x1"], joint, MonteCarlo(100), order=9)
+    found = fitted(lambda x: x["x1"], joint, MonteCarlo(100), order=9, truncation=1)
     assert found.reasons["y"].startswith("order 9 has more than 100_000 terms, too many for")
 
 

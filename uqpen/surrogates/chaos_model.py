@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -58,8 +59,6 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
         The reason why each other output could not be fitted.
     fixed : mapping of str to float
         The values that the other inputs had in all training runs; it knows of no others.
-    truncation : float
-        See `uqpen.surrogates.basis.multi_indices`.
     design : str
         To whose runs it was fitted.
     counts : mapping of Status to int
@@ -77,7 +76,6 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
     expansions: Mapping[str, Expansion]
     reasons: Mapping[str, str]
     fixed: Mapping[str, float]
-    truncation: float
     design: str
     counts: Mapping[Status, int]
     is_independent: bool
@@ -192,7 +190,6 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             "kind": "polynomial-chaos",
             "design": self.design,
             "outputs": " ".join(self.expansions),
-            "truncation": self.truncation,
             "inputs": "independent" if self.is_independent else "dependent",
             "runs": sum(self.counts.values()),
             "runs_used": self.counts[Status.OK],
@@ -219,8 +216,10 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             *(Input(key, *description(each.attrs, "of_")) for key, each in recurrences.items()),
             *(Input(key, *description(each.attrs)) for key, each in fixed.items()),
         ]
+        # Older archives have one truncation for all outputs.
+        of_all = float(told.get("truncation", math.nan))
         expansions = {
-            output: Expansion.from_dataset(output, read_group(tree, output))
+            output: Expansion.from_dataset(output, read_group(tree, output), of_all)
             for output in str(told["outputs"]).split()
         }
         basis = ProductBasis(
@@ -237,7 +236,6 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             expansions=expansions,
             reasons=unfitted_outputs(tree),
             fixed={entry: float(variable.values) for entry, variable in fixed.items()},
-            truncation=float(told["truncation"]),
             design=str(told["design"]),
             counts={status: int(told[f"runs_{status.meaning}"]) for status in Status},
             is_independent=told["inputs"] == "independent",

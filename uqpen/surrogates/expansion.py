@@ -58,6 +58,8 @@ class Expansion:
         Whether it is the output's natural logarithm that is expanded.
     order : int
         The highest order of the terms that it was chosen from.
+    truncation : float
+        The truncation of these terms; see `uqpen.surrogates.basis.multi_indices`.
     method : str
         How the coefficients were found, in words.
     leave_one_out : float
@@ -79,6 +81,7 @@ class Expansion:
     coefficients: FloatArray
     is_logarithm: bool
     order: int
+    truncation: float
     method: str
     leave_one_out: float
     cross_validation: float
@@ -138,6 +141,7 @@ class Expansion:
                 **describe(output, "of_"),
                 "transform": _LOGARITHM if self.is_logarithm else _NO_TRANSFORM,
                 "order": self.order,
+                "truncation": self.truncation,
                 "terms": len(self.coefficients),
                 "method": self.method,
                 "leave_one_out_error": self.leave_one_out,
@@ -155,8 +159,11 @@ class Expansion:
         )
 
     @classmethod
-    def from_dataset(cls, name: str, dataset: xr.Dataset) -> Expansion:
-        """Restore the expansion of an output from `to_dataset`."""
+    def from_dataset(cls, name: str, dataset: xr.Dataset, truncation: float) -> Expansion:
+        """Restore the expansion of an output from `to_dataset`.
+
+        The truncation is that of an older archive, whose outputs do not state theirs.
+        """
         told = dataset.attrs
         first = np.asarray(dataset["fit_noise"].values, dtype=np.float64)
         return cls(
@@ -165,6 +172,7 @@ class Expansion:
             coefficients=np.asarray(dataset["coefficient"].values, dtype=np.float64),
             is_logarithm=told["transform"] == _LOGARITHM,
             order=int(told["order"]),
+            truncation=float(told.get("truncation", truncation)),
             method=str(told["method"]),
             leave_one_out=float(told["leave_one_out_error"]),
             cross_validation=float(told["cross_validation_error"]),

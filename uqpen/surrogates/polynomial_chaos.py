@@ -18,6 +18,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
+from uqpen.surrogates.chosen_terms import chosen_terms
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
 from uqpen.surrogates.principal_components import components_setting
@@ -52,12 +53,14 @@ class PolynomialChaos(Surrogate):
         The design whose runs it is fitted to.
     order : int, optional
         The highest order of its terms; without it, the one that best predicts runs left out.
-    truncation : float
-        Terms of degrees k have (Σ k^q)^(1/q) at most the order. 1 takes all up to a total degree,
-        less leaves out interactions of high degree.
+    truncation : float, optional
+        q: terms of degrees k have (Σ k^q)^(1/q) at most the order. 1 takes all up to a total
+        degree, less leaves out interactions of high degree. Without it, a sparse fit of each output
+        takes the one that best predicts runs left out; other fits take 1.
     method : str
-        ``"sparse"`` keeps the terms that lower the leave-one-out error; ``"least-squares"`` all of
-        them; ``"projection"`` integrates over the nodes of a quadrature.
+        ``"sparse"`` keeps the terms that best predict runs left out or, with a stated truncation,
+        those that lower the leave-one-out error; ``"least-squares"`` all of them; ``"projection"``
+        integrates over the nodes of a quadrature.
     transform : mapping of str to str
         Outputs that are fitted as their logarithm (``"log"``).
     check : str, optional
@@ -77,7 +80,7 @@ class PolynomialChaos(Surrogate):
 
     design: str = name()
     order: int | None = count(maximum=_HIGHEST_ORDER_GIVEN, default=None)
-    truncation: float = number(above=0, at_most=1, default=1.0)
+    truncation: float | None = number(above=0, at_most=1, default=None)
     method: str = choice("sparse", "least-squares", "projection", default="sparse")
     transform: Mapping[str, str] = choices("log")
     check: str | None = name(default=None)
@@ -140,7 +143,6 @@ class PolynomialChaos(Surrogate):
             expansions=expansions,
             reasons=reasons,
             fixed=training.fixed,
-            truncation=self.truncation,
             design=self.design,
             counts=training.all_counts,
             is_independent=joint.is_independent,
@@ -168,7 +170,7 @@ class PolynomialChaos(Surrogate):
         if is_logarithm and (problem := logarithm_problem(values)):
             return problem
         fitted = np.log(values) if is_logarithm else values
-        points = FitPoints(basis, training.inputs, self.truncation)
+        points = FitPoints(basis, training.inputs, self.truncation or 1.0)
         # Scaled to size one, so that neither units nor a large mean cost any digits.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
@@ -191,6 +193,7 @@ class PolynomialChaos(Surrogate):
             coefficients=terms.coefficients * spread + np.where(is_constant, centre, 0.0),
             is_logarithm=is_logarithm,
             order=terms.order,
+            truncation=terms.truncation,
             method=method,
             leave_one_out=terms.leave_one_out,
             cross_validation=terms.cross_validation,
@@ -207,6 +210,8 @@ class PolynomialChaos(Surrogate):
         rng: np.random.Generator,
     ) -> tuple[str, Terms | str]:
         """Return the method, and the terms or the reason why there are none."""
+        if self.method == "sparse" and self.truncation is None:
+            return self.method, chosen_terms(points, values, self.order, rng)
         if not self.needs_quadrature:
             return self.method, regression_terms(points, values, self.method, self.order, rng)
         if training.weights is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -18,7 +19,17 @@ from uqpen.surrogates.regression import (
     sparse_regression,
 )
 
-__all__ = ["HIGHEST_ORDER", "FitPoints", "Terms", "projection_terms", "regression_terms"]
+__all__ = [
+    "HIGHEST_ORDER",
+    "FitPoints",
+    "Terms",
+    "not_apart",
+    "projection_terms",
+    "regression_terms",
+    "run_count_problem",
+    "size_problem",
+    "unseen_error",
+]
 
 
 # The highest order that is tried where none is given.
@@ -50,6 +61,8 @@ class Terms:
         Theirs.
     order : int
         The highest order of all the terms that they were chosen from.
+    truncation : float
+        The truncation of these; see `uqpen.surrogates.basis.multi_indices`.
     leave_one_out, cross_validation : float
         Mean square error as a share of the variance: see `RegressionFit`, and at runs that took no
         part in the choice of the terms either. The second is at least the first. Both are the same
@@ -59,6 +72,7 @@ class Terms:
     indices: IntArray
     coefficients: FloatArray
     order: int
+    truncation: float
     leave_one_out: float
     cross_validation: float
 
@@ -86,11 +100,16 @@ class FitPoints:
         """Number of runs."""
         return len(next(iter(self.inputs.values())))
 
-    def orders(self, most_terms: float) -> Iterator[tuple[int, IntArray]]:
-        """Yield orders from 1 and their terms, as long as there are not too many of them."""
+    def orders(
+        self, most_terms: float = math.inf, most_entries: float = _MOST_ENTRIES
+    ) -> Iterator[tuple[int, IntArray]]:
+        """Yield orders from 1 and their terms, as long as there are not too many of them.
+
+        The matrix of the terms at all points has at most `most_entries` entries.
+        """
         for order in range(1, HIGHEST_ORDER + 1):
             indices = self.basis.indices(order, self.truncation)
-            if not 0 < len(indices) <= min(most_terms, max(_MOST_ENTRIES / self.run_count, 1)):
+            if not 0 < len(indices) <= min(most_terms, max(most_entries / self.run_count, 1)):
                 return
             yield order, indices
 
@@ -123,23 +142,20 @@ def regression_terms(
     rng : Generator
         Divides the runs for cross-validation.
     """
-    dimension = len(points.basis.univariate_bases)
-    fewest = 2 * (dimension + 1)
-    if points.run_count < fewest:
-        inputs = f"{dimension} random input{'s' * (dimension > 1)}"
-        return f"{points.run_count} runs came back, and {inputs} need at least {fewest}"
+    if problem := run_count_problem(points):
+        return problem
     folds = rng.permutation(np.arange(points.run_count) % FOLDS)
     if order is not None:
         return _terms_of_order(points, values, method, order, folds)
     best, least = None, np.inf
-    most_terms = np.inf if method == "sparse" else points.run_count / 2
+    most_terms = math.inf if method == "sparse" else points.run_count / 2
     for tried, indices in points.orders(most_terms):
         found, error = _fitted(points, values, method, tried, indices, folds)
         if found is not None and (best is None or error < least):
             best, least = found, error
         if best and (least < _EXACT or tried - best.order >= _PATIENCE):
             break
-    return best or "its points do not tell the terms of order 1 apart"
+    return best or not_apart(1)
 
 
 def projection_terms(
@@ -163,9 +179,8 @@ def projection_terms(
         matrix = points.matrix(indices)
         if not is_exact(matrix, weights):
             break
-        best = Terms(
-            indices, projection_coefficients(matrix, weights, values), tried, np.nan, np.nan
-        )
+        found = projection_coefficients(matrix, weights, values)
+        best = Terms(indices, found, tried, points.truncation, np.nan, np.nan)
         if tried == order:
             return best
     highest = best.order if best else 0
@@ -175,21 +190,56 @@ def projection_terms(
     return best
 
 
+def run_count_problem(points: FitPoints) -> str:
+    """Return the reason why there are too few runs for any regression; empty if there is none."""
+    dimension = len(points.basis.univariate_bases)
+    fewest = 2 * (dimension + 1)
+    if points.run_count >= fewest:
+        return ""
+    inputs = f"{dimension} random input{'s' * (dimension > 1)}"
+    return f"{points.run_count} runs came back, and {inputs} need at least {fewest}"
+
+
+def size_problem(points: FitPoints, order: int) -> str:
+    """Return the reason why an order has too many terms; empty if there is none."""
+    terms, runs = len(points.basis.indices(order, points.truncation)), points.run_count
+    if terms and terms * runs <= _MOST_ENTRIES_GIVEN:
+        return ""
+    count = f"{terms:_}" if terms else f"more than {MOST_TERMS:_}"
+    return f"order {order} has {count} terms, too many for {runs} runs to be fitted in memory"
+
+
+def not_apart(order: int) -> str:
+    """Return the reason why linearly dependent terms have no coefficients."""
+    return f"its points do not tell the terms of order {order} apart"
+
+
+def unseen_error(fit: RegressionFit, of_folds: float) -> float:
+    """Return the error of a sparse fit at runs that it has not seen.
+
+    Each fold of a cross-validation chooses terms of its own, so its error may be of another fit.
+    All runs chose the terms that are kept, so the error of these is at least their leave-one-out
+    error. It is just that for a constant, in which nothing was chosen.
+    """
+    if len(fit.terms) == 1:
+        return fit.leave_one_out
+    return max(of_folds, fit.leave_one_out)
+
+
 def _terms_of_order(
     points: FitPoints, values: FloatArray, method: str, order: int, folds: IntArray
 ) -> Terms | str:
+    if problem := size_problem(points, order):
+        return problem
     indices = points.basis.indices(order, points.truncation)
     terms, runs = len(indices), points.run_count
-    if not terms or terms * runs > _MOST_ENTRIES_GIVEN:
-        count = f"{terms:_}" if terms else f"more than {MOST_TERMS:_}"
-        return f"order {order} has {count} terms, too many for {runs} runs to be fitted in memory"
     if method == "least-squares" and runs <= terms:
         return (
             f"{runs} runs came back, and least squares need more of them than order {order} has "
             f"terms, {terms}"
         )
     found, _ = _fitted(points, values, method, order, indices, folds)
-    return found or f"its points do not tell the terms of order {order} apart"
+    return found or not_apart(order)
 
 
 def _fitted(
@@ -207,18 +257,7 @@ def _fitted(
         return None, np.inf
     unseen, compared = fit.leave_one_out, fit.corrected
     if method == "sparse":
-        unseen = compared = _unseen_error(fit, cross_validation(matrix, values, folds))
-    terms = Terms(indices[fit.terms], fit.coefficients, order, fit.leave_one_out, unseen)
+        unseen = compared = unseen_error(fit, cross_validation(matrix, values, folds))
+    degrees, truncation = indices[fit.terms], points.truncation
+    terms = Terms(degrees, fit.coefficients, order, truncation, fit.leave_one_out, unseen)
     return terms, compared
-
-
-def _unseen_error(fit: RegressionFit, of_folds: float) -> float:
-    """Return the error of a sparse fit at runs that it has not seen.
-
-    Each fold of a cross-validation chooses terms of its own, so its error may be of another fit.
-    All runs chose the terms that are kept, so the error of these is at least their leave-one-out
-    error. It is just that for a constant, in which nothing was chosen.
-    """
-    if len(fit.terms) == 1:
-        return fit.leave_one_out
-    return max(of_folds, fit.leave_one_out)

@@ -1,0 +1,226 @@
+"""Polynomial chaos that chooses its truncation, order and terms, beside 18 fixed settings.
+
+Prints a row for each problem and number of runs: the mean square error at fresh runs as a share of
+the variance, medians over designs; of the 18 settings the best and the worst by hindsight.
+
+    python benchmarks/expansion_choice.py [--designs 10] [--problem ishigami] [--no-hindsight]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from uqpen.core.arrays import Arrays, FloatArray
+from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.distributions.continuous import Lognormal, Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate
+from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+
+FRESH = 5_000
+# Six truncations, each with the order that cross-validation chooses and with two others.
+SETTINGS = [
+    {"truncation": truncation, "order": order}
+    for truncation, order in product((0.4, 0.5, 0.6, 0.75, 0.9, 1.0), (None, 3, 5))
+]
+
+
+@dataclass(frozen=True)
+class Problem(Model):
+    """A function of random inputs."""
+
+    function: Callable[..., FloatArray]
+    distributions: dict[str, Distribution]
+
+    name = "problem"
+    outputs = (Output("y", "1"),)
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """Its inputs."""
+        return tuple(Input(name, "1") for name in self.distributions)
+
+    @property
+    def joint(self) -> JointDistribution:
+        """Their joint distribution."""
+        pairs = zip(self.inputs, self.distributions.values(), strict=True)
+        return JointDistribution(tuple(RandomInput(*pair, "1") for pair in pairs), self.inputs)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Return the values of the function."""
+        return Results.all_ok({"y": self.function(**inputs)})
+
+
+def ishigami(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    return np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
+
+
+def borehole(
+    rw: FloatArray,
+    r: FloatArray,
+    tu: FloatArray,
+    hu: FloatArray,
+    tl: FloatArray,
+    hl: FloatArray,
+    length: FloatArray,
+    kw: FloatArray,
+) -> FloatArray:
+    logarithm = np.log(r / rw)
+    resistance = 1 + 2 * length * tu / (logarithm * rw**2 * kw) + tu / tl
+    return 2 * np.pi * tu * (hu - hl) / (logarithm * resistance)
+
+
+def oscillator(
+    m: FloatArray, c1: FloatArray, c2: FloatArray, r: FloatArray, t: FloatArray, f: FloatArray
+) -> FloatArray:
+    """Rackwitz' undamped oscillator under a rectangular pulse."""
+    square = (c1 + c2) / m
+    return 3 * r - np.abs(2 * f / (m * square) * np.sin(np.sqrt(square) * t / 2))
+
+
+def hundred(**inputs: FloatArray) -> FloatArray:
+    """The 100 inputs of UQLab's high-dimensional example, with four interactions."""
+    x = np.array(list(inputs.values()))
+    k = np.arange(1, 101)[:, None]
+    sums = -5 * (k * x).sum(axis=0) + (k * x**3).sum(axis=0)
+    sums += (k * np.log(x**2 + x**4)).sum(axis=0) / 3
+    pairs = x[0] * x[1] ** 2 + x[1] * x[3] - x[2] * x[4] + x[49] * x[53] ** 2
+    return 3 + sums / 100 + pairs + x[50]
+
+
+def rough(a: FloatArray, b: FloatArray) -> FloatArray:
+    """No polynomial of a few hundred runs is any good for it."""
+    return np.sign(np.sin(40 * a) * np.sin(37 * b))
+
+
+# Lognormal of the logarithm's mean 7.71 and standard deviation 1.0056.
+RADIUS = math.exp(7.71 + 1.0056**2 / 2)
+BOREHOLE: dict[str, Distribution] = {
+    "rw": Normal(0.1, 0.0161812),
+    "r": Lognormal(RADIUS, RADIUS * math.sqrt(math.expm1(1.0056**2))),
+    "tu": Uniform(63_070, 115_600),
+    "hu": Uniform(990, 1_110),
+    "tl": Uniform(63.1, 116),
+    "hl": Uniform(700, 820),
+    "length": Uniform(1_120, 1_680),
+    "kw": Uniform(9_855, 12_045),
+}
+OSCILLATOR: dict[str, Distribution] = {
+    "m": Normal(1, 0.05),
+    "c1": Normal(1, 0.1),
+    "c2": Normal(0.1, 0.01),
+    "r": Normal(0.5, 0.05),
+    "t": Normal(1, 0.2),
+    "f": Normal(1, 0.2),
+}
+HUNDRED: dict[str, Distribution] = {
+    f"x{k}": Uniform(1.0, 3.0 if k == 20 else 2.0) for k in range(1, 101)
+}
+ISHIGAMI: dict[str, Distribution] = dict.fromkeys("abc", Uniform(-math.pi, math.pi))
+PROBLEMS: dict[str, tuple[Problem, tuple[int, ...]]] = {
+    "ishigami": (Problem(ishigami, ISHIGAMI), (50, 150)),
+    "borehole": (Problem(borehole, BOREHOLE), (100, 250)),
+    "oscillator": (Problem(oscillator, OSCILLATOR), (60, 120)),
+    "hundred": (Problem(hundred, HUNDRED), (500,)),
+    "rough": (Problem(rough, dict.fromkeys("ab", Uniform(0.0, 1.0))), (100,)),
+}
+# The standard deviation of the noise as a share of the output's.
+NOISES = (0.0, 0.5)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Errors and time of a fit; the settings that it chose."""
+
+    error: float
+    seconds: float
+    truncation: float
+    order: int
+    terms: int
+
+
+def fit(problem: Problem, runs: int, noise: float, seed: int, **settings: object) -> Fitted | None:
+    """Fit to the runs of a design; None where the settings have too many terms."""
+    fresh = points_in_memory(next(MonteCarlo(FRESH).rounds(problem.joint, Stream(0, "fresh"))))
+    inputs = {name: fresh[name].values for name in problem.distributions}
+    truth = problem.function(**inputs)
+    points = next(LatinHypercube(runs, 1).rounds(problem.joint, Stream(seed, "designs", "d")))
+    training = evaluate(Evaluator(problem), points, {})
+    scatter = np.random.default_rng(seed).normal(0, noise * truth.std(), runs)
+    start = time.process_time()
+    surrogate = PolynomialChaos(design="d", **settings)
+    training = training.assign(y=training.y + scatter)
+    found = surrogate.fit("pce", training, problem, problem.joint, Stream(seed, "surrogates"))
+    seconds = time.process_time() - start
+    if found.reasons:
+        return None
+    expansion = found.expansions["y"]
+    error = np.mean((found.predict(inputs)["y"].mean - truth) ** 2) / truth.var()
+    return Fitted(
+        float(error), seconds, expansion.truncation, expansion.order, len(expansion.indices)
+    )
+
+
+def by_hindsight(problem: Problem, runs: int, noise: float, designs: int) -> tuple[float, float]:
+    """Return the median errors of the best and of the worst setting."""
+    medians = []
+    for settings in SETTINGS:
+        found = [fit(problem, runs, noise, seed, **settings) for seed in range(designs)]
+        if None not in found:
+            medians.append(float(np.median([each.error for each in found if each])))
+    return min(medians), max(medians)
+
+
+def rows(wanted: str | None, designs: int, hindsight: bool) -> Iterator[str]:
+    """Yield the rows of the table."""
+    heads = ["problem, noise, runs", "chosen", "largest", "best of 18", "worst of 18"]
+    heads += ["q", "order", "terms", "s"]
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * len(heads) + "|"
+    for name, (problem, sizes) in PROBLEMS.items():
+        if wanted not in (None, name):
+            continue
+        for noise, runs in product(NOISES, sizes):
+            found = [fit(problem, runs, noise, seed) for seed in range(designs)]
+            chosen = [each for each in found if each]
+            best, worst = (
+                by_hindsight(problem, runs, noise, designs) if hindsight else (math.nan, math.nan)
+            )
+            errors = [each.error for each in chosen]
+            middle = [
+                f"{np.median([getattr(each, key) for each in chosen]):.3g}"
+                for key in ("truncation", "order", "terms", "seconds")
+            ]
+            cells = [
+                f"{np.median(errors):.1e}",
+                f"{max(errors):.1e}",
+                f"{best:.1e}",
+                f"{worst:.1e}",
+            ]
+            yield f"| {name}, {noise:g}, {runs} | {' | '.join(cells + middle)} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--designs", type=int, default=10)
+    parser.add_argument("--problem", choices=PROBLEMS)
+    parser.add_argument("--no-hindsight", action="store_true")
+    given = parser.parse_args()
+    for row in rows(given.problem, given.designs, not given.no_hindsight):
+        print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
