@@ -15,6 +15,7 @@ __all__ = [
     "FEWEST_SEEDS",
     "FIELD_INDICES",
     "LOWEST",
+    "MULTIFIDELITY",
     "SKEWED",
     "STOPPED_REPLICATES",
     "USE_CASES",
@@ -65,6 +66,7 @@ STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
 FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
+MULTIFIDELITY = Place("stand-ins")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
