@@ -232,6 +232,15 @@ Blocks of `saltelli` are drawn again by streams of their own since the first tab
 standard error of these coverages is at most 1.7 points.
 """
 
+_MULTIFIDELITY = """\
+## Stand-ins
+
+How often intervals of [a model with stand-ins](statistics.md#stand-ins) cover, in per cent of
+seeds, and how wide they are over those of plain Monte Carlo with the whole budget. In brackets
+stands the share of seeds that have an interval, where not all have one; *none* is a cell with fewer
+than 50. The pilot has 50 points. `benchmarks/multifidelity_coverage.py` makes this table.
+"""
+
 _NONE = """\
 ## Without an interval
 
@@ -300,7 +309,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_NOTED, _grid(covered, designs, _warned)]
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
     parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
-    parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page), _NONE]
+    parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page)]
+    parts += [_MULTIFIDELITY, MULTIFIDELITY.text(page), _NONE]
     return "\n".join(parts)
 
 

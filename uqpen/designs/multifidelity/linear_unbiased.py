@@ -55,7 +55,8 @@ class LinearEstimator:
         information = runs[:, np.newaxis, np.newaxis] * self._inverses
         wanted = np.zeros(len(self._scale))
         wanted[0] = 1.0
-        direction = np.linalg.solve(information.sum(axis=0), wanted)
+        # Of a model that has no runs nothing is known, and nothing is needed: its weight is 0.
+        direction = np.linalg.lstsq(information.sum(axis=0), wanted, rcond=None)[0]
         return (information @ direction) * self._scale[0] / self._scale
 
     def group_variances(self, weights: FloatArray) -> FloatArray:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem
-from uqpen.core.labels import ROLE, RUN, STATUS
+from uqpen.core.errors import Problem, toml_text
+from uqpen.core.labels import ROLE, RUN
+from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count
+from uqpen.core.settings import count, name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
@@ -22,6 +22,7 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import independent_points
 from uqpen.designs.multifidelity.allocation import Allocation, best_allocation
 from uqpen.designs.round import Round
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Multifidelity"]
@@ -45,6 +46,9 @@ class Multifidelity(Design):
         Total cost, in runs of the model that the others stand for, pilot included.
     pilot : int
         Number of points that all models run first.
+    output : str, optional
+        The output whose mean the numbers of runs are best for; by default all numbers that a
+        stand-in tells anything of.
 
     References
     ----------
@@ -56,10 +60,17 @@ class Multifidelity(Design):
 
     budget: int = count(minimum=_FEWEST_PILOT)
     pilot: int = count(minimum=_FEWEST_PILOT, default=50)
+    output: str | None = name(default=None)
 
     def check_settings(self) -> Iterator[Problem]:
         if self.pilot > self.budget:
             yield Problem(("pilot",), str(self.pilot), f"at most the budget, {self.budget}")
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        numbers = [each.output.name for each in requested if each.output.is_number]
+        if self.output is not None and self.output not in numbers:
+            found, expected = toml_text(self.output), f"a number; {choices(self.output, numbers)}"
+            yield Problem(("output",), found, expected)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]
@@ -68,7 +79,7 @@ class Multifidelity(Design):
             found = "a study in which no model stands for another"
             expected = 'a [models.<name>] with stands_for = "…" and cost = …'
             yield Problem(("kind",), found, expected)
-        elif others := [name for name in models if name not in costs]:
+        elif others := [model for model in models if model not in costs]:
             found = f"a model that stands for no other: {others[0]}"
             yield Problem(("kind",), found, f"models that stand for {next(iter(costs))}")
         elif len(costs) > _MOST_MODELS:
@@ -80,11 +91,11 @@ class Multifidelity(Design):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         feedback = yield independent_points(joint, stream, 0, self.pilot)
         names = tuple(feedback.costs)
-        costs = np.array([feedback.costs[name] for name in names])
+        costs = np.array([feedback.costs[each] for each in names])
         allocation = self._allocation(feedback, costs)
         for group, number in zip(allocation.groups, allocation.runs, strict=True):
             runs = int(number + 1e-9)
-            chosen = tuple(name for name, has in zip(names, group, strict=True) if has)
+            chosen = tuple(each for each, has in zip(names, group, strict=True) if has)
             if chosen != names:
                 points = independent_points(joint, stream.child(*chosen), 0, runs)
                 yield Round(points, chosen)
@@ -111,26 +122,27 @@ class Multifidelity(Design):
     def _allocation(self, feedback: Feedback, costs: FloatArray) -> Allocation:
         """Return the best allocation after the pilot; where it tells nothing, as for strangers."""
         with one_blas_thread():
-            covariances = list(_covariances(feedback)) or [np.eye(len(costs))]
+            wanted = [self.output] if self.output else _numbers(feedback)
+            covariances = list(_covariances(feedback, wanted)) or [np.eye(len(costs))]
             return best_allocation(covariances, costs, self.budget, self.pilot)
 
 
-def _covariances(feedback: Feedback) -> Iterator[FloatArray]:
-    """Yield the covariance matrix of each number that varies in the first model and another."""
-    first, *others = (feedback.runs[name] for name in feedback.costs)
+def _covariances(feedback: Feedback, outputs: Iterable[str]) -> Iterator[FloatArray]:
+    """Yield the covariance matrix of each output that varies in the first model and another."""
+    first, *others = (feedback.runs[model] for model in feedback.costs)
     is_ok = feedback.status == Status.OK
-    for name in _numbers(first):
-        if all(name in each for each in others):
-            values = np.array([each[name].values[is_ok] for each in (first, *others)])
+    for output in outputs:
+        if all(output in each for each in others):
+            values = np.array([each[output].values[is_ok] for each in (first, *others)])
             values = values[:, np.isfinite(values).all(axis=0)]
             varies = values.shape[1] > 2 * len(values) and np.ptp(values, axis=1) > 0
             if varies[0] and varies[1:].any():
                 yield np.cov(values)
 
 
-def _numbers(runs: xr.Dataset) -> Iterator[str]:
-    """Yield the outputs of runs that are one number in each."""
-    for name, variable in runs.data_vars.items():
+def _numbers(feedback: Feedback) -> Iterator[str]:
+    """Yield the outputs of the first model that are one number in each run."""
+    for key, variable in feedback.runs[next(iter(feedback.costs))].data_vars.items():
         is_number = variable.dims == (RUN,) and variable.dtype.kind == "f"
-        if name != STATUS and is_number and variable.attrs.get(ROLE) == "output":
-            yield str(name)
+        if is_number and variable.attrs.get(ROLE) == "output":
+            yield str(key)
