@@ -16,6 +16,7 @@ __all__ = [
     "FEWEST_SEEDS",
     "FIELD_INDICES",
     "LOWEST",
+    "MULTIFIDELITY",
     "SKEWED",
     "STOPPED_REPLICATES",
     "USE_CASES",
@@ -67,6 +68,7 @@ EXTENDED = Place("extended designs")
 FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
 CORRECTED = Place("corrected estimates of surrogates")
+MULTIFIDELITY = Place("stand-ins")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
@@ -232,6 +234,15 @@ Blocks of `saltelli` are drawn again by streams of their own since the first tab
 standard error of these coverages is at most 1.7 points.
 """
 
+_MULTIFIDELITY = """\
+## Stand-ins
+
+How often intervals of [a model with stand-ins](statistics.md#stand-ins) cover, in per cent of
+seeds, and how wide they are over those of plain Monte Carlo with the whole budget. In brackets
+stands the share of seeds that have an interval, where not all have one; *none* is a cell with fewer
+than 50. The pilot has 50 points. `benchmarks/multifidelity_coverage.py` makes this table.
+"""
+
 _NONE = """\
 ## Without an interval
 
@@ -312,7 +323,7 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
     parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
     parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page)]
-    parts += [_CORRECTED, CORRECTED.text(page), _NONE]
+    parts += [_CORRECTED, CORRECTED.text(page), _MULTIFIDELITY, MULTIFIDELITY.text(page), _NONE]
     return "\n".join(parts)
 
 

@@ -76,6 +76,7 @@ DESIGN_SETTINGS: dict[str, dict[str, object]] = {
     "saltelli": {"base": 64},
     "morris": {"trajectories": 20},
     "one-at-a-time": {},
+    "multifidelity": {"budget": 1000},
 }
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from uqpen.designs.latin_hypercube import LatinHypercube
     from uqpen.designs.monte_carlo import MonteCarlo
     from uqpen.designs.morris import Morris
+    from uqpen.designs.multifidelity.multifidelity import Multifidelity
     from uqpen.designs.one_at_a_time import OneAtATime
     from uqpen.designs.quadrature import Quadrature
     from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
@@ -80,6 +81,7 @@ __all__ = [
     "Lognormal",
     "MonteCarlo",
     "Morris",
+    "Multifidelity",
     "Normal",
     "OneAtATime",
     "OutputSpec",
@@ -125,6 +127,7 @@ _HOMES = {
     "uqpen.designs.latin_hypercube": ("LatinHypercube",),
     "uqpen.designs.monte_carlo": ("MonteCarlo",),
     "uqpen.designs.morris": ("Morris",),
+    "uqpen.designs.multifidelity.multifidelity": ("Multifidelity",),
     "uqpen.designs.one_at_a_time": ("OneAtATime",),
     "uqpen.designs.quadrature": ("Quadrature",),
     "uqpen.designs.quasi_monte_carlo": ("Halton", "SobolSequence"),

@@ -8,7 +8,7 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.labels import RUN
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.rounds import draw_rounds
+from uqpen.designs.rounds import first_round
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["first_points"]
@@ -23,7 +23,7 @@ def first_points(study: ValidatedStudy, design: str, model: str) -> Arrays:
         SI values by input.
     """
     stream = Stream(study.seed, "designs", design)
-    drawn = next(draw_rounds(study.designs[design], study.joint, stream))
+    drawn = first_round(study.designs[design], study.joint, stream)
     points = drawn.assign(study.models[model].given)
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
     head = blocked.read(0, min(blocked.size, BLOCK))

@@ -77,6 +77,10 @@ SAMPLING = "sampling"
 CONDITIONAL = "conditional_on"
 MISSING = "missing"
 RUNS_SPENT = "runs_spent"
+# Of a multifidelity design: the cost of the runs of all models, in runs of the first.
+COST_SPENT = "cost_spent"
+# Of an estimate that cheap models have made narrower: how many runs of its own would do the same.
+EQUIVALENT_RUNS = "equivalent_runs"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
 # Comment on a curve that may end before its dimension does.

@@ -14,6 +14,7 @@ DESIGNS = {
     "saltelli": "uqpen.designs.saltelli:Saltelli",
     "morris": "uqpen.designs.morris:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
+    "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from uqpen.core.errors import Problem
@@ -15,13 +15,14 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.extension import Extension
 from uqpen.designs.feedback import Feedback
+from uqpen.designs.round import Round
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Design", "Rounds"]
 
 # It yields the points of a round, and is sent what became of them.
-Rounds = Generator[Points, Feedback, None]
+Rounds = Generator[Points | Round, Feedback, None]
 
 
 class Design(ABC):
@@ -63,9 +64,10 @@ class Design(ABC):
 
         Yields
         ------
-        Dataset or DrawnPoints
+        Dataset, DrawnPoints or Round
             A variable for each input (SI values; along ``run``, or a scalar), and coordinates that
-            an analysis needs. `DrawnPoints` are drawn by blocks, while runs are made.
+            an analysis needs. `DrawnPoints` are drawn by blocks, while runs are made. A `Round`
+            names the models that run its points; without one, all do.
         """
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
@@ -79,6 +81,20 @@ class Design(ABC):
         ----------
         requested : sequence of RequestedOutput
             One for each output of the study's first model.
+        """
+        yield from ()
+
+    def check_models(
+        self, models: Collection[str], costs: Mapping[str, float]
+    ) -> Iterator[Problem]:
+        """Yield the problems between its settings and the models of a study.
+
+        Parameters
+        ----------
+        models : collection of str
+            The names of all models.
+        costs : mapping of str to float
+            Cost of a run of the first model and of each that stands for it, relative to the first.
         """
         yield from ()
 
@@ -104,6 +120,18 @@ class Design(ABC):
     @abstractmethod
     def run_count(self, joint: JointDistribution) -> int:
         """Return the number of its runs, or the largest possible number."""
+
+    def total_runs(self, joint: JointDistribution, costs: Mapping[str, float]) -> int:
+        """Return the number of its runs by all models, or the largest possible number.
+
+        Parameters
+        ----------
+        joint : JointDistribution
+            The inputs of the study.
+        costs : mapping of str to float
+            Cost of a run of each model, relative to the first.
+        """
+        return self.run_count(joint) * len(costs)
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the files that contain its points."""

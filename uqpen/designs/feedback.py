@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -46,9 +46,12 @@ class Feedback:
     Parameters
     ----------
     runs : mapping of str to Dataset
-        The runs of the round by model, at common points. The only model of a study is ``""``.
+        The runs of the round by model, at common points: of all models, or of those that
+        its `Round` names. The only model of a study is ``""``.
     estimates : Estimates
         Estimates from the runs of all rounds so far. Without a call they cost nothing.
+    costs : mapping of str to float
+        Cost of a run of each model, relative to the first; 1 where the study states none.
 
     Examples
     --------
@@ -60,6 +63,7 @@ class Feedback:
 
     runs: Mapping[str, xr.Dataset]
     estimates: Estimates
+    costs: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def status(self) -> npt.NDArray[np.int8]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["MonteCarlo"]
+__all__ = ["MonteCarlo", "independent_points"]
 
 _RUNS = "a whole number, at least 1 and at most 100_000_000"
 
@@ -84,13 +85,7 @@ class MonteCarlo(Design):
                 yield problem.within(self._rule)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        def points(first: int, end: int) -> DrawnPoints:
-            def draw(start: int, stop: int) -> xr.Dataset:
-                unit = _draw(stream, len(joint.random), first + start, first + stop)
-                return joint.points(unit, {})
-
-            return DrawnPoints(end - first, draw)
-
+        points = partial(independent_points, joint, stream)
         if self.accept is not None:
             yield from deciding_rounds(parse_claim(self.accept), self._most, points)
         elif self.until is not None:
@@ -126,6 +121,18 @@ class MonteCarlo(Design):
         most = self.at_most if self._rule else self.runs
         assert most is not None  # as the settings are valid
         return most
+
+
+def independent_points(
+    joint: JointDistribution, stream: Stream, first: int, end: int
+) -> DrawnPoints:
+    """Return the independent draws of a stream from one number to another, the last excluded."""
+
+    def draw(start: int, stop: int) -> xr.Dataset:
+        unit = _draw(stream, len(joint.random), first + start, first + stop)
+        return joint.points(unit, {})
+
+    return DrawnPoints(end - first, draw)
 
 
 def _draw(stream: Stream, dimension: int, start: int, end: int) -> FloatArray:

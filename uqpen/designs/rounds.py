@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -12,13 +13,14 @@ from uqpen.core.errors import StudyError, UqpenError
 from uqpen.core.labels import RUN, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import DrawnPoints, Points
 from uqpen.designs.feedback import Estimates, Feedback
+from uqpen.designs.round import Round, points_of
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.user_code import error_text
 
-__all__ = ["draw_rounds", "no_estimates", "run_rounds"]
+__all__ = ["draw_rounds", "first_round", "no_estimates", "run_rounds"]
 
 _INVALID_WEIGHT = f"its {WEIGHT} is not finite, below 0, or 0 everywhere"
 
@@ -37,8 +39,9 @@ def run_rounds(
     design: Design,
     joint: JointDistribution,
     stream: Stream,
-    make_runs: Callable[[Points, int], RoundRuns],
+    make_runs: Callable[[Points | Round, int], RoundRuns],
     make_estimates: Callable[[tuple[RoundRuns, ...]], Estimates] = lambda rounds: no_estimates,
+    costs: Mapping[str, float] | None = None,
 ) -> list[RoundRuns]:
     """Make the runs of all rounds of a design.
 
@@ -51,10 +54,13 @@ def run_rounds(
     stream : Stream
         Source of the design's random numbers.
     make_runs : callable
-        Returns the runs of each model at the points of a round, given the number of the round.
+        Returns the runs of each model at the points of a round, given the number of the round: of
+        all models, or of those that a `Round` names.
     make_estimates : callable
         Returns the estimates of the rounds so far. It is called after each round, so it should
         compute nothing before it is asked.
+    costs : mapping of str to float, optional
+        Cost of a run of each model, relative to the first; 1 without it.
 
     Raises
     ------
@@ -63,17 +69,20 @@ def run_rounds(
     """
     generator = draw_rounds(design, joint, stream)
     rounds = [make_runs(next(generator), 0)]
+    costs = costs or dict.fromkeys(rounds[0], 1.0)
     while True:
-        feedback = Feedback(rounds[-1], make_estimates(tuple(rounds)))
+        feedback = Feedback(rounds[-1], make_estimates(tuple(rounds)), costs)
         try:
-            points = generator.send(feedback)
+            drawn = generator.send(feedback)
         except StopIteration:
             return rounds
-        rounds.append(make_runs(points, len(rounds)))
+        rounds.append(make_runs(drawn, len(rounds)))
 
 
-def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rounds:
-    """Yield the rounds of a design as `Design.rounds` does; points of one block are in memory.
+def draw_rounds(
+    design: Design, joint: JointDistribution, stream: Stream
+) -> Generator[Points | Round, Feedback, None]:
+    """Yield the rounds of a design, as `Design.rounds` does; points of one block are in memory.
 
     Raises
     ------
@@ -92,7 +101,18 @@ def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rou
             if feedback is None:
                 raise check.error("it yields no points") from None
             return
-        feedback = yield check.checked(points)
+        feedback = yield check.checked_round(points)
+
+
+def first_round(design: Design, joint: JointDistribution, stream: Stream) -> Points:
+    """Return the points of the first round of a design, which all models run.
+
+    Raises
+    ------
+    StudyError
+        As `draw_rounds` does.
+    """
+    return points_of(next(draw_rounds(design, joint, stream)))
 
 
 class _PointsCheck:
@@ -101,6 +121,14 @@ class _PointsCheck:
     def __init__(self, design: Design, joint: JointDistribution) -> None:
         self._design, self._joint = design, joint
         self._labels: set[str] | None = None
+
+    def checked_round(self, drawn: object) -> Points | Round:
+        """Return what a design yields, its points checked."""
+        if not isinstance(drawn, Round):
+            return self.checked(drawn)
+        if self._labels is None:
+            raise self.error("not all models run its first round")
+        return replace(drawn, points=self.checked(drawn.points))
 
     def checked(self, points: object) -> Points:
         """Return the points of a round; blocks of them are checked when they are drawn."""

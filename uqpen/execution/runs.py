@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 import xarray as xr
@@ -11,23 +12,27 @@ from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
 from uqpen.core.status import Status
 
-__all__ = ["join_rounds", "status_counts", "worst_status_runs"]
+__all__ = ["common_runs", "join_rounds", "status_counts", "worst_status_runs"]
 
 
-def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
+def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
     """Join the runs of one or more rounds of a design, and number them consecutively.
 
-    If there are several, each run gets the number of its round as a coordinate.
+    If there are several, each run gets the number of its round as a coordinate. It gets that of
+    `numbers` where a model has run only some of a design's rounds.
     """
-    if len(rounds) == 1:
+    if len(rounds) == 1 and numbers is None:
         return rounds[0]
+    numbers = range(len(rounds)) if numbers is None else numbers
     sizes = [runs.sizes[RUN] for runs in rounds]
     starts = np.cumsum([0, *sizes[:-1]])
     along_run = [runs.drop_vars([FAILED_RUN, FAILURE_REASON], errors="ignore") for runs in rounds]
     joined = xr.concat(along_run, RUN, data_vars="minimal", coords="minimal", compat="equals")
     joined = joined.assign_coords({RUN: np.arange(sum(sizes))})
     joined[RUN].attrs = rounds[0][RUN].attrs
-    joined = joined.assign_coords({ROUND: (RUN, np.repeat(np.arange(len(rounds)), sizes))})
+    joined = joined.assign_coords(
+        {ROUND: (RUN, np.repeat(np.array(numbers, dtype=np.int64), sizes))}
+    )
     joined[ROUND].attrs = {"units": "1", "long_name": "round that the run was made in"}
     failed = [
         runs[[FAILURE_REASON]].assign_coords({FAILED_RUN: runs[FAILED_RUN] + start})
@@ -50,6 +55,18 @@ def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
     worst = statuses.max(axis=0)
     worst[(statuses == Status.INADMISSIBLE).any(axis=0)] = Status.INADMISSIBLE
     return first.assign({STATUS: first[STATUS].copy(data=worst)})
+
+
+def common_runs(runs: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Return the runs of several models in the rounds of a design that all of them have run.
+
+    Their runs are then at the same points.
+    """
+    if all(ROUND not in each.coords for each in runs):
+        return [*runs]
+    numbers = [np.unique(each[ROUND].values) for each in runs]
+    common = reduce(np.intersect1d, numbers)
+    return [each.isel({RUN: np.isin(each[ROUND].values, common)}) for each in runs]
 
 
 def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:

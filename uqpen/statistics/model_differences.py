@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.labels import MOMENTS, QUANTILES, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import worst_status_runs
+from uqpen.execution import common_runs, worst_status_runs
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
@@ -31,7 +31,7 @@ def model_differences(
     Parameters
     ----------
     first, other : Dataset
-        Runs of the two models, at the same points of one design.
+        Runs of the two models in one design. Those of the rounds that both have run are compared.
     quantities : sequence of QuantityOfInterest
         One for each output of the other model.
 
@@ -48,6 +48,7 @@ def model_differences(
         for quantity in quantities
         if quantity.output.name in first and not quantity.output.categories
     ]
+    first, other = common_runs([first, other])
     runs = worst_status_runs([first, other])
     came_back = runs[STATUS].values == Status.OK
     for quantity in requested:

@@ -63,7 +63,7 @@ class RunningEstimates:
     def _joined(self, model: str) -> xr.Dataset:
         """Return the runs of a model in all rounds."""
         if model not in self._joined_by_model:
-            runs = join_rounds([each[model] for each in self.rounds])
+            runs = join_rounds([each[model] for each in self.rounds if model in each])
             self._joined_by_model[model] = runs.assign_attrs({SAMPLING: str(self.sampling)})
         return self._joined_by_model[model]
 

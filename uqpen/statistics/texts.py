@@ -45,6 +45,19 @@ CORRECTED_BONETT_PRICE = "surrogate corrected by runs: Bonett-Price"
 CORRECTED_WOODRUFF = "surrogate corrected by runs: Woodruff, by Bonett-Price intervals"
 CORRECTED_BRACKET = "surrogate corrected by runs: between a lower and an upper bound, delta method"
 
+
+# Control variates: a model with its cheap stand-ins.
+CONTROL_VARIATES = (
+    "best linear combination with {models}: Student t, both ends moved out by the furthest runs "
+    "and by what lies beyond all common runs"
+)
+CONTROL_VARIATES_OF_LOGARITHM = f"{CONTROL_VARIATES}; on the logarithm"
+MATCHED_THRESHOLD = "threshold of the closest stand-in matched in the common runs; Bonett-Price"
+AS_NARROW_AS = "as narrow as from about {runs} runs of the model alone"
+ADMITS_OTHER_POINTS = "stand-ins are not used: they admit other points"
+FEW_COMMON_RUNS = "stand-ins are not used: only {runs} runs are common"
+HEAVY_AMONG = "heavy tail of the model or of its closest stand-in (kurtosis {kurtosis:.3g})"
+
 # Bands over all places of a field, and ranked curves.
 SIMULTANEOUS = "{method}, at a level that holds at all places at once"
 MULTIPLES_OF_DISTANCES = "order statistics of multiples of the distances to quantiles of a third"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
@@ -15,9 +15,11 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, Files, installed_names, is_reference, read_member
+from uqpen.study.stand_in import family_costs
+from uqpen.study.study import Variant
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 
-__all__ = ["check_designs", "check_outputs", "check_tables", "read_designs"]
+__all__ = ["check_designs", "check_models", "check_outputs", "check_tables", "read_designs"]
 
 # What has a meaning where the inputs depend on each other.
 _VALID = (
@@ -131,6 +133,16 @@ def check_outputs(
     """Note designs that do not fit the outputs of the first model."""
     for name, design in designs.items():
         table.add_problems(design.check_outputs(quantities), name)
+
+
+def check_models(
+    table: TableReader, designs: dict[str, Design], models: Mapping[str, Variant]
+) -> None:
+    """Note designs that do not fit the models and the costs of their runs."""
+    stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
+    costs = family_costs(next(iter(models)), stand_ins)
+    for name, design in designs.items():
+        table.add_problems(design.check_models(models, costs), name)
 
 
 def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:

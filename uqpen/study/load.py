@@ -26,6 +26,7 @@ from uqpen.study.dependence_section import read_dependence
 from uqpen.study.derived_section import derive_outputs
 from uqpen.study.designs_section import (
     check_designs,
+    check_models,
     check_outputs,
     check_tables,
     read_designs,
@@ -34,7 +35,7 @@ from uqpen.study.document import Document, Objects, parse_document, read_documen
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.joint_probabilities_section import read_joint_probabilities
 from uqpen.study.joint_section import read_groups
-from uqpen.study.models_section import check_variants, read_models
+from uqpen.study.models_section import check_stand_ins, check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
 from uqpen.study.run_plan import FEWEST_RUNS
@@ -161,8 +162,10 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
         check_designs(tables["designs"], designs, joint)
+    check_stand_ins(root, models)
     if are_models_whole:
         check_outputs(tables["designs"], designs, quantities)
+        check_models(tables["designs"], designs, models)
     if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)

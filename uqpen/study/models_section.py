@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from uqpen.core.model import Model
+from uqpen.core.settings import declared_settings
 from uqpen.core.units import are_convertible
 from uqpen.study.model_section import read_model, read_partial_model
 from uqpen.study.partial_model import PartialModel, mentioned_model
+from uqpen.study.stand_in import StandIn
 from uqpen.study.study import ONLY_MODEL, Variant
 from uqpen.study.table_reader import TableReader, check_names, named_tables
 
-__all__ = ["check_variants", "read_models"]
+__all__ = ["check_stand_ins", "check_variants", "read_models"]
 
 
 def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
@@ -44,6 +48,40 @@ def check_variants(root: TableReader, variants: dict[str, Variant], random: set[
             root.add_problem(("models", name, "with", given), found, expected)
 
 
+def check_stand_ins(root: TableReader, models: Mapping[str, Variant]) -> None:
+    """Note stand-ins for no other model, in a circle, or without a number in common."""
+    names = list(root.table("models"))
+    stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
+    for name, stand_in in stand_ins.items():
+        other, key = stand_in.stands_for, ("models", name, "stands_for")
+        if other == name or other not in names:
+            others = [each for each in names if each != name]
+            root.add_wrong(key, other, f"another model; {root.suggest(other, others)}")
+        elif name in _ancestors(name, stand_ins):
+            expected = "a model that does not stand for this one in its turn"
+            root.add_wrong(key, other, expected)
+        elif other in models and not _have_numbers_in_common(models[name], models[other]):
+            found = f'a model that has no number in common with "{other}"'
+            root.add_problem(key, found, "an output that is a number in both models")
+
+
+def _ancestors(name: str, stand_ins: Mapping[str, StandIn]) -> list[str]:
+    """Return the models that one stands for, directly and through others; a circle ends."""
+    found: list[str] = []
+    while name in stand_ins and stand_ins[name].stands_for not in found:
+        name = stand_ins[name].stands_for
+        found.append(name)
+    return found
+
+
+def _have_numbers_in_common(one: Variant, other: Variant) -> bool:
+    numbers, others = (
+        {output.name for output in each.model.all_outputs if output.is_number}
+        for each in (one, other)
+    )
+    return bool(numbers & others)
+
+
 def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
@@ -51,6 +89,7 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
         table.add_problem((), "an empty table", "a [models.<name>]")
     for name, section in named_tables(table):
         replaced = section.table("with")
+        stand_in = _read_stand_in(section)
         model = read_model(section)
         known = model or read_partial_model(section, mentioned)
         if name == next(iter(table)):
@@ -59,8 +98,14 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
             _check_same_variables(section, first, known)
         given = _read_given_inputs(replaced, known)
         if model is not None:
-            found[name] = Variant(model, given)
+            found[name] = Variant(model, given, stand_in)
     return found, first or mentioned
+
+
+def _read_stand_in(table: TableReader) -> StandIn | None:
+    """Read which model another one stands for, and its cost; None where it stands for none."""
+    keys = [field.name for field, _ in declared_settings(StandIn)]
+    return table.settings(StandIn) if any(key in table for key in keys) else None
 
 
 def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:

@@ -21,6 +21,7 @@ from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.study.stand_in import StandIn, family_costs
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["ONLY_MODEL", "SurrogateOrigin", "ValidatedStudy", "Variant"]
@@ -39,10 +40,13 @@ class Variant:
         The model to run.
     given : mapping of str to float
         Values of inputs that replace the study's own, in SI units.
+    stand_in : StandIn, optional
+        The model that it stands for, and what a run of it costs.
     """
 
     model: Model
     given: Mapping[str, float]
+    stand_in: StandIn | None = None
 
     def with_model(self, model: Model) -> Variant:
         """Return the variant with another form of its model, and the same derived outputs."""
@@ -193,5 +197,24 @@ class ValidatedStudy:
     @property
     def runs(self) -> int:
         """Total number of runs of its designs, with all models."""
-        each = sum(design.run_count(self.joint) for design in self.designs.values())
-        return each * len(self.models)
+        return sum(self.design_runs(name) for name in self.designs)
+
+    def design_runs(self, name: str) -> int:
+        """Return the number of runs of a design by all models, or the largest possible number."""
+        return self.designs[name].total_runs(self.joint, self.run_costs)
+
+    @property
+    def stand_ins(self) -> dict[str, StandIn]:
+        """Stand-ins among the models, by name."""
+        found = ((name, variant.stand_in) for name, variant in self.models.items())
+        return {name: stand_in for name, stand_in in found if stand_in}
+
+    @property
+    def run_costs(self) -> dict[str, float]:
+        """Cost of a run of each model, relative to the first; 1 where the study states none."""
+        return dict.fromkeys(self.models, 1.0) | self.family_costs
+
+    @property
+    def family_costs(self) -> dict[str, float]:
+        """The same of the first model and of those alone that stand for it."""
+        return family_costs(next(iter(self.models)), self.stand_ins)

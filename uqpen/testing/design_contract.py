@@ -12,6 +12,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.round import points_of
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.running_estimates import RunningEstimates
@@ -93,7 +94,7 @@ def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr
         joint,
         stream,
         lambda points, _: {
-            "": sum_runs(points_in_memory(points), joint, EXAMPLE_OUTPUT.output.name)
+            "": sum_runs(points_in_memory(points_of(points)), joint, EXAMPLE_OUTPUT.output.name)
         },
         lambda made: RunningEstimates(made, design.sampling, {"": [EXAMPLE_OUTPUT]}),
     )

@@ -16,7 +16,7 @@ from uqpen.core.labels import CONTENT, MODELS, RECIPE, RUN, RUNS, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
-from uqpen.designs.rounds import draw_rounds
+from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import run_inputs
@@ -132,7 +132,7 @@ def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Chec
     found: list[Difference] = []
     for name, design in study.designs.items():
         stream = Stream(study.seed, "designs", name)
-        drawn = points_in_memory(next(draw_rounds(design, study.joint, stream))).drop_attrs()
+        drawn = points_in_memory(first_round(design, study.joint, stream)).drop_attrs()
         for model, variant in study.models.items():
             again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
             archived = runs[model][name].isel({RUN: slice(drawn.sizes[RUN])}).drop_attrs()

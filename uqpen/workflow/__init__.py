@@ -54,9 +54,7 @@ def run(
         study with several models, these groups are below ``/models/<name>``.
     """
     progress = progress or Progress()
-    models = len(study.models)
-    runs_of = {name: design.run_count(study.joint) for name, design in study.designs.items()}
-    progress.announce_designs({name: runs * models for name, runs in runs_of.items()})
+    progress.announce_designs({name: study.design_runs(name) for name in study.designs})
     for variant in study.models.values():
         progress.start_preparation(variant.model.name)
         variant.model.prepare()
@@ -76,7 +74,7 @@ def analyse_runs(
     groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
     for name in study.models:
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
-        for path, dataset in model_groups(study, name, runs[name], steps):
+        for path, dataset in model_groups(study, name, runs, steps):
             groups[f"{root}{path}"] = dataset
     groups |= dict(difference_groups(study, runs, steps))
     if files := files_group(study.files(), study.folder):
@@ -96,7 +94,7 @@ def _run_designs(
         if not isinstance(variant.model, BuiltInModel)
     }
     for name, design in study.designs.items():
-        progress.start_design(name, design.run_count(study.joint) * len(study.models))
+        progress.start_design(name, study.design_runs(name))
         stream = Stream(study.seed, "designs", name)
         round_checkpoint = partial(checkpoints, name)
         try:

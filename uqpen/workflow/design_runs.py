@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import xarray as xr
 
@@ -11,6 +11,7 @@ from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points
+from uqpen.designs.round import Round, points_of
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
@@ -39,7 +40,7 @@ def run_design(
     round_checkpoint: Callable[[str, int], Checkpoint] = _no_checkpoint,
     first_runs: Mapping[str, FirstRuns] | None = None,
 ) -> Runs:
-    """Make the runs of one design by model, at common points.
+    """Make the runs of one design by model; at common points, but where a round is of some models.
 
     Parameters
     ----------
@@ -78,6 +79,10 @@ def run_design(
         except TooManyFailedError as error:
             raise type(error)(f"by {name}, {error}" if name else str(error)) from None
 
+    def round_runs(drawn: Points | Round, number: int) -> Runs:
+        names = drawn.models if isinstance(drawn, Round) else study.models
+        return {name: model_runs(name, points_of(drawn), number) for name in names}
+
     quantities = {
         name: study.model_quantities(variant.model) for name, variant in study.models.items()
     }
@@ -85,11 +90,15 @@ def run_design(
         design,
         study.joint,
         stream,
-        lambda points, number: {name: model_runs(name, points, number) for name in study.models},
+        round_runs,
         lambda made: RunningEstimates(made, design.sampling, quantities, study.analyses),
+        study.run_costs,
     )
     sampling = {SAMPLING: str(design.sampling)}
-    return {
-        model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)
-        for model in study.models
-    }
+    return {model: _joined(model, rounds).assign_attrs(sampling) for model in study.models}
+
+
+def _joined(model: str, rounds: Sequence[Mapping[str, xr.Dataset]]) -> xr.Dataset:
+    """Return the runs of a model in the rounds that it has run."""
+    own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
+    return join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)

@@ -33,24 +33,32 @@ from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.root_attributes import model_identity
 from uqpen.workflow.source import Groups, Source
+from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
 from uqpen.workflow.surrogate_source import surrogate_source
 
 __all__ = ["difference_groups", "model_groups"]
 
 
-def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisSteps) -> Groups:
-    """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
-    variant = study.models[model]
+def model_groups(
+    study: ValidatedStudy, model: str, runs: Mapping[str, Runs], steps: AnalysisSteps
+) -> Groups:
+    """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory.
+
+    The first has statistics from the runs of its stand-ins, too; so `runs` are those of all models.
+    """
+    variant, own = study.models[model], runs[model]
     quantities = study.model_quantities(variant.model)
     sources: dict[str, Source] = {}
-    for design, design_runs in runs.items():
+    for design, design_runs in own.items():
         attributes: dict[str, str | int | float] = {
             SOURCE_KIND: "design",
             RUNS_SPENT: design_runs.sizes[RUN],
             **decision_attributes(design_runs),
+            **cost_attributes(study, model, design, runs),
         }
         steps.start(f"statistics of {design}", model)
         found = analyze(design_runs, quantities, outside=study.analyses)
+        found = use_stand_ins(study, model, design, runs, found)
         outputs = mark_uncertified(found, design_runs.attrs)
         sources[design] = Source(attributes, outputs)
         failures = analyze_failures(design_runs, study.confidence_level)
@@ -62,7 +70,7 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
             marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
             yield f"/{JOINT_GROUP}/{design}", pack(marked)
     for name in study.surrogates:
-        fitted, sources[name] = surrogate_source(study, model, name, runs, steps)
+        fitted, sources[name] = surrogate_source(study, model, name, own, steps)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
