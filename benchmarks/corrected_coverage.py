@@ -153,8 +153,10 @@ def _orders(few: int, more: int, most: int) -> dict[int, int]:
 
 
 FUNCTIONS = {
-    "concrete": Function(4, _concrete, _orders(3, 4, 5), "concrete depth", is_logarithm=True),
-    "residue": Function(4, _residue, _orders(3, 4, 5), "concrete residue"),
+    "concrete": Function(
+        4, _concrete, _orders(3, 4, 5), "concrete depth", is_normal=True, is_logarithm=True
+    ),
+    "residue": Function(4, _residue, _orders(3, 4, 5), "concrete residue", is_normal=True),
     "ishigami": Function(3, _ishigami, _orders(7, 9, 10), "Ishigami", has_indices=True),
     "borehole": Function(8, _borehole, _orders(2, 3, 3), "borehole", has_indices=True),
     "additive": Function(5, _additive, _orders(3, 4, 5), "additive", has_indices=True),
@@ -516,9 +518,21 @@ def _page(cells: dict[_Key, Cell]) -> Iterator[str]:
                 if any(row):
                     texts = (cell.text if cell else "–" for cell in row)
                     yield f"| {function.title} | {runs} | {' | '.join(texts)} |"
+        for runs in SIZES:
+            texts = (_pooled(cells, design, runs, each) for each in statistics)
+            yield f"| **all functions** | {runs} | {' | '.join(texts)} |"
         yield ""
     fewest = min(cell.seeds for key, cell in cells.items() if key[3] == "mean")
-    yield f"Seeds of a cell: {fewest:.0f} or more."
+    error = 100 * math.sqrt(0.95 * 0.05 / fewest)
+    yield f"Seeds of a cell: {fewest:.0f} or more. Its standard error is up to {error:.1f} points."
+
+
+def _pooled(cells: dict[_Key, Cell], design: str, runs: int, statistic: str) -> str:
+    """Coverage in per cent over all functions, with the number of intervals."""
+    found = [cell for key, cell in cells.items() if key[1:] == (design, runs, statistic)]
+    intervals = sum(cell.intervals for cell in found)
+    covers = sum(cell.covers for cell in found)
+    return f"{100 * covers / intervals:.1f} of {intervals:.0f}" if intervals else "none"
 
 
 if __name__ == "__main__":
