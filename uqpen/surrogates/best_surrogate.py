@@ -19,7 +19,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.chosen_surrogates import ChosenSurrogates
 from uqpen.surrogates.cross_fitting import CrossFit, cross_fit
-from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.model_race import ModelRace
 from uqpen.surrogates.output_surrogate import training_record
@@ -84,8 +83,7 @@ class BestSurrogate(Surrogate):
 
     def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
         """Return settings with the choice of a fit, so that there is no other race."""
-        scalars = fitted.scalars if isinstance(fitted, FieldSurrogate) else fitted
-        choice = scalars.choice if isinstance(scalars, ChosenSurrogates) else {}
+        choice = fitted.choice if isinstance(fitted, ChosenSurrogates) else {}
         return FixedChoice(self.design, choice, components=self.components)
 
     @classmethod

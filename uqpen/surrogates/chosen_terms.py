@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,7 +78,11 @@ class _Choice:
 
 
 def chosen_terms(
-    points: FitPoints, values: FloatArray, order: int | None, rng: np.random.Generator
+    points: FitPoints,
+    values: FloatArray,
+    order: int | None,
+    rng: np.random.Generator,
+    truncations: Sequence[float] = TRUNCATIONS,
 ) -> Terms | str:
     """Find the terms with the least error at runs left out, or the reason why there are none.
 
@@ -94,10 +98,12 @@ def chosen_terms(
         The order; without it, the best one.
     rng : Generator
         Divides the runs for cross-validation.
+    truncations : sequence of float
+        Those to choose from, ascending.
     """
     if problem := run_count_problem(points):
         return problem
-    fewest = replace(points, truncation=TRUNCATIONS[0])
+    fewest = replace(points, truncation=truncations[0])
     if order is not None and (problem := size_problem(fewest, order)):
         return problem
     is_in = _parts(points.run_count, rng)
@@ -111,7 +117,7 @@ def chosen_terms(
         return known[key]
 
     best: _Choice | None = None
-    for truncation in TRUNCATIONS:
+    for truncation in truncations:
         found = _best_order(replace(points, truncation=truncation), order, select)
         if found and (best is None or found.error < best.error):
             best = found

@@ -58,6 +58,11 @@ class FieldSurrogate(FittedSurrogate):
         return self.scalars.random_inputs
 
     @property
+    def without_fields(self) -> FittedSurrogate:
+        """The surrogate of its scalar outputs, and of the scores of its fields."""
+        return self.scalars
+
+    @property
     def logarithms(self) -> frozenset[str]:
         """Outputs that were fitted as their logarithm."""
         return self.scalars.logarithms

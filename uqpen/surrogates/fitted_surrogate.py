@@ -95,6 +95,11 @@ class FittedSurrogate(Model):
         """Restore it from `to_tree`; see `uqpen.surrogates.restoring.restore_surrogate`."""
 
     @property
+    def without_fields(self) -> FittedSurrogate:
+        """The surrogate of its scalar outputs, and of the scores of its fields."""
+        return self
+
+    @property
     def logarithms(self) -> frozenset[str]:
         """Outputs that were fitted as their logarithm."""
         return frozenset()

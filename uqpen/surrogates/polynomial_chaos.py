@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -18,9 +19,10 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
-from uqpen.surrogates.chosen_terms import chosen_terms
+from uqpen.surrogates.chosen_terms import TRUNCATIONS, chosen_terms
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.principal_components import components_setting
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.term_selection import (
@@ -32,7 +34,7 @@ from uqpen.surrogates.term_selection import (
 )
 from uqpen.surrogates.training import TrainingRuns, known_inputs, logarithm_problem
 
-__all__ = ["PolynomialChaos"]
+__all__ = ["CandidateTerms", "PolynomialChaos"]
 
 
 # Polynomials of higher orders than this are noise between any two runs.
@@ -41,6 +43,13 @@ _HIGHEST_ORDER_GIVEN = 50
 _UQPEN, _CHAOSPY = "uqpen", "chaospy"
 
 _FAILED_NODES = "least-squares, as nodes of its rule were lost"
+
+
+class CandidateTerms(NamedTuple):
+    """Truncation and order of the terms that a fit chooses from; None for the best ones."""
+
+    truncation: float | None
+    order: int | None
 
 
 @dataclass(frozen=True)
@@ -149,6 +158,21 @@ class PolynomialChaos(Surrogate):
             original=model,
         )
 
+    def candidate_terms(self, output: str) -> CandidateTerms:
+        """Return the truncation and the order of an output, as far as they are given."""
+        return CandidateTerms(self.truncation, self.order)
+
+    def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
+        """Return settings with the truncations and the orders that the fit has found."""
+        if not isinstance(fitted, PolynomialChaosModel):
+            return self
+        candidates = {
+            name: CandidateTerms(each.truncation, each.order)
+            for name, each in fitted.expansions.items()
+        }
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        return _RefittedChaos(**given, candidates=candidates)
+
     @classmethod
     def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> PolynomialChaosModel:
         """Restore a polynomial chaos; see `Surrogate.restore`."""
@@ -170,12 +194,13 @@ class PolynomialChaos(Surrogate):
         if is_logarithm and (problem := logarithm_problem(values)):
             return problem
         fitted = np.log(values) if is_logarithm else values
-        points = FitPoints(basis, training.inputs, self.truncation or 1.0)
+        candidates = self.candidate_terms(output.name)
+        points = FitPoints(basis, training.inputs, candidates.truncation or 1.0)
         # Scaled to size one, so that neither units nor a large mean cost any digits.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
         standard = (fitted - centre) / spread
-        method, terms = self._terms(points, standard, training, rng)
+        method, terms = self._terms(points, standard, training, candidates, rng)
         if isinstance(terms, str):
             return terms
         if engine is not None:
@@ -207,15 +232,29 @@ class PolynomialChaos(Surrogate):
         points: FitPoints,
         values: FloatArray,
         training: TrainingRuns,
+        candidates: CandidateTerms,
         rng: np.random.Generator,
     ) -> tuple[str, Terms | str]:
         """Return the method, and the terms or the reason why there are none."""
+        order = candidates.order
         if self.method == "sparse" and self.truncation is None:
-            return self.method, chosen_terms(points, values, self.order, rng)
+            given = () if candidates.truncation is None else (candidates.truncation,)
+            return self.method, chosen_terms(points, values, order, rng, given or TRUNCATIONS)
         if not self.needs_quadrature:
-            return self.method, regression_terms(points, values, self.method, self.order, rng)
+            return self.method, regression_terms(points, values, self.method, order, rng)
         if training.weights is None:
             # A rule with failed nodes is no rule: its weights would integrate them as 0.
             terms = regression_terms(points, values, "least-squares", self.order, rng)
             return _FAILED_NODES if training.is_quadrature else "least-squares", terms
         return self.method, projection_terms(points, training.weights, values, self.order)
+
+
+@dataclass(frozen=True)
+class _RefittedChaos(PolynomialChaos):
+    """Settings of a fit to a part of the runs: it chooses terms anew, from given candidates."""
+
+    candidates: Mapping[str, CandidateTerms] = field(default_factory=dict)
+
+    def candidate_terms(self, output: str) -> CandidateTerms:
+        """Return the truncation and the order of an output."""
+        return self.candidates.get(output) or super().candidate_terms(output)

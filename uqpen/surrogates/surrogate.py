@@ -82,8 +82,13 @@ class Surrogate(ABC):
     def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
         """Return the settings for fits to parts of the same runs, as cross-fitting makes them.
 
-        They are these settings. A kind may return others that spare a search, such as one among
-        kinds of surrogates, that `fitted` has done already.
+        They are these settings. A kind may return others that spare a search which `fitted` has
+        done already, such as one among truncations.
+
+        Parameters
+        ----------
+        fitted : FittedSurrogate
+            The fit to all runs; of a model with fields that of the scores.
         """
         return self
 

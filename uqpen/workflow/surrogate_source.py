@@ -72,7 +72,7 @@ def _surrogate_results(
     steps.start(f"fitting {name}", model)
     fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
     checked = fitted if check is None else fitted.with_check(check)
-    again = surrogate.for_refits(fitted)
+    again = surrogate.for_refits(fitted.without_fields)
     folds = cross_fit(again, name, training, variant.model, study.joint, stream)
     steps.start(f"estimates of {name}", model)
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
