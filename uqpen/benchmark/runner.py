@@ -13,6 +13,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, Map, Progress, evaluate
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.estimate import LEVEL
@@ -72,7 +73,7 @@ class BenchmarkRunner:
         evaluator = Evaluator(self.study.model, self.study.constraints)
         stream = Stream(self.study.seed, "head_to_head", "timing")
         # In memory, as the time is that of runs alone.
-        points = points_in_memory(next(MonteCarlo(count).rounds(self.study.joint, stream)))
+        points = points_in_memory(first_round(MonteCarlo(count), self.study.joint, stream))
         # The first time, the model may have to be loaded where it runs.
         evaluate(evaluator, points, {}, map=self.map)
         began = time.perf_counter()

@@ -93,6 +93,19 @@ class Estimate:
         estimates = [estimate for row in rows for estimate in row]
         return _estimate_array(estimates, shape, units, long_name, coordinates, level=level)
 
+    @staticmethod
+    def array(
+        estimates: Sequence[Estimate],
+        dims: Mapping[str, int],
+        *,
+        units: str,
+        long_name: str,
+        coordinates: Mapping[str, Any] | None = None,
+        level: float = LEVEL,
+    ) -> xr.DataArray:
+        """Return estimates as an estimate array along dimensions of given sizes and ``bound``."""
+        return _estimate_array(estimates, dims, units, long_name, coordinates, level=level)
+
 
 def _estimate_array(
     estimates: Sequence[Estimate],

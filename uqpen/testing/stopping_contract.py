@@ -51,6 +51,6 @@ def check_stopping_rule(rule: StoppingRule, requested: QuantityOfInterest | None
 def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
     """Return the feedback of a round of independent draws."""
     joint = example_joint_distribution()
-    (points,) = MonteCarlo(runs).rounds(joint, Stream(1, "designs", "one"))
+    points = first_round(MonteCarlo(runs), joint, Stream(1, "designs", "one"))
     made = {"": sum_runs(points_in_memory(points), joint, requested.output.name)}
     return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))

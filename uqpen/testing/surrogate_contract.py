@@ -17,6 +17,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
+from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, evaluate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
@@ -47,7 +48,7 @@ def check_surrogate(surrogate: Surrogate) -> None:
     design = Quadrature(order=6) if surrogate.needs_quadrature else LatinHypercube(80, 1)
     training, others = (
         evaluate(
-            Evaluator(model), next(each.rounds(joint, Stream(1, "designs", str(number)))), {}
+            Evaluator(model), first_round(each, joint, Stream(1, "designs", str(number))), {}
         ).assign_attrs({SAMPLING: str(each.sampling)})
         for number, each in enumerate((design, MonteCarlo(100)))
     )

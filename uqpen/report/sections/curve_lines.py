@@ -54,7 +54,8 @@ def band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) ->
     """Return the band between the bounds of a statistic at each place; nothing without any."""
     if bounds is None or not np.isfinite(bounds[:, 1:]).any():
         return []
-    return band_traces(curve.places, *_drawn(bounds[:, 1:]).T, series)
+    lower, upper = _drawn(bounds[:, 1:]).T
+    return band_traces(curve.places, lower, upper, series)
 
 
 def line(

@@ -13,6 +13,7 @@ from uqpen.core.labels import SAMPLING, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import SobolSequence
+from uqpen.designs.rounds import first_round
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator, evaluate
@@ -51,7 +52,7 @@ class SurrogateDraws:
     @cached_property
     def runs(self) -> xr.Dataset:
         """Runs of the surrogate at a sample of the joint distribution."""
-        points = next(_SAMPLE.rounds(self.joint, self.stream.child("sample"))).assign(self.given)
+        points = first_round(_SAMPLE, self.joint, self.stream.child("sample")).assign(self.given)
         runs = evaluate(self._evaluator, points, {})
         return runs.assign_attrs({SAMPLING: str(_SAMPLE.sampling)})
 
