@@ -9,6 +9,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import first_round
 from uqpen.designs.stopping.stopping_rule import StoppingRule
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
