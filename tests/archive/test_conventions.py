@@ -93,14 +93,14 @@ kind = "latin-hypercube"
 runs = 200
 """
 
-# Outputs with dimensions, and curves that end.
+# Outputs with dimensions, and curves that end, with all that stands beside them: bands and indices.
 FIELDS = f"""
 title = "Motion"
 seed = 4
 {TRAJECTORY}
-[designs.few]
+[designs.draws]
 kind = "monte-carlo"
-runs = 3
+runs = 60
 """
 
 # Methods of which one is replicated, head to head.
@@ -171,7 +171,7 @@ def report(
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
     looked_at = {path.name for path in files}
-    known = {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc", "5-runs-few.nc"}
+    known = {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc", "5-runs-draws.nc"}
     assert known <= looked_at
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
