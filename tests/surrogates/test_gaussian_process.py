@@ -23,7 +23,7 @@ from uqpen.surrogates.process_likelihood import (
     ConditionedProcess,
     Parameters,
     ProcessData,
-    likelihood_loss,
+    negative_log_likelihood,
 )
 from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.separate_fits import SeparateFits
@@ -100,13 +100,17 @@ def test_the_gradient_is_that_of_differences(smoothness: float, is_linear: bool)
     at = np.log([*PARAMETERS.lengths, PARAMETERS.nugget])
 
     def loss(logarithms: FloatArray) -> float:
-        return likelihood_loss(data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1])))[0]
+        return negative_log_likelihood(
+            data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1]))
+        )[0]
 
     step = 1e-5
     differences = [
         (loss(at + step * unit) - loss(at - step * unit)) / (2 * step) for unit in np.eye(len(at))
     ]
-    assert likelihood_loss(data, PARAMETERS)[1] == pytest.approx(differences, rel=1e-5, abs=1e-6)
+    assert negative_log_likelihood(data, PARAMETERS)[1] == pytest.approx(
+        differences, rel=1e-5, abs=1e-6
+    )
 
 
 def test_errors_at_runs_left_out_are_those_without_the_run() -> None:
