@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from uqpen.study.python_model import OutputSpec, PythonModel
     from uqpen.study.python_study import Study, load_study
     from uqpen.surrogates.archived_surrogate import ExtrapolationWarning
+    from uqpen.surrogates.gaussian_process import GaussianProcess
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "FullFactorial",
     "Gamma",
     "GaussianCopula",
+    "GaussianProcess",
     "Gumbel",
     "GumbelCopula",
     "Halton",
@@ -164,6 +166,7 @@ _HOMES = {
     "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
     "uqpen.study.python_study": ("Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning",),
+    "uqpen.surrogates.gaussian_process": ("GaussianProcess",),
     "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),
 }
 

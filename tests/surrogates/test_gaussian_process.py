@@ -14,14 +14,16 @@ from uqpen.distributions.continuous import Lognormal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.execution import Evaluator, evaluate
+from uqpen.models.campbell import Campbell
 from uqpen.surrogates.fitted_surrogate import Prediction
+from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.left_out_errors import LeftOutErrors
 from uqpen.surrogates.process_likelihood import (
     ConditionedProcess,
     Parameters,
     ProcessData,
-    likelihood_loss,
+    negative_log_likelihood,
 )
 from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.separate_fits import SeparateFits
@@ -98,13 +100,17 @@ def test_the_gradient_is_that_of_differences(smoothness: float, is_linear: bool)
     at = np.log([*PARAMETERS.lengths, PARAMETERS.nugget])
 
     def loss(logarithms: FloatArray) -> float:
-        return likelihood_loss(data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1])))[0]
+        return negative_log_likelihood(
+            data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1]))
+        )[0]
 
     step = 1e-5
     differences = [
         (loss(at + step * unit) - loss(at - step * unit)) / (2 * step) for unit in np.eye(len(at))
     ]
-    assert likelihood_loss(data, PARAMETERS)[1] == pytest.approx(differences, rel=1e-5, abs=1e-6)
+    assert negative_log_likelihood(data, PARAMETERS)[1] == pytest.approx(
+        differences, rel=1e-5, abs=1e-6
+    )
 
 
 def test_errors_at_runs_left_out_are_those_without_the_run() -> None:
@@ -283,3 +289,21 @@ def test_the_factor_is_that_with_which_intervals_hold_95_of_100_runs() -> None:
     found = LeftOutErrors(errors, np.full(999, 0.5))
     held = np.abs(errors) <= 1.959964 * found.std_factor * 0.5
     assert held.sum() == 950
+
+
+def test_a_field_has_the_deviations_of_its_scores() -> None:
+    angles = Campbell.outputs[0].dims[0].values
+    joint = JointDistribution(
+        tuple(RandomInput(each, Uniform(-1.0, 5.0), "1") for each in Campbell.inputs),
+        Campbell.inputs,
+    )
+    points = next(LatinHypercube(60, 1).rounds(joint, Stream(1, "designs", "lhs")))
+    made = evaluate(Evaluator(Campbell()), points, {})
+    surrogate = GaussianProcess(design="lhs", components=3)
+    found = fit_surrogate(surrogate, "gp", made, Campbell(), joint, Stream(1, "surrogates", "gp"))
+    inputs = {each: made[each].values for each in found.random_inputs}
+    (prediction,) = found.predict(inputs).values()
+    assert prediction.std is not None
+    assert prediction.std.shape == prediction.mean.shape == (60, len(angles))
+    again = restore_surrogate(found.to_tree(), "gp").predict(inputs)
+    assert np.array_equal(next(iter(again.values())).std, prediction.std)

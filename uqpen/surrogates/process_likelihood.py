@@ -28,7 +28,7 @@ __all__ = [
     "ProcessData",
     "improve_parameters",
     "likeliest_parameters",
-    "likelihood_loss",
+    "negative_log_likelihood",
 ]
 
 # Ranges of the lengths, for coordinates of variance 1, and of a nugget that is estimated.
@@ -43,10 +43,10 @@ _FIRST_STEPS, _STEPS = 30, 200
 # Of more runs than this, first searches take a part, and the last one fewer steps.
 FEW_RUNS = 300
 _STEPS_OF_MANY = 15
-# The search ends where a step lowers the loss by less than this share of it.
+# A search ends where a step changes the likelihood by less than this share of its logarithm.
 _TOLERANCE = 1e-8
 
-# The loss where correlations are singular to rounding: worse than any other.
+# The value where correlations are singular to rounding: worse than any other.
 _SINGULAR = 1e10
 
 
@@ -162,12 +162,12 @@ class ConditionedProcess:
         )
 
 
-def likelihood_loss(data: ProcessData, parameters: Parameters) -> tuple[float, FloatArray]:
+def negative_log_likelihood(data: ProcessData, parameters: Parameters) -> tuple[float, FloatArray]:
     """Return minus twice the restricted log-likelihood, but for a constant, and its gradient.
 
     Returns
     -------
-    loss : float
+    value : float
     gradient : ndarray, shape (input + 1,)
         In the logarithms of the lengths and of the nugget.
     """
@@ -177,7 +177,7 @@ def likelihood_loss(data: ProcessData, parameters: Parameters) -> tuple[float, F
     if process is None:
         return _SINGULAR, np.zeros(scaled.shape[1] + 1)
     freedom = len(data.values) - data.trend.shape[1]
-    loss = freedom * math.log(process.variance) + process.log_determinants
+    value = freedom * math.log(process.variance) + process.log_determinants
     change = process.inverse
     change -= np.outer(process.weights, process.weights / process.variance)
     by_nugget = parameters.nugget * np.trace(change)
@@ -185,7 +185,7 @@ def likelihood_loss(data: ProcessData, parameters: Parameters) -> tuple[float, F
     change *= slopes
     np.fill_diagonal(change, 0.0)
     by_length = 2 * (change.sum(axis=1) @ scaled**2 - (scaled * (change @ scaled)).sum(axis=0))
-    return loss, np.append(by_length, by_nugget)
+    return value, np.append(by_length, by_nugget)
 
 
 def likeliest_parameters(data: ProcessData, rng: np.random.Generator) -> Parameters:
@@ -208,7 +208,7 @@ def likeliest_parameters(data: ProcessData, rng: np.random.Generator) -> Paramet
         for shift, nugget in zip(shifts, _START_NUGGETS, strict=True)
     )
     found = [improve_parameters(some, start, _FIRST_STEPS) for start in starts]
-    best = min(found, key=lambda each: likelihood_loss(some, each)[0])
+    best = min(found, key=lambda each: negative_log_likelihood(some, each)[0])
     return improve_parameters(data, best, _STEPS_OF_MANY if is_large else _STEPS)
 
 
@@ -222,8 +222,8 @@ def improve_parameters(data: ProcessData, start: Parameters, steps: int) -> Para
         return Parameters(np.exp(logarithms[:inputs]), nugget)
 
     def objective(logarithms: FloatArray) -> tuple[float, FloatArray]:
-        loss, gradient = likelihood_loss(data, parameters(logarithms))
-        return loss, gradient[: len(logarithms)]
+        value, gradient = negative_log_likelihood(data, parameters(logarithms))
+        return value, gradient[: len(logarithms)]
 
     found = optimize.minimize(
         objective,
