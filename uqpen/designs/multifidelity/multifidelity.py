@@ -47,8 +47,8 @@ class Multifidelity(Design):
     pilot : int
         Number of points that all models run first.
     output : str, optional
-        The output whose mean the numbers of runs are best for; by default all numbers that a
-        stand-in tells anything of.
+        The output whose mean the numbers of runs are best for; by default all numbers that vary in
+        a stand-in, too.
 
     References
     ----------
@@ -120,7 +120,7 @@ class Multifidelity(Design):
         return super().extension(earlier, joint)
 
     def _allocation(self, feedback: Feedback, costs: FloatArray) -> Allocation:
-        """Return the best allocation after the pilot; where it tells nothing, as for strangers."""
+        """Return the best allocation after a pilot; of constant outputs, as if uncorrelated."""
         with one_blas_thread():
             wanted = [self.output] if self.output else _numbers(feedback)
             covariances = list(_covariances(feedback, wanted)) or [np.eye(len(costs))]
