@@ -72,7 +72,7 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
 def _check_parts(design: Design, joint: JointDistribution) -> None:
     """Check that points that are drawn by blocks are the same in any part, drawn in any order."""
-    points = next(design.rounds(joint, Stream(1, "designs", "one")))
+    points = points_of(next(design.rounds(joint, Stream(1, "designs", "one"))))
     if isinstance(points, xr.Dataset):
         return
     # Where arrays are divided otherwise, a function may round other last bits in their last rows.

@@ -11,6 +11,7 @@ import numpy as np
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.round import points_of
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.testing.example import example_joint_distribution
 
@@ -54,6 +55,6 @@ def check_extension(
 
 def _points(design: Design, joint: JointDistribution) -> Counter[bytes]:
     """Return how often each point is in the first round of a design."""
-    points = points_in_memory(next(design.rounds(joint, Stream(1, "designs", "one"))))
+    points = points_in_memory(points_of(next(design.rounds(joint, Stream(1, "designs", "one")))))
     columns = [points[entry.variable.name].values for entry in joint.random]
     return Counter(row.tobytes() for row in np.column_stack(columns))

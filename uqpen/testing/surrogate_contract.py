@@ -16,6 +16,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
+from uqpen.designs.round import points_of
 from uqpen.execution import Evaluator, evaluate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
@@ -45,7 +46,11 @@ def check_surrogate(surrogate: Surrogate) -> None:
     joint, model = example_joint_distribution(), _Smooth()
     design = Quadrature(order=6) if surrogate.needs_quadrature else LatinHypercube(80, 1)
     training, others = (
-        evaluate(Evaluator(model), next(each.rounds(joint, Stream(1, "designs", str(number)))), {})
+        evaluate(
+            Evaluator(model),
+            points_of(next(each.rounds(joint, Stream(1, "designs", str(number))))),
+            {},
+        )
         for number, each in enumerate((design, MonteCarlo(100)))
     )
     fitted, repeated = (

@@ -16,7 +16,7 @@ from uqpen.core.settings import count, name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design, ModelRounds
 from uqpen.designs.extension import Extension
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import independent_points
@@ -88,7 +88,7 @@ class Multifidelity(Design):
             found = f"a pilot of {self.pilot} points, which costs {cost:.6g}"
             yield Problem(("budget",), str(self.budget), f"enough for {found}")
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> ModelRounds:
         feedback = yield independent_points(joint, stream, 0, self.pilot)
         names = tuple(feedback.costs)
         costs = np.array([feedback.costs[each] for each in names])
