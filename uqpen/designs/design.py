@@ -19,10 +19,12 @@ from uqpen.designs.round import Round
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Design", "Rounds"]
+__all__ = ["Design", "ModelRounds", "Rounds"]
 
 # It yields the points of a round, and is sent what became of them.
-Rounds = Generator[Points | Round, Feedback, None]
+Rounds = Generator[Points, Feedback, None]
+# The same of a design that may leave a round to some of the models.
+ModelRounds = Generator[Points | Round, Feedback, None]
 
 
 class Design(ABC):
@@ -49,7 +51,7 @@ class Design(ABC):
         yield from ()
 
     @abstractmethod
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> ModelRounds:
         """Generate the points to run, round by round.
 
         A plain design yields once. An adaptive one is sent the `Feedback` of each round, its runs

@@ -16,7 +16,7 @@ from uqpen.core.settings import count, name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design, ModelRounds
 from uqpen.designs.extension import Extension
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import independent_points
@@ -47,8 +47,8 @@ class Multifidelity(Design):
     pilot : int
         Number of points that all models run first.
     output : str, optional
-        The output whose mean the numbers of runs are best for; by default all numbers that a
-        stand-in tells anything of.
+        The output whose mean the numbers of runs are best for; by default all numbers that vary in
+        a stand-in, too.
 
     References
     ----------
@@ -88,7 +88,7 @@ class Multifidelity(Design):
             found = f"a pilot of {self.pilot} points, which costs {cost:.6g}"
             yield Problem(("budget",), str(self.budget), f"enough for {found}")
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> ModelRounds:
         feedback = yield independent_points(joint, stream, 0, self.pilot)
         names = tuple(feedback.costs)
         costs = np.array([feedback.costs[each] for each in names])
@@ -120,7 +120,7 @@ class Multifidelity(Design):
         return super().extension(earlier, joint)
 
     def _allocation(self, feedback: Feedback, costs: FloatArray) -> Allocation:
-        """Return the best allocation after the pilot; where it tells nothing, as for strangers."""
+        """Return the best allocation after a pilot; of constant outputs, as if uncorrelated."""
         with one_blas_thread():
             wanted = [self.output] if self.output else _numbers(feedback)
             covariances = list(_covariances(feedback, wanted)) or [np.eye(len(costs))]

@@ -88,7 +88,7 @@ def control_variate_statistics(
 
 
 def _reason_against(runs: Mapping[str, xr.Dataset], groups: Sequence[GroupRuns]) -> str:
-    """Return why stand-ins tell nothing of the model; empty where they do."""
+    """Return why stand-ins cannot be used; empty where they can."""
     if inadmissible_to_some(runs):
         return texts.ADMITS_OTHER_POINTS
     if (common := groups[0].size) < _FEWEST_COMMON:

@@ -78,7 +78,7 @@ def linear_estimate(groups: Sequence[GroupRuns]) -> LinearEstimate:
 def _beyond(groups: Sequence[GroupRuns], covariance: FloatArray) -> Margins:
     """Return the margins for what the closest stand-in does beyond all common runs.
 
-    There, nothing tells how well it stands in. Both models are compared in standard deviations.
+    There, no run shows how well it stands in. Both models are compared in standard deviations.
     """
     variances = np.diag(covariance)
     scale = np.where(variances > 0, variances, np.inf)

@@ -1,7 +1,7 @@
 """Probabilities and quantiles of a model from a stand-in, whose threshold matches the model's.
 
-The common runs, sorted of either model, tell which value of the stand-in corresponds to a threshold
-of the model. How often the stand-in lies below that is all but known from its many runs. Runs in
+The sorted common runs of both models show which value of the stand-in corresponds to a threshold of
+the model. How often the stand-in lies below that is all but known from its many runs. Runs in
 which one of them lies below and the other above correct this share, with the interval of Bonett, D.
 G. & Price, R. M. (2012). J. Educ. Behav. Stat. 37, 479-488, for a difference of paired
 probabilities.
