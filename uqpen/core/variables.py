@@ -192,6 +192,9 @@ class Dimension(Variable):
                 expected = "finite numbers in ascending order"
                 yield Problem(("values", position), toml_text(value), expected)
                 return
+        if self.values and math.isinf(self.values[-1] - self.values[0]):
+            ends = f"{self.values[0]:g} to {self.values[-1]:g}"
+            yield Problem(("values",), ends, "coordinates that are a finite distance apart")
 
 
 @dataclass(frozen=True)

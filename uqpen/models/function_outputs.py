@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.model import Output
+from uqpen.models.labelled_array import in_declared_order
 from uqpen.models.run_grid import RunGrid, UnusableOutputError
 
 __all__ = ["dimension_names", "extract_outputs"]
@@ -47,8 +48,9 @@ def extract_outputs(
         raise UnusableOutputError(f"returned {type(returned).__name__}, not a mapping of outputs")
     found = {}
     for output in outputs:
-        values = _numbers(returned, output.name, output)
-        if grid := grids.get(output.name):
+        grid = grids.get(output.name)
+        values = _numbers(returned, output.name, output, grid.names if grid else ())
+        if grid:
             own = {name: _numbers(returned, key) for name, key in grid.names.items()}
             shape = tuple(
                 values.shape[axis] if dim.name in own and axis < values.ndim else len(dim.values)
@@ -63,24 +65,16 @@ def extract_outputs(
     return found
 
 
-def _numbers(returned: Mapping[Any, Any], name: str, output: Output | None = None) -> FloatArray:
+def _numbers(
+    returned: Mapping[Any, Any], name: str, output: Output | None = None, own: Collection[str] = ()
+) -> FloatArray:
     if name not in returned:
         raise UnusableOutputError(f'returned no "{name}"')
     value = returned[name]
     try:
-        return floats(value if output is None else _in_declared_order(value, output))
+        return floats(value if output is None else in_declared_order(value, output, own))
     except ValueError as error:
         raise UnusableOutputError(f'returned a "{name}" of {error}') from None
-
-
-def _in_declared_order(value: Any, output: Output) -> Any:
-    """Return a labelled array with its dimensions in the order of an output's, others before."""
-    declared = [dimension.name for dimension in output.dims]
-    names = getattr(value, "dims", ())
-    is_labelled = hasattr(value, "transpose") and isinstance(names, tuple)
-    if not declared or not is_labelled or not set(declared) <= set(names):
-        return value
-    return value.transpose(..., *declared)
 
 
 def _check_shape(

@@ -56,6 +56,17 @@ def read_field(table: TableReader, output: Output, dimensions: DimensionsReader)
     return output
 
 
+def _dimensions_text(written: object, dimensions: DimensionsReader) -> str:
+    """Return what is expected of dimensions where there is neither a table nor a list."""
+    name = written if isinstance(written, str) and NAME.match(written) else "time"
+    if name in dimensions.shared:
+        return f'a list of dimensions, ["{name}"]'
+    return (
+        f'a table, such as {{ {name} = {{ unit = "s", from = 0, to = 1, size = 101 }} }}, '
+        f'or a list, ["{name}"], of those in [model.dimensions]'
+    )
+
+
 def _read_dimensions(
     table: TableReader, dimensions: DimensionsReader
 ) -> tuple[Dimension, ...] | None:
@@ -65,6 +76,11 @@ def _read_dimensions(
         names = enumerate(table.entries(_ALONG))
         found = [_shared(table, position, name, dimensions) for position, name in names]
     else:
+        written = table.content.get(_ALONG)
+        if written is not None and not isinstance(written, dict):
+            table.take(_ALONG)
+            table.add_wrong(_ALONG, written, _dimensions_text(written, dimensions))
+            return None
         along = table.table(_ALONG)
         if not along.is_given:
             return ()
