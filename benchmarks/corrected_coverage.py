@@ -167,7 +167,11 @@ FUNCTIONS = {
     ),
     "pareto": Function(1, lambda u: (1 - u[:, 0]) ** (-1 / 3.3), _orders(8, 10, 12), "Pareto 3.3"),
     "modulus": Function(
-        2, lambda u: np.exp(np.abs(_scores(u[:, 0]))), _orders(6, 8, 10), "exp |z|", is_normal=True
+        2,
+        lambda u: np.exp(np.abs(_scores(u[:, 0]))),
+        _orders(6, 8, 10),
+        "exp abs z",
+        is_normal=True,
     ),
     "reciprocal": Function(2, lambda u: 1 / (0.02 + u[:, 0]), _orders(8, 10, 12), "1/(0.02 + u)"),
     "dependent": Function(

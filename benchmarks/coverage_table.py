@@ -272,7 +272,8 @@ _CORRECTED = """\
 
 How often the intervals of [corrected estimates](statistics.md#surrogates) contain the true value,
 in per cent, and their mean width over that of the plain interval of the same runs, where there is
-one: "coverage / width". *None* is a statistic that is refused. A surrogate is a sparse polynomial
+one: "coverage / width". *None* is a statistic that is refused; a dash one that there is not, or
+that is still to be measured. The last rows count all intervals. A surrogate is a sparse polynomial
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. The standard deviation has a note in
 all cells, as that of plain runs has below 1 000, and plain runs have none below 200.
