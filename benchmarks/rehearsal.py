@@ -19,11 +19,11 @@ import numpy as np
 from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import STATED
-from uqpen.rehearsal.opening import open_stand_in
+from uqpen.rehearsal.opening import open_rehearsed
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.rehearsal.repeat_record import RepeatRecord
 from uqpen.rehearsal.repeats import RepeatWork, make_repeats
 from uqpen.rehearsal.sources import RehearsedSource, run_estimates, study_sources
-from uqpen.rehearsal.stand_in import StandIn
 from uqpen.rehearsal.tail import tail_record
 from uqpen.rehearsal.truth import large_sample, surrogate_truth
 from uqpen.study.study import ValidatedStudy
@@ -38,23 +38,23 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=300)
     parser.add_argument("--draws", type=int, default=2**22)
     options = parser.parse_args()
-    with open_stand_in(options.study) as stand_in:
-        quantities = stand_in.study.quantities_of_interest
-        model = replace(stand_in.original, quantities_of_interest=quantities)
-        sources = tuple(each for each in study_sources(stand_in.study) if each.size == STATED)
+    with open_rehearsed(options.study) as rehearsed:
+        quantities = rehearsed.study.quantities_of_interest
+        model = replace(rehearsed.original, quantities_of_interest=quantities)
+        sources = tuple(each for each in study_sources(rehearsed.study) if each.size == STATED)
         statistics = tuple(benchmark_statistics(quantities, STATISTICS))
         numbers = range(options.repeats)
         estimates = [
             [each.estimates for each in make_repeats(work, numbers, map)]
-            for study in (stand_in.study, model)
+            for study in (rehearsed.study, model)
             if (work := RepeatWork(study, sources, statistics))
         ]
-        for line in table(stand_in, model, sources, statistics, estimates, options.draws):
+        for line in table(rehearsed, model, sources, statistics, estimates, options.draws):
             print(line)
 
 
 def table(
-    stand_in: StandIn,
+    rehearsed: RehearsedStudy,
     model: ValidatedStudy,
     sources: Sequence[RehearsedSource],
     statistics: Sequence[BenchmarkStatistic],
@@ -62,13 +62,13 @@ def table(
     draws: int,
 ) -> Iterator[str]:
     """Yield the rows of a table: the coverage in per cent, rehearsed and measured."""
-    sample = large_sample(stand_in.study, draws)
+    sample = large_sample(rehearsed.study, draws)
     of_surrogate = np.concatenate(
-        surrogate_truth(stand_in.study, stand_in.fitted, statistics, sample)
+        surrogate_truth(rehearsed.study, rehearsed.fitted, statistics, sample)
     )
     found = run_estimates(large_sample(model, draws), model.quantities_of_interest)
     of_model = np.concatenate([each.estimates(found) for each in statistics])
-    tails = tail_record(stand_in, statistics, of_surrogate[:, 0], sample)
+    tails = tail_record(rehearsed, statistics, of_surrogate[:, 0], sample)
     counts = np.zeros((len(estimates[0]), len(sources)))
     rehearsed, measured = (
         RepeatRecord(np.stack(made), counts, truth)

@@ -101,8 +101,8 @@ def check_shown(block: Block, output: str) -> None:
         assert found[1] == pytest.approx(numbers, rel=LAST_DIGIT), line
 
 
-def test_they_are_ten() -> None:
-    assert len(re.findall(r"^##+ .+\?$", TEXT, re.MULTILINE)) == 10
+def test_they_are_eleven() -> None:
+    assert len(re.findall(r"^##+ .+\?$", TEXT, re.MULTILINE)) == 11
 
 
 @pytest.mark.slow

@@ -20,11 +20,11 @@ from uqpen.execution import Progress
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
 from uqpen.rehearsal.rehearse import rehearse, rehearsed_statistics
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.rehearsal.repeat_record import RepeatRecord
 from uqpen.rehearsal.repeats import RepeatWork, make_repeats
 from uqpen.rehearsal.required_runs import sufficient_runs
 from uqpen.rehearsal.sources import study_sources
-from uqpen.rehearsal.stand_in import StandIn
 from uqpen.rehearsal.tail import tail_shares
 from uqpen.rehearsal.truth import large_sample, surrogate_truth
 from uqpen.statistics.threshold import Threshold
@@ -74,7 +74,7 @@ order = 1
 QUICK = RehearsalSettings(repeats=10, runs=120, draws=2**10)
 
 
-def stand_in(study: ValidatedStudy) -> StandIn:
+def rehearsed(study: ValidatedStudy) -> RehearsedStudy:
     """The surrogate of a study in place of its model, after the study's runs."""
     runs = {
         name: run_design(study, each, Stream(1, name), map=map, progress=Progress())[""]
@@ -84,22 +84,22 @@ def stand_in(study: ValidatedStudy) -> StandIn:
     training = runs[surrogate.design]
     stream = Stream(1, "fit")
     fitted = fit_surrogate(surrogate, name, training, study.model, study.joint, stream)
-    return StandIn(study, "", fitted, runs)
+    return RehearsedStudy(study, "", fitted, runs)
 
 
-def line_study(folder: Path, designs: str) -> StandIn:
+def line_study(folder: Path, designs: str) -> RehearsedStudy:
     """A line, which its surrogate represents exactly."""
     (folder / "line.py").write_text("def f(a, b):\n    return {'y': 1 + 2 * a + b}\n")
-    return stand_in(parse_study(STUDY + designs + SURROGATE, folder=folder))
+    return rehearsed(parse_study(STUDY + designs + SURROGATE, folder=folder))
 
 
 @pytest.fixture(scope="module")
-def line(tmp_path_factory: pytest.TempPathFactory) -> StandIn:
+def line(tmp_path_factory: pytest.TempPathFactory) -> RehearsedStudy:
     return line_study(tmp_path_factory.mktemp("line"), DESIGNS)
 
 
 @pytest.fixture(scope="module")
-def findings(line: StandIn) -> xr.Dataset:
+def findings(line: RehearsedStudy) -> xr.Dataset:
     return rehearse(line, QUICK)
 
 
@@ -133,7 +133,9 @@ def test_it_knows_the_truth(findings: xr.Dataset) -> None:
     assert not findings["hangs_on_tail"].any()
 
 
-def test_coverage_counts_the_intervals_that_hold(line: StandIn, findings: xr.Dataset) -> None:
+def test_coverage_counts_the_intervals_that_hold(
+    line: RehearsedStudy, findings: xr.Dataset
+) -> None:
     sources = study_sources(line.study)[:1]
     work = RepeatWork(line.study, sources, rehearsed_statistics(line.study, sources))
     means = np.stack([each.estimates[0, 0] for each in make_repeats(work, range(10), map)])
@@ -166,7 +168,7 @@ def test_an_interval_that_holds_too_rarely_falls_short() -> None:
     [("mean", 0.2), ("std", 0.8), ("quantile", 0.0), ("exceedance", 1.0), ("half_spread", 0.0)],
 )
 def test_a_long_tail_decides_on_the_spread_before_it_does_on_the_mean(
-    line: StandIn, name: str, share: float
+    line: RehearsedStudy, name: str, share: float
 ) -> None:
     (quantity,) = line.study.quantities_of_interest
     limit = Threshold("40", 40.0)
@@ -177,7 +179,7 @@ def test_a_long_tail_decides_on_the_spread_before_it_does_on_the_mean(
     assert found == pytest.approx([share], abs=0.2 if 0 < share < 1 else 0)
 
 
-def test_ctrl_c_leaves_the_repeats_so_far(line: StandIn) -> None:
+def test_ctrl_c_leaves_the_repeats_so_far(line: RehearsedStudy) -> None:
     def interrupted(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
         for batch in batches:
             if batch.start == 2:
@@ -189,14 +191,16 @@ def test_ctrl_c_leaves_the_repeats_so_far(line: StandIn) -> None:
     assert entry(findings, "mean")["coverage"].notnull().all()
 
 
-def test_the_order_of_the_repeats_changes_nothing(line: StandIn, findings: xr.Dataset) -> None:
+def test_the_order_of_the_repeats_changes_nothing(
+    line: RehearsedStudy, findings: xr.Dataset
+) -> None:
     def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
         yield from map(work, list(batches)[::-1])
 
     xr.testing.assert_identical(rehearse(line, QUICK, map=backwards), findings)
 
 
-def test_the_runs_that_do_are_those_of_the_formula(line: StandIn) -> None:
+def test_the_runs_that_do_are_those_of_the_formula(line: RehearsedStudy) -> None:
     designs = {"draws": line.study.designs["draws"]}
     study = replace(line.study, designs=designs)
     # 1.96 standard deviations over the root of 91 runs.
@@ -215,8 +219,8 @@ def test_a_default_number_of_repeats_is_what_fits_five_minutes(
     assert RehearsalSettings(repeats=50).affordable_repeats(seconds) == 50
 
 
-def test_a_study_whose_points_stay_has_nothing_to_rehearse(line: StandIn) -> None:
+def test_a_study_whose_points_stay_has_nothing_to_rehearse(line: RehearsedStudy) -> None:
     only = replace(line.original, designs={"steps": OneAtATime()})
-    without = StandIn(only, "", line.surrogate, line.runs)
+    without = RehearsedStudy(only, "", line.surrogate, line.runs)
     with pytest.raises(SettingsError, match="found steps, whose points are the same each time"):
         rehearse(without, QUICK)

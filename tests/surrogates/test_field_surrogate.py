@@ -301,7 +301,7 @@ class TestCampbell:
     ) -> None:
         for array in statistics.values():
             assert np.isnan(array.values[..., 1:]).all()
-            assert set(array.coords[INTERVAL_LABEL].values.ravel()) == {"unchecked"}
+            assert set(array.coords[INTERVAL_LABEL].values.ravel()) == {"none"}
             assert set(array.coords[NOTE].values.ravel()) == {found.fields[CURVE.name].text}
 
 

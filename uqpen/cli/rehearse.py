@@ -80,23 +80,23 @@ def rehearse(
     from uqpen.cli.progress import show_progress, show_step
 
     with show_step("reading the study"):
-        from uqpen.rehearsal.opening import open_stand_in
+        from uqpen.rehearsal.opening import open_rehearsed
         from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
         from uqpen.rehearsal.rehearse import rehearse as rehearse_study
         from uqpen.rehearsal.required_runs import sufficient_runs
 
         settings = RehearsalSettings(repeats, runs)
-    opened = open_stand_in(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
+    opened = open_rehearsed(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
     executor = ExecutorOptions(workers, None)
-    with opened as stand_in:
-        rule = None if wanted is None else read_precision(wanted, stand_in.study)
+    with opened as rehearsed:
+        rule = None if wanted is None else read_precision(wanted, rehearsed.study)
         with show_progress() as progress, executor.open_map() as spread:
-            findings = rehearse_study(stand_in, settings, map=spread, progress=progress)
+            findings = rehearse_study(rehearsed, settings, map=spread, progress=progress)
         is_whole = findings.attrs["repeats"] == findings.attrs["repeats_wanted"]
         found: list[SufficientRuns] = []
         try:
             with show_step("numbers of runs"):
-                found += sufficient_runs(stand_in.study, rule) if rule and is_whole else ()
+                found += sufficient_runs(rehearsed.study, rule) if rule and is_whole else ()
         except KeyboardInterrupt:
             is_whole = False
     _show(findings, found, as_text=as_text)

@@ -10,9 +10,9 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import BOUND, BOUNDS, EQUAL
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.rehearsal.repeat_record import RepeatRecord
 from uqpen.rehearsal.repeats import RepeatWork
-from uqpen.rehearsal.stand_in import StandIn
 
 __all__ = ["rehearsal_dataset"]
 
@@ -28,13 +28,17 @@ _LEVEL = 1.05
 
 
 def rehearsal_dataset(
-    stand_in: StandIn, work: RepeatWork, record: RepeatRecord, tails: FloatArray, wanted: int
+    rehearsed: RehearsedStudy,
+    work: RepeatWork,
+    record: RepeatRecord,
+    tails: FloatArray,
+    wanted: int,
 ) -> xr.Dataset:
     """Return the findings of a rehearsal.
 
     Parameters
     ----------
-    stand_in : StandIn
+    rehearsed : RehearsedStudy
     work : RepeatWork
         Its sources and statistics.
     record : RepeatRecord
@@ -71,17 +75,17 @@ def rehearsal_dataset(
             "best": (entries, _best(work, half_width, is_candidate)),
         },
         {**_source_coordinates(work, record), **_entry_coordinates(work), BOUND: list(BOUNDS)},
-        _attributes(stand_in, record, wanted),
+        _attributes(rehearsed, record, wanted),
     )
 
 
-def _attributes(stand_in: StandIn, record: RepeatRecord, wanted: int) -> dict[str, Any]:
-    study = stand_in.original
+def _attributes(rehearsed: RehearsedStudy, record: RepeatRecord, wanted: int) -> dict[str, Any]:
+    study = rehearsed.original
     return {
         "title": study.title,
         "study_sha256": study.sha256,
         "seed": str(study.seed),
-        "surrogate": stand_in.surrogate.name,
+        "surrogate": rehearsed.surrogate.name,
         "repeats": record.repeats,
         "repeats_wanted": wanted,
     }

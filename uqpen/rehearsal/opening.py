@@ -12,26 +12,26 @@ from uqpen.archive.read import group_names, model_trees, open_archive, read_grou
 from uqpen.core.errors import ArchiveError, ModelError, UnknownNameError
 from uqpen.core.labels import RUNS, SURROGATES
 from uqpen.core.lookup import choices
-from uqpen.rehearsal.stand_in import StandIn
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.study.load import load_study
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.archived_surrogate import surrogate_paths
 from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.verification.restored_study import restored_study
 
-__all__ = ["open_stand_in"]
+__all__ = ["open_rehearsed"]
 
 
 @contextlib.contextmanager
-def open_stand_in(
+def open_rehearsed(
     file: Path,
     *,
     archive: Path | None = None,
     surrogate: str = "",
     folder: Path | None = None,
     trust: bool = False,
-) -> Iterator[StandIn]:
-    """Provide the stand-in of a study's model.
+) -> Iterator[RehearsedStudy]:
+    """Provide a study with its surrogate in place of its model.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def open_stand_in(
         tree = open_archive(file)
         label = _label(tree, file, surrogate)
         with restored_study(tree, folder, trust=trust) as restored:
-            yield _stand_in(restored.study, tree, label)
+            yield _rehearsed(restored.study, tree, label)
         return
     study = load_study(file)
     path = archive or Path("archives") / f"{study.name}.nc"
@@ -69,7 +69,7 @@ def open_stand_in(
         raise ArchiveError(
             f"{path}: is of another study than {file}; to make it: uqpen study {file}"
         )
-    yield _stand_in(study, tree, label)
+    yield _rehearsed(study, tree, label)
 
 
 def _label(tree: xr.DataTree, path: Path, surrogate: str) -> str:
@@ -87,7 +87,7 @@ def _label(tree: xr.DataTree, path: Path, surrogate: str) -> str:
     return label
 
 
-def _stand_in(study: ValidatedStudy, tree: xr.DataTree, label: str) -> StandIn:
+def _rehearsed(study: ValidatedStudy, tree: xr.DataTree, label: str) -> RehearsedStudy:
     """Restore a surrogate, and put it in place of its model."""
     if unloaded := study.unloaded_members:
         raise ModelError(
@@ -106,4 +106,4 @@ def _stand_in(study: ValidatedStudy, tree: xr.DataTree, label: str) -> StandIn:
     )
     designs = group_names(model_tree, RUNS)
     runs = {design: read_group(model_tree, RUNS, design) for design in designs}
-    return StandIn(study, model, fitted, runs)
+    return RehearsedStudy(study, model, fitted, runs)

@@ -13,10 +13,10 @@ from uqpen.core.sampling import Sampling
 from uqpen.execution import Map, Progress
 from uqpen.rehearsal.findings import rehearsal_dataset
 from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.rehearsal.repeat_record import RepeatRecord
 from uqpen.rehearsal.repeats import Repeat, RepeatWork, make_repeats
 from uqpen.rehearsal.sources import RehearsedSource, study_sources
-from uqpen.rehearsal.stand_in import StandIn
 from uqpen.rehearsal.tail import tail_record
 from uqpen.rehearsal.truth import large_sample, surrogate_truth
 from uqpen.results.digits import grouped_number
@@ -34,7 +34,7 @@ _TIMED = 10
 
 
 def rehearse(
-    stand_in: StandIn,
+    rehearsed: RehearsedStudy,
     settings: RehearsalSettings | None = None,
     *,
     map: Map = map,
@@ -44,7 +44,7 @@ def rehearse(
 
     Parameters
     ----------
-    stand_in : StandIn
+    rehearsed : RehearsedStudy
         The study, its surrogate and its own runs.
     settings : RehearsalSettings, optional
     map : callable
@@ -64,7 +64,7 @@ def rehearse(
         If the study has nothing to rehearse.
     """
     settings, progress = settings or RehearsalSettings(), progress or Progress()
-    study, fitted = stand_in.study, stand_in.fitted
+    study, fitted = rehearsed.study, rehearsed.fitted
     sources = study_sources(study, settings.runs)
     work = RepeatWork(study, sources, rehearsed_statistics(study, sources))
     progress.start_step(f"the statistics of {fitted.name}")
@@ -72,8 +72,8 @@ def rehearse(
     truth = surrogate_truth(study, fitted, work.statistics, sample)
     repeats, wanted = _all_repeats(work, settings, map, progress)
     record = RepeatRecord.of(repeats, truth)
-    tails = tail_record(stand_in, work.statistics, record.truth[:, 0], sample)
-    return rehearsal_dataset(stand_in, work, record, tails, wanted)
+    tails = tail_record(rehearsed, work.statistics, record.truth[:, 0], sample)
+    return rehearsal_dataset(rehearsed, work, record, tails, wanted)
 
 
 def rehearsed_statistics(

@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqpen.benchmark.statistics import BenchmarkStatistic
 from uqpen.core.arrays import FloatArray
-from uqpen.rehearsal.stand_in import StandIn, ok_values
+from uqpen.rehearsal.rehearsed_study import RehearsedStudy, ok_values
 
 __all__ = ["tail_record", "tail_shares"]
 
@@ -23,7 +23,7 @@ _POWERS = {"mean": 1, "std": 2, "first_order": 2, "total_order": 2}
 
 
 def tail_record(
-    stand_in: StandIn,
+    rehearsed: RehearsedStudy,
     statistics: Sequence[BenchmarkStatistic],
     truth: FloatArray,
     sample: xr.Dataset,
@@ -32,7 +32,7 @@ def tail_record(
 
     Parameters
     ----------
-    stand_in : StandIn
+    rehearsed : RehearsedStudy
     statistics : sequence of BenchmarkStatistic
     truth : ndarray, shape (entry,)
         Their true values, one after the other.
@@ -46,8 +46,8 @@ def tail_record(
     columns, start = [], 0
     for statistic in statistics:
         stop = start + len(statistic.entries)
-        ends = stand_in.fitted.training_range(statistic.output)
-        values = ok_values(sample, statistic.output), stand_in.own_values(statistic.output)
+        ends = rehearsed.fitted.training_range(statistic.output)
+        values = ok_values(sample, statistic.output), rehearsed.own_values(statistic.output)
         columns.append([tail_shares(statistic, truth[start:stop], each, ends) for each in values])
         start = stop
     return np.concatenate(columns, axis=1)

@@ -13,7 +13,7 @@ from uqpen.surrogates.regression import FOLDS, least_squares
 from uqpen.surrogates.term_selection import (
     FitPoints,
     Terms,
-    not_apart,
+    dependent_terms_problem,
     run_count_problem,
     size_problem,
     unseen_error,
@@ -66,7 +66,7 @@ class _Choice:
         indices = self.indices[self.selection.best]
         fit = least_squares(self.points.matrix(indices), values)
         if fit is None:
-            return not_apart(self.order)
+            return dependent_terms_problem(self.order)
         return Terms(
             indices,
             fit.coefficients,
@@ -123,7 +123,7 @@ def chosen_terms(
             best = found
         if best and best.error < _EXACT:
             break
-    return best.fitted(values) if best else not_apart(order or 1)
+    return best.fitted(values) if best else dependent_terms_problem(order or 1)
 
 
 def _best_order(

@@ -2,7 +2,7 @@
 
 Terms are taken one by one, always the one that lowers the sum of squares the most once the others
 have taken their part of it (orthogonal least squares). Each part of the runs is left out in turn,
-and terms are chosen anew by the others; so the errors at the parts tell how many terms to take.
+and terms are chosen anew by the others; so the errors at the parts show how many terms to take.
 The selections of all parts go step by step together, as their products with the candidates, which
 take the time, are then one product of matrices.
 

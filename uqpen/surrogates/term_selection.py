@@ -23,7 +23,7 @@ __all__ = [
     "HIGHEST_ORDER",
     "FitPoints",
     "Terms",
-    "not_apart",
+    "dependent_terms_problem",
     "projection_terms",
     "regression_terms",
     "run_count_problem",
@@ -155,7 +155,7 @@ def regression_terms(
             best, least = found, error
         if best and (least < _EXACT or tried - best.order >= _PATIENCE):
             break
-    return best or not_apart(1)
+    return best or dependent_terms_problem(1)
 
 
 def projection_terms(
@@ -209,7 +209,7 @@ def size_problem(points: FitPoints, order: int) -> str:
     return f"order {order} has {count} terms, too many for {runs} runs to be fitted in memory"
 
 
-def not_apart(order: int) -> str:
+def dependent_terms_problem(order: int) -> str:
     """Return the reason why linearly dependent terms have no coefficients."""
     return f"its points do not tell the terms of order {order} apart"
 
@@ -239,7 +239,7 @@ def _terms_of_order(
             f"terms, {terms}"
         )
     found, _ = _fitted(points, values, method, order, indices, folds)
-    return found or not_apart(order)
+    return found or dependent_terms_problem(order)
 
 
 def _fitted(

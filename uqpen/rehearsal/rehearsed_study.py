@@ -16,15 +16,14 @@ from uqpen.core.status import Status
 from uqpen.rehearsal.sources import is_drawn
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
-from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = ["StandIn", "ok_values"]
+__all__ = ["RehearsedStudy", "ok_values"]
 
 
 @dataclass(frozen=True, eq=False)
-class StandIn:
-    """A surrogate that stands in for a model of its study.
+class RehearsedStudy:
+    """A study, and a surrogate in place of its model.
 
     Parameters
     ----------
@@ -46,8 +45,7 @@ class StandIn:
     @property
     def fitted(self) -> FittedSurrogate:
         """The part of the surrogate that predicts numbers; fields are not rehearsed."""
-        found = self.surrogate
-        return found.scalars if isinstance(found, FieldSurrogate) else found
+        return self.surrogate.without_fields
 
     @cached_property
     def study(self) -> ValidatedStudy:
