@@ -44,10 +44,11 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf, corrected_half_spread
 from uqpen.statistics.surrogate.correction.corrected_indices import InputParts, corrected_indices
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import CorrectedCdf, corrected_probability
+from uqpen.statistics.surrogate.correction.disagreements import corrected_probability
 from uqpen.study.load import load_study
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.regression import sparse_regression
@@ -221,6 +222,8 @@ class Problem:
             found[f"P {p:g}"] = float((values > threshold).mean())
         for p, value in zip(QUANTILES, np.quantile(values, QUANTILES), strict=True):
             found[f"quantile {p:g}"] = float(value)
+        low, high = np.quantile(values, (0.16, 0.84))
+        found["half_spread"] = float(high - low) / 2
         if function.has_indices:
             found |= dict(self._indices())
         return Truth(found, thresholds)
@@ -319,6 +322,7 @@ def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
         draws,
         draw_set,
         predictions[is_missing],
+        fold[is_missing],
         None if moments is None else np.array(moments),
     )
     parts = _parts(problem, runs, matrix, fits, fold) if function.has_indices else None
@@ -371,6 +375,7 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
     ends = CorrectedCdf(runs).quantile(QUANTILES)
     for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
         yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
+    yield "half_spread", Estimate(*corrected_half_spread(runs), "", "conservative")
     if seed.parts and not moments.heavy_tail:
         for order, parts in zip(("first", "total"), seed.parts, strict=True):
             for name, estimate in enumerate(corrected_indices(runs, parts, moments.variance)):
@@ -379,7 +384,7 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
 
 def _plain(seed: Seed, truth: Truth) -> Iterator[tuple[str, FloatArray]]:
     """Yield value and bounds of the plain estimates of a seed."""
-    for statistic, array in islice(sample_moments(seed.sample, QUANTITY), 2):
+    for statistic, array in islice(sample_moments(seed.sample, QUANTITY), 3):
         yield statistic, array.values
     for p, limit in zip(EXCEEDED, truth.thresholds, strict=True):
         found = event_probability(seed.sample, seed.sample.values > limit)

@@ -23,13 +23,14 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.intervals import clopper_pearson
+from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
-    CorrectedCdf,
     bonett_price,
     corrected_probability,
 )
@@ -59,7 +60,14 @@ def runs_of(
         np.hypot(slope, error) * rng.normal(size=(2, 64)),
         np.arange(64) % 4,
         rng.normal(size=missing),
+        np.arange(missing) % 2,
     )
+
+
+def in_one_fold(runs: CorrectionRuns) -> CorrectionRuns:
+    """The same runs in a single fold: no other one decides that it does without its fit."""
+    fold, missing = np.zeros_like(runs.fold), np.zeros_like(runs.missing_fold)
+    return replace(runs, fold=fold, missing_fold=missing, draws=runs.draws[:1])
 
 
 def made(study: ValidatedStudy, design: Design) -> xr.Dataset:
@@ -117,8 +125,9 @@ def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> N
     values, draws = rng.normal(size=50), rng.normal(size=4096)
     exact = np.array([[0.0, 1.0]])
     at = np.repeat(np.arange(16), 256)
+    fold = np.zeros(50, dtype=np.int64)
     runs = CorrectionRuns(
-        values, values, np.zeros(50, dtype=np.int64), draws[None], at, values[:0], exact
+        values, values, fold, draws[None], at, values[:0], fold[:0], exact_moments=exact
     )
     mean, std = CorrectedMoments(runs).mean(), CorrectedMoments(runs).std()
     assert mean.value == pytest.approx(0, abs=1e-12)
@@ -150,7 +159,7 @@ def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> Non
 def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
     seed: int, limit: float
 ) -> None:
-    runs = runs_of(seed, missing=3)
+    runs = in_one_fold(runs_of(seed, missing=3))
 
     def of(runs: CorrectionRuns) -> tuple[float, float, float]:
         every = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
@@ -163,12 +172,11 @@ def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
             runs,
             values=np.concatenate([runs.values, outcome]),
             predictions=np.concatenate([runs.predictions, runs.missing_predictions]),
-            fold=np.concatenate([runs.fold, [0, 1, 0]]),
+            fold=np.concatenate([runs.fold, runs.missing_fold]),
             missing_predictions=runs.missing_predictions[:0],
-            draws=np.tile(runs.draws[:1], (2, 1)),
+            missing_fold=runs.missing_fold[:0],
         )
-        alike = replace(runs, draws=whole.draws)
-        _, least, most = of(alike)
+        _, least, most = of(runs)
         _, low, high = of(whole)
         assert least - 1e-12 <= low
         assert high <= most + 1e-12
@@ -177,7 +185,7 @@ def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
 
 @given(st.integers(0, 10**6), st.sampled_from([0.1, 0.5, 0.8]))
 def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: float) -> None:
-    cdf = CorrectedCdf(runs_of(seed, runs=60))
+    cdf = CorrectedCdf(in_one_fold(runs_of(seed, runs=60)))
     value, lower, upper = (float(each[0]) for each in cdf.quantile(np.array([p])))
     assert lower <= value <= upper
     every = np.sort(np.concatenate([cdf.runs.values, cdf.runs.predictions]))
@@ -185,6 +193,33 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: floa
     has = (found.lower <= p) & (p <= found.upper)
     inside = (lower <= every) & (every < upper)
     assert inside[has].all()
+
+
+def test_a_fit_that_errs_too_much_is_left_out_by_the_other_folds() -> None:
+    # Predictions of pure noise: the interval is that of the runs alone.
+    runs = runs_of(runs=200, slope=0.0, error=1.0)
+    found = corrected_probability(
+        runs,
+        *(each > 0 for each in (runs.values, runs.predictions, runs.draws)),
+        runs.values[:0] > 0,
+    )
+    events = int((runs.values > 0).sum())
+    assert found.value == pytest.approx(events / 200)
+    lower, upper = clopper_pearson(events, 200, 0.95)
+    assert found.lower == pytest.approx(lower)
+    assert found.upper == pytest.approx(upper)
+    _, lower, upper = CorrectedCdf(runs).quantile(np.array([0.5]))
+    below = [(runs.values <= each[0]).mean() for each in (lower, upper)]
+    assert below == pytest.approx([0.43, 0.57], abs=0.01)
+
+
+@given(st.integers(0, 10**6), st.floats(-1, 1))
+def test_a_run_does_not_decide_whether_its_own_fit_is_used(seed: int, value: float) -> None:
+    runs = runs_of(seed, runs=60, slope=0.5, error=0.8)
+    other = replace(runs, values=np.where(runs.fold == 0, value, runs.values))
+    levels = np.array([0.1, 0.5, 0.8])
+    one, changed = (CorrectedCdf(each).choices(levels)[:, 0] for each in (runs, other))
+    assert (one == changed).all()
 
 
 def test_a_quantile_beyond_the_runs_has_no_bound() -> None:
@@ -202,6 +237,8 @@ def test_an_exactly_linear_model_has_intervals_of_everything(study_of: MakeStudy
         assert lower < value < upper, name
         assert estimate == pytest.approx(value, abs=0.01), name
     assert float(found["std"][0]) == pytest.approx(5, abs=1e-9)
+    _, lower, upper = found["half_spread"].values
+    assert lower < 5 * stats.norm.ppf(0.84) < upper
     for order in ("first_order", "total_order"):
         lower, upper = found[order].values[:, 1:].T
         assert (lower < [0.36, 0.64]).all()
@@ -213,7 +250,7 @@ def test_an_exactly_linear_model_has_intervals_of_everything(study_of: MakeStudy
         for name in found
         if "interval_label" in found[name].coords
     }
-    assert labels["mean"] == labels["std"] == labels["first_order"] == {"conservative"}
+    assert labels["mean"] == labels["half_spread"] == labels["first_order"] == {"conservative"}
     assert labels["exceedance"] == labels["cdf"] == {"discrete"}
     assert labels["shapley"] == labels["cdf_band"] == {"none"}
 

@@ -43,6 +43,7 @@ CORRECTED_DELTA_ON_LOGARITHM = (
 )
 CORRECTED_BONETT_PRICE = "surrogate corrected by runs: Bonett-Price"
 CORRECTED_WOODRUFF = "surrogate corrected by runs: Woodruff, by Bonett-Price intervals"
+CORRECTED_TWO_WOODRUFF = f"{CORRECTED_WOODRUFF}, of both ends together"
 CORRECTED_BRACKET = "surrogate corrected by runs: between a lower and an upper bound, delta method"
 
 

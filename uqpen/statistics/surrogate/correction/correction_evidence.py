@@ -205,6 +205,7 @@ class _Collected:
             np.array([each[name] for each in self._at_draws]),
             replicate.astype(np.int64),
             np.concatenate([each[name] for each in self._at_missing]),
+            np.repeat(np.arange(len(sizes)), [each.missing.sizes[RUN] for each in self.folds]),
             self._exact_moments(name),
             quantity.confidence_level,
         )

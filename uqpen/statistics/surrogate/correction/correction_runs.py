@@ -32,6 +32,8 @@ class CorrectionRuns:
         The set of quasi-random points that each draw is of, from 0.
     missing_predictions : ndarray, shape (missing,)
         Predictions at the inputs of the runs that are missing.
+    missing_fold : ndarray of int, shape (missing,)
+        The fold of each missing run.
     exact_moments : ndarray, shape (fold, 2), optional
         Mean and standard deviation of each fold's fit, where they are known without draws.
     level : float
@@ -44,6 +46,7 @@ class CorrectionRuns:
     draws: FloatArray
     draw_replicate: IntArray
     missing_predictions: FloatArray
+    missing_fold: IntArray
     exact_moments: FloatArray | None = None
     level: float = LEVEL
 

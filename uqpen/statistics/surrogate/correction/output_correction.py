@@ -13,6 +13,10 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.surrogate.correction.corrected_cdf import (
+    CorrectedCdf,
+    corrected_half_spread,
+)
 from uqpen.statistics.surrogate.correction.corrected_indices import (
     IndexParts,
     InputParts,
@@ -21,7 +25,6 @@ from uqpen.statistics.surrogate.correction.corrected_indices import (
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
-    CorrectedCdf,
     CorrectedProbability,
     corrected_probability,
 )
@@ -30,7 +33,7 @@ __all__ = ["OutputCorrection"]
 
 _INDICES = ("first_order", "total_order")
 _PERCENTILES = ("percentile", "quantile")
-_KNOWN = ("mean", "std", "exceedance", "below", "cdf", *_PERCENTILES, *_INDICES)
+_KNOWN = ("mean", "std", "half_spread", "exceedance", "below", "cdf", *_PERCENTILES, *_INDICES)
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,8 @@ class OutputCorrection:
                 return [self._moments.mean()]
             case "std":
                 return [self._moments.std()]
+            case "half_spread":
+                return [self._half_spread()]
             case "exceedance":
                 return [self._exceedance(each.value) for each in self.quantity.thresholds]
             case "below":
@@ -109,6 +114,13 @@ class OutputCorrection:
         runs = self.runs
         of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
         return _probabilities(corrected_probability(runs, *map(happens, of)))[0]
+
+    def _half_spread(self) -> Estimate:
+        value, lower, upper = corrected_half_spread(self.runs)
+        if math.isnan(upper - lower):
+            too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+            return Estimate.without_bounds(value, too_few)
+        return Estimate(value, lower, upper, texts.CORRECTED_TWO_WOODRUFF, "conservative")
 
     def _quantiles(self, probabilities: FloatArray) -> list[Estimate]:
         ends = zip(*self.cdf.quantile(probabilities), strict=True)

@@ -1,0 +1,160 @@
+"""Distribution function and quantiles of an output, by its surrogate and corrected by real runs.
+
+References
+----------
+Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.disagreements import (
+    CorrectedProbability,
+    FoldCounts,
+    with_bounds,
+)
+
+__all__ = ["CorrectedCdf", "corrected_half_spread"]
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedCdf:
+    """The corrected distribution function at every value where it may change."""
+
+    runs: CorrectionRuns
+
+    @cached_property
+    def _grid(self) -> FloatArray:
+        """Values of the output, ascending: of runs, predictions, and as many draws as a fit has."""
+        runs = self.runs
+        drawn = np.sort(runs.draws, axis=None)[:: len(runs.draws)]
+        return np.unique(np.concatenate([runs.values, runs.predictions, drawn]))
+
+    def surrogate_share(self, values: FloatArray) -> FloatArray:
+        """Return the distribution function of the surrogate at some values."""
+        by_set = self.runs.shares @ self._shares_by_set(values).swapaxes(0, 1)
+        return self._pooled(by_set)
+
+    def at(self, values: FloatArray) -> CorrectedProbability:
+        """Return the distribution function with pointwise bounds at ascending values."""
+        counts = self._counts(values)
+        return self._bounded(values, counts, counts.uses_surrogate(self.runs))
+
+    def _counts(self, values: FloatArray) -> FoldCounts:
+        runs = self.runs
+        return FoldCounts(
+            _counts(runs.values, runs.fold, runs, values),
+            _counts(runs.predictions, runs.fold, runs, values),
+            _counts(np.maximum(runs.values, runs.predictions), runs.fold, runs, values),
+            _counts(runs.missing_predictions, runs.missing_fold, runs, values),
+        )
+
+    def _bounded(
+        self, values: FloatArray, counts: FoldCounts, is_used: BoolArray
+    ) -> CorrectedProbability:
+        """Return bounds at values, where each fold uses its fit or not."""
+        weights = self.runs.shares[:, None] * is_used
+        by_set = np.einsum("kv,ksv->sv", weights, self._shares_by_set(values))
+        error = by_set.std(axis=0, ddof=1) / np.sqrt(len(by_set))
+        return with_bounds(self.runs, self._pooled(by_set), counts, is_used, error)
+
+    def _pooled(self, by_set: FloatArray) -> FloatArray:
+        """Return the mean over all draws of what is known by set."""
+        draws = self.runs.draw_replicate
+        return np.asarray(np.bincount(draws) @ by_set / len(draws))
+
+    def _shares_by_set(self, values: FloatArray) -> FloatArray:
+        """Return the distribution function of each fit in each set of draws, at some values."""
+        runs, sets = self.runs, self.runs.draw_replicates
+        drawn = (
+            np.searchsorted(np.sort(row[runs.draw_replicate == number]), values, side="right")
+            for row in runs.draws
+            for number in range(sets)
+        )
+        counts = np.array(list(drawn)).reshape(len(runs.draws), sets, len(values))
+        return counts / np.bincount(runs.draw_replicate)[:, None]
+
+    def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return quantiles with bounds: all values whose interval has the probability.
+
+        A bound is NaN where the interval has it beyond all values.
+
+        Parameters
+        ----------
+        probability : ndarray, shape (probability,)
+        """
+        choices, which = np.unique(self.choices(probability), axis=0, return_inverse=True)
+        found = np.empty((3, len(probability)))
+        # Minus infinity comes first: there, no run is below.
+        grid = np.concatenate([[-np.inf], self._grid])
+        counts = self._counts(grid)
+        for number, choice in enumerate(choices):
+            chosen = which.ravel() == number
+            is_used = np.broadcast_to(choice[:, None], (len(choice), len(grid)))
+            bounded = self._bounded(grid, counts, is_used)
+            found[:, chosen] = _inverted(self._grid, bounded, probability[chosen])
+        return found[0], found[1], found[2]
+
+    def choices(self, probability: FloatArray) -> BoolArray:
+        """Return whether each fold uses its fit for quantiles, shape (probability, fold).
+
+        The other folds decide, at their own quantile. One choice for all values keeps an interval
+        of one piece.
+        """
+        runs = self.runs
+        if len(runs.draws) == 1:
+            return np.ones((len(probability), 1), dtype=np.bool_)
+        found = [
+            self._counts(np.quantile(runs.values[runs.fold != number], probability)).uses_surrogate(
+                runs
+            )[number]
+            for number in range(len(runs.draws))
+        ]
+        return np.array(found).T
+
+
+def corrected_half_spread(runs: CorrectionRuns) -> tuple[float, float, float]:
+    """Return half the 16 % to 84 % range with bounds; NaN where one of the ends has none.
+
+    The ends have intervals of a higher level, so that both hold together at least as often as the
+    level of the runs says (Bonferroni).
+    """
+    both = replace(runs, level=(1 + runs.level) / 2)
+    value, lower, upper = CorrectedCdf(both).quantile(np.array([0.16, 0.84]))
+    least, most = lower[1] - upper[0], upper[1] - lower[0]
+    return float(np.diff(value)[0]) / 2, float(np.maximum(least, 0.0)) / 2, float(most) / 2
+
+
+def _inverted(
+    grid: FloatArray, found: CorrectedProbability, probability: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return quantiles with bounds, of a distribution function before and at values of a grid."""
+    # Made to ascend, as a run at which only the surrogate is below makes it descend.
+    ascending = np.maximum.accumulate(found.value[1:])
+    value = grid[np.searchsorted(ascending, probability).clip(0, len(grid) - 1)]
+    # The first value with an upper bound of at least the probability.
+    highest = np.maximum.accumulate(found.upper[1:])
+    first = np.searchsorted(highest, probability).clip(0, len(grid) - 1)
+    lower = np.where(probability > found.upper[0], grid[first], np.nan)
+    # The first value from which on the lower bound is above the probability.
+    least = np.minimum.accumulate(found.lower[:0:-1])[::-1]
+    last = np.searchsorted(least, probability, side="right")
+    upper = np.where(last < len(grid), grid[last.clip(0, len(grid) - 1)], np.nan)
+    return value, np.minimum(lower, value), np.maximum(upper, value)
+
+
+def _counts(
+    outputs: FloatArray, fold: IntArray, runs: CorrectionRuns, values: FloatArray
+) -> IntArray:
+    """Return how many outputs of each fold are at most each value, shape (fold, value)."""
+    below = (
+        np.searchsorted(np.sort(outputs[fold == number]), values, side="right")
+        for number in range(len(runs.draws))
+    )
+    return np.array(list(below), dtype=np.int64)
