@@ -41,8 +41,8 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
-# Beside the corrected estimate of a surrogate: its figure before the correction, and the number of
-# plain runs whose interval would be as narrow.
+# Beside the corrected estimate of a surrogate: its figure before the correction. Beside that, and
+# beside one that cheap models have made narrower: plain runs with an interval as narrow.
 SURROGATE_ESTIMATE = "surrogate_estimate"
 EQUIVALENT_RUNS = "equivalent_runs"
 # Of all intervals, at the root of an archive whose study states another than the default.
@@ -79,8 +79,6 @@ MISSING = "missing"
 RUNS_SPENT = "runs_spent"
 # Of a multifidelity design: the cost of the runs of all models, in runs of the first.
 COST_SPENT = "cost_spent"
-# Of an estimate that cheap models have made narrower: how many runs of its own would do the same.
-EQUIVALENT_RUNS = "equivalent_runs"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
 # Comment on a curve that may end before its dimension does.
