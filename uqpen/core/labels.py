@@ -153,3 +153,12 @@ _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
 RESERVED = frozenset(
     [*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK, PRINCIPAL_COMPONENT]
 )
+
+# Of the fit to an output: what it predicts at the inputs of the failed training runs. Their number,
+# the range of the predictions in the unit of the output, thresholds with ``>`` or ``<`` before
+# them, and the shares of the predictions beyond these.
+MISSING_PREDICTED = "missing_runs_predicted"
+MISSING_LOWEST = "missing_runs_lowest"
+MISSING_HIGHEST = "missing_runs_highest"
+MISSING_BEYOND = "missing_runs_beyond"
+MISSING_SHARES = "missing_runs_shares"
