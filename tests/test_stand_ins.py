@@ -12,6 +12,8 @@ import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import StudyError
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import statistics_tables
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
@@ -53,6 +55,11 @@ def runs(tree: xr.DataTree, model: str) -> xr.Dataset:
     return tree[f"models/{model}/runs/budgeted"].to_dataset()
 
 
+def cost_of_runs(tree: xr.DataTree) -> float:
+    costs = {"dear": 1.0, "close": 0.05, "rough": 0.01}
+    return sum(cost * runs(tree, name).sizes["run"] for name, cost in costs.items())
+
+
 def test_cheap_models_run_more_points_and_all_share_the_pilot(tree: xr.DataTree) -> None:
     dear, close, rough = (runs(tree, name) for name in ("dear", "close", "rough"))
     assert dear.sizes["run"] < close.sizes["run"] < rough.sizes["run"]
@@ -62,8 +69,7 @@ def test_cheap_models_run_more_points_and_all_share_the_pilot(tree: xr.DataTree)
 
 
 def test_no_more_is_spent_than_the_budget_and_nearly_all_of_it(tree: xr.DataTree) -> None:
-    costs = {"dear": 1.0, "close": 0.05, "rough": 0.01}
-    spent = sum(cost * runs(tree, name).sizes["run"] for name, cost in costs.items())
+    spent = cost_of_runs(tree)
     assert 147 < spent <= 150
     assert tree["models/dear/statistics/budgeted"].attrs["cost_spent"] == pytest.approx(spent)
 
@@ -74,7 +80,8 @@ def test_the_dear_models_statistics_are_worth_many_more_runs(tree: xr.DataTree) 
     # The mean over x3 of the term with x1 is 0, as sin is odd.
     true = 5 * (0.5 - np.sin(6) / 12)
     assert mean.values[1] < true < mean.values[2]
-    assert mean.attrs["equivalent_runs"] > 500
+    assert estimates["mean_equivalent_runs"] > 500
+    assert estimates["exceedance_equivalent_runs"].dims == ("threshold",)
     assert "as narrow as from about" in mean.attrs["note"]
     assert "close, rough" in mean.attrs["interval"]
     for name in ("quantile", "percentile", "exceedance", "below"):
@@ -84,9 +91,22 @@ def test_the_dear_models_statistics_are_worth_many_more_runs(tree: xr.DataTree) 
 
 
 def test_a_stand_ins_statistics_are_its_own(tree: xr.DataTree) -> None:
-    mean = tree["models/rough/statistics/budgeted/y"]["mean"]
+    estimates = tree["models/rough/statistics/budgeted/y"]
+    mean = estimates["mean"]
     assert mean.values[0] == pytest.approx(runs(tree, "rough")["y"].values.mean())
-    assert "equivalent_runs" not in mean.attrs
+    assert "mean_equivalent_runs" not in estimates
+
+
+def test_what_it_cost_and_what_it_is_worth_are_shown(tree: xr.DataTree) -> None:
+    dear, close = (
+        archive_json(tree)["models"][name]["designs"]["budgeted"] for name in ("dear", "close")
+    )
+    cost = cost_of_runs(tree)
+    assert dear["cost_spent"] == pytest.approx(cost)
+    assert dear["outputs"]["y"]["exceedance"]["5"]["equivalent_runs"] > 0
+    assert "cost_spent" not in close
+    table = next(statistics_tables(tree))
+    assert f"with the runs of the stand-ins, the cost of {cost:.4g} runs" in table.notes
 
 
 def test_differences_are_of_common_points(tree: xr.DataTree) -> None:

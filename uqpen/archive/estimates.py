@@ -12,7 +12,8 @@ a kilobyte.
 
 An estimate by a surrogate that real runs have corrected has two coordinates of numbers besides,
 ``surrogate_estimate`` and ``equivalent_runs``: in a dataset the variables
-``<statistic>_surrogate_estimate`` and ``<statistic>_equivalent_runs``.
+``<statistic>_surrogate_estimate`` and ``<statistic>_equivalent_runs``. One that stand-ins have made
+narrower has ``equivalent_runs``.
 """
 
 from __future__ import annotations

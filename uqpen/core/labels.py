@@ -41,8 +41,8 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
-# Beside the corrected estimate of a surrogate: its figure before the correction, and the number of
-# plain runs whose interval would be as narrow.
+# Beside the corrected estimate of a surrogate: its figure before the correction. Beside that, and
+# beside one that cheap models have made narrower: plain runs with an interval as narrow.
 SURROGATE_ESTIMATE = "surrogate_estimate"
 EQUIVALENT_RUNS = "equivalent_runs"
 # Of all intervals, at the root of an archive whose study states another than the default.
@@ -79,8 +79,6 @@ MISSING = "missing"
 RUNS_SPENT = "runs_spent"
 # Of a multifidelity design: the cost of the runs of all models, in runs of the first.
 COST_SPENT = "cost_spent"
-# Of an estimate that cheap models have made narrower: how many runs of its own would do the same.
-EQUIVALENT_RUNS = "equivalent_runs"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
 # Comment on a curve that may end before its dimension does.
@@ -155,3 +153,12 @@ _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
 RESERVED = frozenset(
     [*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK, PRINCIPAL_COMPONENT]
 )
+
+# Of the fit to an output: what it predicts at the inputs of the failed training runs. Their number,
+# the range of the predictions in the unit of the output, thresholds with ``>`` or ``<`` before
+# them, and the shares of the predictions beyond these.
+MISSING_PREDICTED = "missing_runs_predicted"
+MISSING_LOWEST = "missing_runs_lowest"
+MISSING_HIGHEST = "missing_runs_highest"
+MISSING_BEYOND = "missing_runs_beyond"
+MISSING_SHARES = "missing_runs_shares"

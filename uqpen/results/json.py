@@ -13,6 +13,7 @@ from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AGREEMENT,
     CONFIDENCE_LEVEL,
+    COST_SPENT,
     DIFFERENCES,
     INPUT,
     JOINT_GROUP,
@@ -186,8 +187,10 @@ def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     tree = statistics.tree
     runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
+    cost = statistics.cost_spent(design)
     return {
         "runs": int(runs.sizes[RUN]),
+        **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
         "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],
         "lost": {

@@ -16,6 +16,7 @@ from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
+from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
@@ -69,6 +70,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
             yield replace(table, title=head + table.title)
             for table in correction_tables(model, surrogate):
                 yield replace(table, title=f"{head}{table.title}{level}")
+            for table in missing_run_tables(model, surrogate):
+                yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
 
 

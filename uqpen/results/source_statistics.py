@@ -15,6 +15,7 @@ from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     CITED,
     CONDITIONAL,
+    COST_SPENT,
     DIFFERENCES,
     FAILURES_GROUP,
     INPUT,
@@ -95,6 +96,11 @@ class SourceStatistics:
     def decision(self, source: str) -> StatedDecision | None:
         """Return the decision of a design on its claim; None without one."""
         return StatedDecision.from_source(self._dataset(source).attrs)
+
+    def cost_spent(self, source: str) -> float | None:
+        """Return what a design's runs of all models cost, in runs of the first; None if unknown."""
+        cost = self._dataset(source).attrs.get(COST_SPENT)
+        return None if cost is None else float(cost)
 
     @property
     def publications(self) -> list[str]:

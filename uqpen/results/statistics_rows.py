@@ -114,15 +114,21 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
 
 def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
     """Add a row of the number of runs that each source took."""
-    cells = []
+    cells, statistics = [], SourceStatistics(tree)
     for source in table.columns:
         spent = runs_spent(tree, source)
         text = NOTHING if spent is None else grouped_number(spent)
         runs = read_group(tree, RUNS, source)
-        for note in (stopping_text(runs), str(runs.attrs.get(AGREEMENT, ""))):
+        cost = _cost_text(statistics.cost_spent(source))
+        for note in (stopping_text(runs), str(runs.attrs.get(AGREEMENT, "")), cost):
             text += table.note_mark(note)
         cells.append(text)
     table.rows.append(("runs", cells))
+
+
+def _cost_text(cost: float | None) -> str:
+    """Return a note on what the runs of a model and its stand-ins cost; empty if unknown."""
+    return "" if cost is None else f"with the runs of the stand-ins, the cost of {cost:.4g} runs"
 
 
 def add_decisions(table: OutputTable, statistics: SourceStatistics, output: str) -> None:

@@ -12,6 +12,7 @@ from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
@@ -80,4 +81,7 @@ def _surrogate_results(
     found = surrogate_statistics(draws, quantities)
     evidence = correction_evidence(draws, folds, training, check, quantities)
     corrected = correct_statistics(found.outputs, evidence, quantities)
-    return checked.to_tree(), {**corrected, **found.fields}
+    tree = checked.to_tree()
+    for output, missing in missing_run_predictions(checked, training, quantities).items():
+        tree.children[output].attrs |= missing.attributes() | missing.share_attributes()
+    return tree, {**corrected, **found.fields}

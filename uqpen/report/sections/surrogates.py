@@ -20,6 +20,7 @@ from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import grouped_number
+from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.output_tables import fit_table
 from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import OutputTable
@@ -47,8 +48,9 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
             yield Text(f"{made.attrs['kind']} is not executed here, so no predictions are shown.")
         elif outputs and view.has_completed_runs(design):
             yield _comparison(view, name, design, outputs)
-        for table in correction_tables(view.tree, name):
-            yield Table(table)
+        for tables in (correction_tables, missing_run_tables):
+            for table in tables(view.tree, name):
+                yield Table(table)
 
 
 class _Predictions(NamedTuple):

@@ -64,7 +64,7 @@ def control_variate_statistics(
     -------
     dict of str to DataArray
         The mean, standard deviation, quantiles, percentiles and probabilities among `plain`, with
-        the attribute ``equivalent_runs``: with as many runs of its own, the interval would be as
+        the coordinate ``equivalent_runs``: with as many runs of its own, the interval would be as
         wide. It is empty where no stand-in has runs of its own, or the output does not vary. Where
         the stand-ins cannot be used, it has the plain mean, with the reason as a note.
     """
@@ -233,14 +233,14 @@ def _replaced(plain: xr.DataArray, estimates: Sequence[Estimate], level: float) 
     kept = {k: each.variable for k, each in plain.coords.items() if k not in INTERVAL_TEXTS}
     attributes = {**plain.attrs, INTERVAL_LEVEL: level}
     equivalent = _equivalent_runs(plain.values, values, int(plain.attrs["runs_used"]))
-    attributes[EQUIVALENT_RUNS] = equivalent
     notes = [each.note for each in estimates]
     if plain.ndim == 1 and np.isfinite(equivalent):
         worth = texts.AS_NARROW_AS.format(runs=int(float(f"{equivalent:.2g}")))
         notes = ["; ".join(filter(None, [worth, *notes]))]
-    return estimate_array(
+    dims = {str(name): size for name, size in plain.sizes.items() if name != BOUND}
+    found = estimate_array(
         values,
-        {str(name): size for name, size in plain.sizes.items() if name != BOUND},
+        dims,
         {
             INTERVAL: [each.method for each in estimates],
             INTERVAL_LABEL: [each.label for each in estimates],
@@ -251,6 +251,7 @@ def _replaced(plain: xr.DataArray, estimates: Sequence[Estimate], level: float) 
         attributes=attributes,
         coordinates={k: each for k, each in kept.items() if k != BOUND},
     )
+    return found.assign_coords({EQUIVALENT_RUNS: (tuple(dims), equivalent)})
 
 
 def _equivalent_runs(plain: FloatArray, found: FloatArray, runs: int) -> FloatArray:

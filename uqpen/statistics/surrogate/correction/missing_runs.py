@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import RUN, STATUS
+from uqpen.core.labels import (
+    MISSING_BEYOND,
+    MISSING_HIGHEST,
+    MISSING_LOWEST,
+    MISSING_PREDICTED,
+    MISSING_SHARES,
+    RUN,
+    STATUS,
+)
 from uqpen.core.status import Status
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
@@ -35,6 +43,25 @@ class MissingRunPredictions:
     highest: float
     exceedance: Mapping[str, float]
     below: Mapping[str, float]
+
+    def attributes(self) -> dict[str, int | float]:
+        """Return the count and the range, for an archive."""
+        return {
+            MISSING_PREDICTED: self.count,
+            MISSING_LOWEST: self.lowest,
+            MISSING_HIGHEST: self.highest,
+        }
+
+    def share_attributes(self) -> dict[str, list[str] | list[float]]:
+        """Return the shares beyond thresholds, for an archive; the texts start with ``>`` or ``<``.
+
+        Empty without thresholds.
+        """
+        shares = {f"> {text}": share for text, share in self.exceedance.items()}
+        shares |= {f"< {text}": share for text, share in self.below.items()}
+        if not shares:
+            return {}
+        return {MISSING_BEYOND: list(shares), MISSING_SHARES: list(shares.values())}
 
 
 def missing_run_predictions(
