@@ -43,7 +43,7 @@ def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable
         found = statistics.statistics(surrogate, output)
         table = OutputTable(f"{surrogate}: {label_with_unit(output, unit)}", [])
         plain = f"plain runs{table.note_mark(_PLAIN_RUNS)}"
-        table.columns = ["corrected", "surrogate alone", plain]
+        table.columns = ["corrected", "surrogate", plain]
         for statistic in NUMBERS:
             array = found.get(statistic)
             if array is None or SURROGATE_ESTIMATE not in array.coords:

@@ -40,6 +40,7 @@ from uqpen.report.sections.sentences import OutputSentences, output_sentences
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["answer"]
@@ -107,7 +108,12 @@ def _stated_blocks(
         yield Fold(title, (Quote(further),))
     if of_fields := tuple(field_sentences(view, design)):
         yield Quote(of_fields)
-    yield Text(" ".join(filter(None, (_origin_sentence(view, design), _omissions(shown, left)))))
+    sentences = (
+        _origin_sentence(view, design),
+        *_correction_sentences(view, shown),
+        _omissions(shown, left),
+    )
+    yield Text(" ".join(filter(None, sentences)))
 
 
 def _ordered_sentences(
@@ -142,6 +148,17 @@ def _origin_sentence(view: ArchiveView, design: str) -> str:
     if every == 1:
         returned = f"a single run of the model {model}"
     return f"By {design}, {_leading_reason(view, design)}: {returned}."
+
+
+def _correction_sentences(view: ArchiveView, shown: Sequence[OutputSentences]) -> Iterator[str]:
+    """Yield which surrogates the sentences quote, and by how many runs they are corrected."""
+    found = (each.leading_surrogate for entry in shown for each in entry.quantities)
+    for name in dict.fromkeys(filter(None, found)):
+        runs = count_text(runs_spent(view.tree, name) or 0, "run")
+        yield (
+            f"Figures as narrow as plain runs make them are by {name}, a surrogate that {runs} of "
+            "the model correct."
+        )
 
 
 def _leading_reason(view: ArchiveView, design: str) -> str:

@@ -77,9 +77,14 @@ class QuotedStatistic:
         A study that fits a surrogate asks for its estimates. So that comes first which has an
         interval, whether or not it is narrower than the design's.
         """
+        surrogate = self.leading_surrogate
+        return self.estimate(design if surrogate is None else surrogate)
+
+    @property
+    def leading_surrogate(self) -> str | None:
+        """The first surrogate with a corrected estimate of it; None where there is none."""
         surrogates = group_names(self.view.tree, SURROGATES)
-        corrected = (found for each in surrogates if is_corrected(found := self.estimate(each)))
-        return next(corrected, self.estimate(design))
+        return next((each for each in surrogates if is_corrected(self.estimate(each))), None)
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
         """Estimate, lower, upper in the unit that is shown; a probability as it is."""
