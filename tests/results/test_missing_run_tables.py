@@ -36,7 +36,7 @@ def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path: Path)
     write(made(1), tmp_path / "a.nc")
     tree = open_archive(tmp_path / "a.nc")
     (table,) = missing_run_tables(tree, "pce")
-    assert "these are predictions, not results; no estimate uses them" in table.notes
+    assert "these are predictions of the surrogate, not results" in table.notes
     rows = dict(table.rows)
     assert rows["y > 0.7"][-1] == rows["y < 9"][-1] == "100 %"
     fit = archive_json(tree)["surrogates"]["pce"]["outputs"]["y"]["fit"]

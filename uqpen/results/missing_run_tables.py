@@ -22,7 +22,7 @@ from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_uni
 
 __all__ = ["missing_run_tables"]
 
-_NO_RESULTS = "these are predictions, not results; no estimate uses them"
+_NO_RESULTS = "these are predictions of the surrogate, not results"
 
 
 def missing_run_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable]:

@@ -87,13 +87,12 @@ def corrected_probability(
         Whether it happened at the missing runs, by their fits.
     """
     folds = len(runs.draws)
-    counts = FoldCounts(
-        *(
-            np.bincount(runs.fold[flags], minlength=folds)
-            for flags in (events, predicted, events & predicted)
-        ),
-        np.bincount(runs.missing_fold[missing], minlength=folds),
+    by_model, by_fit, by_both = (
+        np.bincount(runs.fold[flags], minlength=folds)
+        for flags in (events, predicted, events & predicted)
     )
+    by_missing = np.bincount(runs.missing_fold[missing], minlength=folds)
+    counts = FoldCounts(by_model, by_fit, by_both, by_missing)
     is_used = counts.uses_surrogate(runs)
     pooled = (runs.shares * is_used) @ drawn
     error, _ = ratio_error(pooled, runs.draw_replicate, runs.draw_replicates)
