@@ -89,13 +89,13 @@ class CorrectedCdf:
         ----------
         probability : ndarray, shape (probability,)
         """
-        choices, which = np.unique(self.choices(probability), axis=0, return_inverse=True)
+        choices, choice_of = np.unique(self.choices(probability), axis=0, return_inverse=True)
         found = np.empty((3, len(probability)))
         # Minus infinity comes first: there, no run is below.
         grid = np.concatenate([[-np.inf], self._grid])
         counts = self._counts(grid)
         for number, choice in enumerate(choices):
-            chosen = which.ravel() == number
+            chosen = choice_of.ravel() == number
             is_used = np.broadcast_to(choice[:, None], (len(choice), len(grid)))
             bounded = self._bounded(grid, counts, is_used)
             found[:, chosen] = _inverted(self._grid, bounded, probability[chosen])
