@@ -225,4 +225,11 @@ def test_ishigami_from_two_hundred_runs(study_of: MakeStudy) -> None:
     shapley = tree["statistics/pce/y"]["shapley"].sel(bound="estimate").values
     exact = [0.4357470231788853, 0.4424111447900409, 0.12184183203107386]
     assert shapley == pytest.approx(exact, abs=1e-4)
-    assert np.isnan(tree["statistics/pce/y"]["first_order"].sel(bound="upper")).all()
+    # The runs say that it is as good as it is: the ends are 0.001 away, and hardly more.
+    lower, upper = (
+        tree["statistics/pce/y"]["first_order"].sel(bound=b) for b in ("lower", "upper")
+    )
+    exact_first = [0.31390519114781146, 0.4424111447900409, 0]
+    assert (lower <= exact_first).all()
+    assert (exact_first <= upper).all()
+    assert float((upper - lower).max()) < 0.003

@@ -81,7 +81,7 @@ def test_the_first_screen_answers_one_question_after_the_other(
     assert (f"{held[0]:.1f}", f"{held[2]:.1f}") == ("5.9", "11.5")
     exceeded = read_group(tree, "statistics", "monte_carlo", "y")["exceedance"].values[0]
     assert [f"{100 * bound:.0f}" for bound in exceeded] == ["5", "0", "26"]
-    assert _alerts(tree) == ["Precision", "Surrogate", "Inadmissible", "Scope"]
+    assert _alerts(tree) == ["Precision", "Inadmissible", "Scope"]
 
 
 def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(

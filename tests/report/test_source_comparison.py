@@ -20,7 +20,14 @@ pytestmark = pytest.mark.slow
 
 Archives = Mapping[str, xr.DataTree]
 
-SOURCES = ["monte_carlo", "latin_hypercube", "sobol_sequence", "sobol_indices", "training"]
+SOURCES = [
+    "monte_carlo",
+    "latin_hypercube",
+    "sobol_sequence",
+    "sobol_indices",
+    "training",
+    "polynomial_chaos",
+]
 
 
 @pytest.fixture(scope="module")
@@ -85,28 +92,6 @@ def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block])
     assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
 
 
-def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
-    blocks = flat(source_comparison(ArchiveView(archives["schema_2"], "")))
-    side_by_side, others = groups(blocks)[:2]
-    keys = [(key.text, key.mark) for key in others.keys]
-    assert keys == [
-        ("no interval", "circle-open"),
-        ("crossed out: refused, as independent runs contradict it", "x"),
-    ]
-    table = next(block.table for block in blocks if isinstance(block, Table))
-    rows = dict(table.rows)
-    for each in (*side_by_side.charts, *others.charts):
-        crossed = [trace for trace in each.traces if trace["name"] == "refused"]
-        refused = ["refused" in rows[each.title][table.columns.index("chaos")]]
-        assert [True] * len(crossed) == [one for one in refused if one]
-        for trace in crossed:
-            assert trace["marker"]["symbol"] == "x-thin-open"
-            assert trace["marker"]["line"] == {"color": "ink", "width": 2}
-            dot = next(dot for dot in each.traces if dot["name"] == "chaos")
-            assert (dot["x"], dot["y"]) == (trace["x"], trace["y"])
-            assert dot["text"][0].endswith(" refused")
-
-
 def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:
     widths = groups(told)[2]
     assert [each.title for each in widths.charts] == [
@@ -118,7 +103,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     assert [trace["name"] for trace in dots] == SOURCES
     for trace in dots:
         _, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"]["mean"].values
-        assert trace["x"] == [concrete["runs"][trace["name"]].sizes["run"]]
+        assert trace["x"] == [concrete["statistics"][trace["name"]].attrs["runs_spent"]]
         assert trace["y"] == [pytest.approx((upper - lower) / 2, rel=1e-4)]
     assert guide["x"] == [80, 400]
     (plain,) = dots[0]["y"]
@@ -127,7 +112,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     assert widths.keys[-1].text == "as 1/√runs, from monte_carlo"
     assert widths.notes == (
         "Half-width: half of an interval's length, also if its ends are not symmetric.",
-        "No interval, so not shown: polynomial_chaos, report.",
+        "No interval, so not shown: report.",
     )
 
 
