@@ -59,7 +59,7 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]
     assert [each.title for each in side_by_side.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in others.charts] == ["sd", "5 % quantile", "95 % quantile"]
     for each in (*side_by_side.charts, *others.charts):
-        assert each.y.rows == (*SOURCES, "polynomial_chaos", "report")
+        assert each.y.rows == (*SOURCES, "report")
     assert chart(side_by_side, "mean").x.title == "mean [m]"
     assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
     assert side_by_side.notes == ("Bars: 95 % intervals.",)
@@ -105,9 +105,10 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
         _, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"]["mean"].values
         assert trace["x"] == [concrete["statistics"][trace["name"]].attrs["runs_spent"]]
         assert trace["y"] == [pytest.approx((upper - lower) / 2, rel=1e-4)]
-    assert guide["x"] == [80, 400]
+    # From the smallest to the largest number: of the training runs, and of those and the check runs.
+    assert guide["x"] == [80, 480]
     (plain,) = dots[0]["y"]
-    expected = [plain * np.sqrt(400 / 80), plain]
+    expected = [plain * np.sqrt(400 / 80), plain * np.sqrt(400 / 480)]
     assert guide["y"] == pytest.approx(expected, rel=1e-4)
     assert widths.keys[-1].text == "as 1/√runs, from monte_carlo"
     assert widths.notes == (
