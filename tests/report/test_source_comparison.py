@@ -105,7 +105,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
         _, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"]["mean"].values
         assert trace["x"] == [concrete["statistics"][trace["name"]].attrs["runs_spent"]]
         assert trace["y"] == [pytest.approx((upper - lower) / 2, rel=1e-4)]
-    # From the smallest to the largest number: of the training runs, and of those and the check runs.
+    # From the training runs to those that the surrogate took, its check runs among them.
     assert guide["x"] == [80, 480]
     (plain,) = dots[0]["y"]
     expected = [plain * np.sqrt(400 / 80), plain * np.sqrt(400 / 480)]
