@@ -155,10 +155,7 @@ def _correction_sentences(view: ArchiveView, shown: Sequence[OutputSentences]) -
     found = (each.leading_surrogate for entry in shown for each in entry.quantities)
     for name in dict.fromkeys(filter(None, found)):
         runs = count_text(runs_spent(view.tree, name) or 0, "run")
-        yield (
-            f"Figures as narrow as plain runs make them are by {name}, a surrogate that {runs} of "
-            "the model correct."
-        )
+        yield f"Figures “as from plain runs” are by {name}, corrected by {runs}."
 
 
 def _leading_reason(view: ArchiveView, design: str) -> str:

@@ -111,7 +111,7 @@ class QuotedStatistic:
         has_lower, has_upper = np.isfinite(self.bounds(array)[1:]).tolist()
         level = f"{no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))} interval"
         if equivalent := equivalent_runs_text(array):
-            level += f", as narrow as {no_break(equivalent)} plain runs make it"
+            level += f", as from {no_break(equivalent)} plain runs"
         if has_lower and has_upper:
             return f"({lower} to {upper}, {level})"
         if has_lower or has_upper:
