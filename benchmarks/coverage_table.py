@@ -280,8 +280,8 @@ all cells, as that of plain runs has below 1 000, and plain runs have none below
 `benchmarks/corrected_coverage.py` makes these tables. They have few seeds. Their probabilities and
 quantiles are older than the rule by which a fold does without a useless fit; with it, 100 seeds of
 100 independent runs give: step function, quantile 0.05, 97 / 1.05 (before 1.80); Pareto's, 99 /
-1.11 (1.90); that of 1/(0.02 + u), 97 / 1.05 (2.92); median of the useless surrogate, 94 / 1.00 (1.04),
-and its P 0.14 covers 91.
+1.11 (1.90); that of 1/(0.02 + u), 97 / 1.05 (2.92); median of the useless surrogate, 94 / 1.00
+(1.04), and its P 0.14 covers 91.
 """
 
 
