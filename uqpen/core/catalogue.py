@@ -177,11 +177,6 @@ class Statistic:
         Whether it is an estimate with bounds; a place on an axis, say, is none.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
-    is_share_of_variance : bool
-        Whether it is a Sobol' index or a Shapley effect.
-    counts_missing_runs : bool
-        Whether its interval allows for any outcome of the failed runs, so that it is of all
-        admissible inputs.
     recipe : int
         Version of the recipe that its interval is made by: the number of the last change. Whoever
         changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
@@ -193,8 +188,6 @@ class Statistic:
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
     note_is_of_estimate: bool = False
-    is_share_of_variance: bool = False
-    counts_missing_runs: bool = False
     recipe: int = 1
 
     @property
@@ -218,7 +211,6 @@ def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
             f"{title}{of}",
             (*along, INPUT),
             note_is_of_estimate=True,
-            is_share_of_variance=True,
         )
         for name, title in _INDICES.items()
     ]
@@ -237,18 +229,14 @@ _STATISTICS = [
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
     Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
     Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
-    Statistic(
-        "exceedance", "probability of exceeding a value", (THRESHOLD,), counts_missing_runs=True
-    ),
-    Statistic(
-        "below", "probability of lying below a value", (LOWER_THRESHOLD,), counts_missing_runs=True
-    ),
-    Statistic("share", "probability of a category", (CATEGORY,), counts_missing_runs=True),
+    Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
+    Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
+    Statistic("share", "probability of a category", (CATEGORY,)),
     Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
-    Statistic("reached", "probability that a curve reaches a place", counts_missing_runs=True),
+    Statistic("reached", "probability that a curve reaches a place"),
     Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE),
     Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
     Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE),
@@ -278,7 +266,6 @@ _STATISTICS = [
         "second-order Sobol' index",
         (PAIR,),
         note_is_of_estimate=True,
-        is_share_of_variance=True,
     ),
     # Of a whole field: along its places, each input has one.
     *(
@@ -287,7 +274,6 @@ _STATISTICS = [
             f"generalized {_INDICES[name]}",
             (INPUT,),
             note_is_of_estimate=True,
-            is_share_of_variance=True,
         )
         for name in ("first_order", "total_order")
     ),

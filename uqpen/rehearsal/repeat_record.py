@@ -52,7 +52,7 @@ class RepeatRecord:
 
     @property
     def has_interval(self) -> BoolArray:
-        """Whether an estimate has an interval, of shape (repeat, source, entry)."""
+        """True where an estimate has an interval, of shape (repeat, source, entry)."""
         return np.asarray(~np.isnan(self.estimates[..., 1:]).any(axis=-1))
 
     def coverage(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What a surrogate predicts at the inputs of failed runs, as a table of its own."""
+"""Predictions of a surrogate at the inputs of failed runs, as a table of its own."""
 
 from __future__ import annotations
 

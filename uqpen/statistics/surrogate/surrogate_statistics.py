@@ -10,7 +10,6 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
@@ -21,47 +20,24 @@ from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
-__all__ = ["SurrogateStatistics", "TrainingRange", "surrogate_statistics"]
+__all__ = ["SurrogateStatistics", "surrogate_statistics"]
 
 _SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS)
 
 
 @dataclass(frozen=True)
-class TrainingRange:
-    """Range of an output in the training runs of its surrogate, in SI units.
-
-    Parameters
-    ----------
-    lowest, highest : float
-    variance_beyond : float
-        Share of the surrogate's variance that comes from values outside.
-    """
-
-    lowest: float
-    highest: float
-    variance_beyond: float
-
-    def contains(self, value: float) -> bool:
-        """Return True if a value of the output is in the range."""
-        return self.lowest <= value <= self.highest
-
-
-@dataclass(frozen=True)
 class SurrogateStatistics:
-    """Estimate arrays of a surrogate by output and statistic, before its validation.
+    """Estimate arrays of a surrogate by output and statistic, before runs correct them.
 
     Parameters
     ----------
     outputs : mapping of str to mapping of str to DataArray
         Of scalar outputs.
-    training_ranges : mapping of str to TrainingRange
-        Of scalar outputs.
     fields : mapping of str to mapping of str to DataArray
-        Of fields, which have no validation: each says what the surrogate leaves.
+        Of fields, which runs do not correct: each says what the surrogate leaves.
     """
 
     outputs: Mapping[str, OutputStatistics]
-    training_ranges: Mapping[str, TrainingRange]
     fields: Mapping[str, OutputStatistics] = field(default_factory=dict)
 
 
@@ -88,7 +64,7 @@ def surrogate_statistics(
         if quantity.output.name in fitted
     ]
     if not requested:
-        return SurrogateStatistics({}, {})
+        return SurrogateStatistics({})
     scalars = [quantity for quantity in requested if not quantity.output.dims]
     fields: dict[str, OutputStatistics] = {}
     if isinstance(draws.model, FieldSurrogate):
@@ -97,9 +73,7 @@ def surrogate_statistics(
         for quantity in (each for each in requested if each.output.dims):
             found = field_statistics(draws, fits[quantity.output.name], quantity, only)
             fields[quantity.output.name] = in_catalogue_order(dict(found))
-    names = [quantity.output.name for quantity in scalars]
-    training_ranges = {name: _training_range(draws, name) for name in names}
-    return SurrogateStatistics(_by_output(draws, scalars, only), training_ranges, fields)
+    return SurrogateStatistics(_by_output(draws, scalars, only), fields)
 
 
 def _by_output(
@@ -131,14 +105,3 @@ def _closed_forms(
     for name, value in zip(("mean", "std"), moments, strict=True):
         exact = statistics[name].copy(data=[value, math.nan, math.nan])
         yield name, exact.assign_attrs({ESTIMATOR: forms.estimator})
-
-
-def _training_range(draws: SurrogateDraws, output: str) -> TrainingRange:
-    lowest, highest = draws.model.training_range(output)
-    values = draws.runs[output].values
-    values = values[np.isfinite(values)]
-    squares = (values - values.mean()) ** 2 if values.size else values
-    outside = (values < lowest) | (values > highest)
-    whole = float(squares.sum())
-    beyond = float(squares[outside].sum()) / whole if whole > 0 else 0.0
-    return TrainingRange(lowest, highest, beyond)

@@ -1,4 +1,4 @@
-"""What failed runs may have given, as a surrogate predicts at their inputs."""
+"""Predictions of a surrogate at the inputs of failed runs: results that they may have given."""
 
 from __future__ import annotations
 
