@@ -117,9 +117,7 @@ def _rows(
                 yield described | _counts(found[statistic], statistic, truth)
 
 
-def _study(
-    case: UseCase, truths: Sequence[Truth], kind: str, runs: int, seed: int
-) -> uqpen.Study:
+def _study(case: UseCase, truths: Sequence[Truth], kind: str, runs: int, seed: int) -> uqpen.Study:
     """Return a study of a use case, whose inputs are standard normal or uniform from 0 to 1."""
     is_bounded = [
         case.distribution.getMarginal(number).getImplementation().getClassName() in _BOUNDED

@@ -220,7 +220,8 @@ class SourceStatistics:
             whole), ``statistic``, ``coordinates`` such as ``probability=0.95``, one for each
             dimension that is used (``probability``, ``threshold``, ``input`` …), ``estimate``,
             ``lower`` and ``upper`` (NaN where there is none), ``unit``, ``interval``,
-            ``interval_label`` and ``note``. In SI units.
+            ``interval_label`` and ``note``. Corrected estimates add ``surrogate_estimate`` and
+            ``equivalent_runs``. In SI units.
         """
         return rows_frame(self.rows(model, functions=functions))
 
