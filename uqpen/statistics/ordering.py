@@ -81,6 +81,11 @@ class Ordering:
         count = np.bincount(self.level)
         return (np.cumsum(count) - (count - 1) / 2)[self.level]
 
+    @cached_property
+    def rank_std(self) -> float:
+        """The standard deviation of `mean_ranks`."""
+        return float(self.mean_ranks.std())
+
     def sums_above(self, values: FloatArray) -> FloatArray:
         """Return for each run the sum of other values over the runs above; an equal one is half."""
         level = self.level

@@ -234,8 +234,10 @@ class Sample:
     @cached_property
     def replicate(self) -> IntArray:
         """The replicate of each run, numbered through those that are not empty."""
-        _, numbered = np.unique(self.replicates[self.used], return_inverse=True)
-        return numbered.astype(np.int64)
+        replicates = self.replicates[self.used]
+        if not replicates.any():
+            return replicates
+        return np.unique(replicates, return_inverse=True)[1].astype(np.int64)
 
     @property
     def replicate_count(self) -> int:

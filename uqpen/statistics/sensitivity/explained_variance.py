@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -173,7 +174,7 @@ class VarianceParts:
     pair_noise: FloatArray
 
     @classmethod
-    def about(cls, lines: ResidualVariance, variable: SampledVariable) -> VarianceParts:
+    def about(cls, lines: Lines, variable: SampledVariable) -> VarianceParts:
         """Return the parts about the lines through a variable."""
         return cls(
             variable.variance, lines.variance, variable.squares, lines.influence, lines.pair_noise
@@ -185,6 +186,22 @@ class VarianceParts:
         influence = ratio[..., np.newaxis] * self.squares - self.left_influence
         errors, freedom = standard_error(variable.sample, influence / self.total[..., np.newaxis])
         return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
+
+
+class Lines(Protocol):
+    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
+
+    @property
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines."""
+
+    @property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+
+    @property
+    def pair_noise(self) -> FloatArray:
+        """The part of its standard error from pairs of runs."""
 
 
 # Hears an input's number, the lines of the input's bins, and the parts about them.
@@ -240,7 +257,7 @@ class LocalRegressions:
         if reason := reason_of_input(self.sample, column):
             unknown = EstimateVector.without_bounds(nothing, reason)
             return unknown.replace_at(variable.sample.is_constant, none)
-        lines = ResidualVariance(self.bins(column), variable.standardized)
+        lines = self._lines(column, variable.standardized)
         parts = VarianceParts.about(lines, variable)
         if listener:
             listener(column, lines, parts)
@@ -251,8 +268,22 @@ class LocalRegressions:
 
     def halved_shares(self, variable: SampledVariable, column: int, rows: BoolArray) -> FloatArray:
         """Return the shares that bins of half the size explain, at some places."""
-        lines = ResidualVariance(self.bins(column, halved=True), variable.standardized[rows])
-        return 1 - lines.variance / variable.variance[rows]
+        values = variable.standardized
+        lines = self._lines(column, values if values.ndim == 1 else values[rows], halved=True)
+        return np.atleast_1d(1 - lines.variance / variable.variance[rows])
+
+    def _lines(self, column: int, values: FloatArray, *, halved: bool = False) -> Lines:
+        """Return the lines of an input's bins through variables, shape (..., run)."""
+        inputs = self.sample.run_inputs
+        if values.ndim > 1 or not inputs.are_many:
+            return ResidualVariance(self.bins(column, halved=halved), values)
+        from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
+
+        bins = inputs.once(
+            ("sorted bins", self.sample.error_model, column, halved),
+            lambda: SortedBins.of(RegressionBins.from_sample(self.sample, column, halved=halved)),
+        )
+        return CompiledVariance.about(bins, values)
 
     def estimates(
         self,

@@ -13,7 +13,7 @@ from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["RegressionBins", "ResidualVariance"]
+__all__ = ["FEWEST_RUNS_FOR_A_SLOPE", "RegressionBins", "ResidualVariance"]
 
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
@@ -23,7 +23,7 @@ _MOST_RUNS_FOR_PAIRS = 256
 # The pairs of so many bins stand for those of all.
 _BINS_FOR_PAIRS = 128
 # With fewer the mean takes the place of a straight line.
-_FEWEST_RUNS_FOR_A_SLOPE = 4
+FEWEST_RUNS_FOR_A_SLOPE = 4
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class RegressionBins:
         if sample.error_model is ErrorModel.REPLICATED:
             replicates = int(sample.replicates.max()) + 1
             pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
-            if halved and replicates >= 2 * pieces * _FEWEST_RUNS_FOR_A_SLOPE:
+            if halved and replicates >= 2 * pieces * FEWEST_RUNS_FOR_A_SLOPE:
                 pieces *= 2
             in_a_bin = replicates / pieces
             # Whole strata are cut, so that no bin lies across the border of two.
@@ -87,7 +87,7 @@ class RegressionBins:
     @cached_property
     def freedom(self) -> FloatArray:
         """Degrees of freedom of the residuals in each bin."""
-        return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
+        return self.size - 1 - np.where(self.size >= FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -255,5 +255,5 @@ def _positions_in_bin(label: IntArray, rank: FloatArray) -> FloatArray:
     size = np.bincount(label)
     place = rank - (np.bincount(label, rank) / size)[label]
     spread = np.sqrt(np.bincount(label, place**2))
-    has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
+    has_slope = size >= FEWEST_RUNS_FOR_A_SLOPE
     return np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)
