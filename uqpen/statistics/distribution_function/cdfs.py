@@ -113,8 +113,9 @@ def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> 
 
 def _counts(sample: Sample, values: FloatArray) -> IntArray:
     """Count the runs at or below each value, a row for each replicate."""
-    replicates = range(sample.replicate_count)
-    parts = [np.sort(sample.values[sample.replicate == number]) for number in replicates]
+    parts = [sample.sorted_values]
+    if (replicates := sample.replicate_count) > 1:
+        parts = [np.sort(sample.values[sample.replicate == number]) for number in range(replicates)]
     return np.array([np.searchsorted(part, values, side="right") for part in parts])
 
 
