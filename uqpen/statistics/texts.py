@@ -196,9 +196,7 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 
 # Estimates of a surrogate that runs cannot correct.
 NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's own figure"
-NO_CORRECTION_OF_LOGARITHM = "its terms are known for the logarithm only, so runs cannot correct it"
-NO_CORRECTION_WITHOUT_TERMS = "the terms of the surrogate are not known, so runs cannot correct it"
-NO_CORRECTION_IF_INADMISSIBLE = "some inputs are inadmissible, so runs cannot correct it"
+NOT_POSITIVE_IN_RUNS = "some of the runs that correct it are not positive"
 NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
