@@ -204,7 +204,7 @@ class Lines(Protocol):
         """The part of its standard error from pairs of runs."""
 
 
-# Hears an input's number, the lines of the input's bins, and the parts about them.
+# Hears an input's number, the lines of the bins through a field, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
@@ -259,7 +259,7 @@ class LocalRegressions:
             return unknown.replace_at(variable.sample.is_constant, none)
         lines = self._lines(column, variable.standardized)
         parts = VarianceParts.about(lines, variable)
-        if listener:
+        if listener and isinstance(lines, ResidualVariance):
             listener(column, lines, parts)
         found = self.estimates(
             variable, parts, lambda rows: self.halved_shares(variable, column, rows)

@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics.ordering import Numbers
 
 __all__ = ["add_sums_above", "pair_influence", "pair_products", "residuals_in_bins"]
 
@@ -32,7 +33,7 @@ def _compiled(function: Function) -> Function:
 
 @_compiled
 def residuals_in_bins(
-    runs: IntArray,
+    runs: Numbers,
     first: IntArray,
     place: FloatArray,
     values: FloatArray,
@@ -171,7 +172,7 @@ def pair_influence(
 
 @_compiled
 def add_sums_above(
-    order: IntArray,
+    order: Numbers,
     is_above: BoolArray,
     targets: FloatArray,
     weights: tuple[float, float],

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.ordering import Numbers
 from uqpen.statistics.sensitivity.kernels import residuals_in_bins
 from uqpen.statistics.sensitivity.local_regression import FEWEST_RUNS_FOR_A_SLOPE, RegressionBins
 
@@ -19,7 +20,7 @@ __all__ = ["CompiledVariance", "SortedBins"]
 class SortedBins:
     """Runs bin by bin, and where in its bin each lies, as `residuals_in_bins` takes them."""
 
-    runs: IntArray
+    runs: Numbers
     first: IntArray
     place: FloatArray
 
@@ -29,7 +30,8 @@ class SortedBins:
         size = len(bins.label)
         words = bins.label * size + np.arange(size)
         words.sort()
-        runs = (words % size).astype(np.int32)
+        runs: Numbers = words % size
+        runs = runs.astype(np.int32) if size < 2**31 else runs
         first = np.concatenate([[0], np.cumsum(np.bincount(bins.label))])
         return cls(runs, first, bins.place[runs])
 
