@@ -164,9 +164,10 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     yield from find_field_faults(runs)
-    if STATUS not in runs or runs[STATUS].dims != (RUN,):
+    status = runs.variables.get(STATUS)
+    if status is None or status.dims != (RUN,):
         yield f"no {STATUS} along {RUN}"
-    elif not np.isin(runs[STATUS].values, list(Status)).all():
+    elif not np.isin(status.values, list(Status)).all():
         yield f"a {STATUS} that is none"
     if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"

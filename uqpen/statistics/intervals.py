@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
+import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
@@ -32,7 +32,7 @@ __all__ = [
 
 def student_quantile(freedom: float, level: float) -> float:
     """Half-width of Student's t interval in standard errors; NaN below one degree of freedom."""
-    return math.nan if freedom < 1 else float(special.stdtrit(freedom, 0.5 + level / 2))
+    return math.nan if freedom < 1 else float(scipy.special.stdtrit(freedom, 0.5 + level / 2))
 
 
 def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
@@ -181,9 +181,10 @@ def clopper_pearson(
     """
     k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
     tail = (1 - level) / 2
+    quantile = scipy.special.betaincinv
     with np.errstate(invalid="ignore"):
-        lower = np.where(k > 0, special.betaincinv(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
-        upper = np.where(k < n, special.betaincinv(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
+        lower = np.where(k > 0, quantile(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
+        upper = np.where(k < n, quantile(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
     return lower, upper
 
 
@@ -209,9 +210,9 @@ def upper_rank(runs: int, probability: npt.ArrayLike, confidence: float) -> Floa
     """
     p = np.asarray(probability, dtype=np.float64)
     # The continuous inverse is right to within one, which the two comparisons mend.
-    guess = np.floor(special.bdtrik(confidence, runs, p)).clip(0, runs)
-    guess = np.where(special.bdtr(guess, runs, p) < confidence, guess + 1, guess)
-    before = (guess >= 1) & (special.bdtr(np.maximum(guess - 1, 0), runs, p) >= confidence)
+    guess = np.floor(scipy.special.bdtrik(confidence, runs, p)).clip(0, runs)
+    guess = np.where(scipy.special.bdtr(guess, runs, p) < confidence, guess + 1, guess)
+    before = (guess >= 1) & (scipy.special.bdtr(np.maximum(guess - 1, 0), runs, p) >= confidence)
     rank = np.where(before, guess - 1, guess) + 1
     return np.where(rank <= runs, rank, np.nan)
 
@@ -233,11 +234,11 @@ def runs_needed_for_both(content: float, confidence: float) -> int:
     """
     # Two runs at least: the smallest is not the largest. The probability rises with the runs.
     lowest, highest = 1, 2
-    while special.bdtr(highest - 2, highest, content) < confidence:
+    while scipy.special.bdtr(highest - 2, highest, content) < confidence:
         lowest, highest = highest, 2 * highest
     while highest - lowest > 1:
         middle = (lowest + highest) // 2
-        if special.bdtr(middle - 2, middle, content) < confidence:
+        if scipy.special.bdtr(middle - 2, middle, content) < confidence:
             lowest = middle
         else:
             highest = middle
