@@ -10,7 +10,10 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
 
-__all__ = ["RUNS_IN_MEMORY", "Limits", "time_limit"]
+__all__ = ["MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
+
+# Runs of a design that goes by blocks. A model of a microsecond needs twelve days for them.
+MOST_RUNS = 10**12
 
 # A design of more runs than this goes by blocks: its runs are appended to a file, and analysed from
 # there. Below it the exact analyses of a whole sample are faster, and a run with ten numbers takes
