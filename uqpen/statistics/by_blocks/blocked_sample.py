@@ -77,7 +77,7 @@ class BlockedSample(Sample):
             powers=powers.first(groups),
             lost=lost[:groups],
             is_replicated=is_replicated,
-            sizes=cells.counts[:groups].sum(axis=1),
+            sizes=cells.sizes[:groups],
         )
 
     def with_missing(self) -> BlockedSample:
@@ -141,7 +141,7 @@ class _ComparedValues:
 
     @property
     def shape(self) -> tuple[int]:
-        return (int(self._cells.counts[: self._groups].sum()),)
+        return (int(self._sizes.sum()),)
 
     @property
     def ndim(self) -> int:
@@ -167,7 +167,7 @@ class _ComparedValues:
 
     @property
     def _sizes(self) -> IntArray:
-        return self._cells.counts[: self._groups].sum(axis=1)
+        return self._cells.sizes[: self._groups]
 
     def _below(self, value: npt.ArrayLike, *, or_equal: bool) -> IntArray:
         (number,) = np.ravel(np.asarray(value, dtype=np.float64)).tolist()

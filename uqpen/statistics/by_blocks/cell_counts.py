@@ -103,6 +103,16 @@ class CellCounts:
         """Number of runs below each cell, by group; known when all runs are counted."""
         return np.pad(np.cumsum(self.counts, axis=1), ((0, 0), (1, 0)))
 
+    @cached_property
+    def below_in_first(self) -> IntArray:
+        """The same of the first group, the first two, and so on, shape (group, cell + 1)."""
+        return np.cumsum(self._before, axis=0)
+
+    @cached_property
+    def sizes(self) -> IntArray:
+        """Number of runs of each group; known when all runs are counted."""
+        return self._before[:, -1].copy()
+
     def values_in(self, cell: int) -> CellValues | None:
         """Return the values of a cell between splitters; None, and ask for them, if not known."""
         if cell not in self.known:
@@ -158,8 +168,7 @@ class OrderedValues:
     @classmethod
     def of_first(cls, counts: CellCounts, groups: int) -> OrderedValues:
         """Return the values of the first groups."""
-        below = np.concatenate([[0], np.cumsum(counts.counts[:groups].sum(axis=0))])
-        return cls(counts, groups, below)
+        return cls(counts, groups, counts.below_in_first[groups - 1])
 
     @property
     def shape(self) -> tuple[int]:
