@@ -15,14 +15,15 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
     input_array,
-    mean_ranks,
     reason_without_measure,
 )
+from uqpen.statistics.sensitivity.residual_weights import ResidualWeights
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["CORRELATIONS", "FEWEST_RUNS", "correlation_array", "correlations", "shape_reason"]
@@ -96,24 +97,24 @@ class _CorrelatedColumns:
         return SampleShape(self.sample)
 
     @cached_property
-    def levels(self) -> list[IntArray]:
-        """Level of each run's value among the ascending values of each column, the output last."""
-        columns = chain(self._inputs, [self.sample.values])
-        return [np.unique(column, return_inverse=True)[1] for column in columns]
+    def orderings(self) -> list[Ordering]:
+        """The order of each column, the output last."""
+        inputs = self.sample.run_inputs
+        return [*map(inputs.ordering, range(len(inputs.columns.names))), self.sample.ordering]
 
     @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         if self.is_ranked:
-            return np.stack([_standardized(mean_ranks(level)) for level in self.levels])
+            return np.stack([_standardized(each.mean_ranks) for each in self.orderings])
         columns = chain(self._inputs, [self.shape.deviations])
         return np.stack([_standardized(column) for column in columns])
 
     @property
     def _inputs(self) -> Iterator[FloatArray]:
         """Each input over the completed runs."""
-        columns, used = self.sample.columns, self.sample.used
-        return (columns[number][used] for number in range(len(columns.names)))
+        inputs = self.sample.run_inputs
+        return (inputs[number] for number in range(len(inputs.columns.names)))
 
     @cached_property
     def _varying(self) -> IntArray:
@@ -143,19 +144,20 @@ class _CorrelatedColumns:
         unit = np.eye(len(self.standardized))
         return unit[i], unit[-1]
 
+    @cached_property
+    def _residual_weights(self) -> ResidualWeights | None:
+        """Weights of the columns that vary in their residuals; None where some are dependent."""
+        if np.linalg.cond(self._products) > 1 / _ROUNDING:
+            return None
+        return ResidualWeights.of(self._products)
+
     def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
         """Weights of the columns in the residuals of input and output over the other inputs."""
-        kept, matrix = self._varying, self._products
-        if np.linalg.cond(matrix) > 1 / _ROUNDING:
+        if self._residual_weights is None:
             return None
-        mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1
-        rest = [k for k in range(last) if k != mine]
         weights = np.zeros((2, len(self.standardized)))
-        for row, target in enumerate((mine, last)):
-            weights[row, kept[target]] = 1
-            if rest:
-                slope = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, target])
-                weights[row, kept[rest]] = -slope
+        mine = int(np.searchsorted(self._varying, i))
+        weights[:, self._varying] = self._residual_weights.without(mine)
         return weights[0], weights[1]
 
     def _combined(self, weights: FloatArray) -> FloatArray:
@@ -183,13 +185,13 @@ class _CorrelatedColumns:
                 influence += weight[k] / scale * self._rank_influence(int(k), target)
         return influence
 
+    @cached_property
+    def _rank_stds(self) -> list[float]:
+        return [float(each.mean_ranks.std()) for each in self.orderings]
+
     def _rank_influence(self, k: int, target: FloatArray) -> FloatArray:
         """Influence of each run on a column's mean product with `target` by others' ranks."""
-        level = self.levels[k]
-        at = np.bincount(level, target)
-        above = np.cumsum(at[::-1])[::-1] - at
-        # Of equal values, half count as above.
-        return (above + at / 2)[level] / mean_ranks(level).std()
+        return self.orderings[k].sums_above(target) / self._rank_stds[k]
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
