@@ -96,17 +96,22 @@ class CellSums:
         sums = np.add.reduceat(self.sums, starts, axis=1)[np.newaxis]
         whole = Totals(*(np.sum(e, axis=0, keepdims=True) for e in vars(totals).values()))
         left, total = _parts(counts, sums, whole, whole.sums / np.maximum(whole.sizes, 1))
-        return 1 - left[0] / total[0]
+        found: FloatArray = 1 - _ratio(left[0], total[0])
+        return found
 
     def errors(self, totals: Totals) -> FloatArray:
         """Standard errors of these shares, from the scatter of the batches."""
         mean = totals.sums.sum(axis=0) / max(totals.sizes.sum(), 1)
         left, total = _parts(self.batch_counts, self.batch_sums, totals, mean)
         batches, whole = len(left), total.sum(axis=0)
-        excess = left - left.sum(axis=0) / whole * total
+        excess = left - _ratio(left.sum(axis=0), whole) * total
         variance = (excess**2).sum(axis=0) * batches / max(batches - 1, 1)
-        found: FloatArray = np.sqrt(variance) / whole
-        return found
+        return _ratio(np.sqrt(variance), whole)
+
+
+def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
+    """Return parts of sums of squares; NaN where a variable does not vary."""
+    return np.divide(part, whole, out=np.full(whole.shape, np.nan), where=whole > 0)
 
 
 def sum_neighbours(by_cell: _Numbers, bins: int) -> _Numbers:

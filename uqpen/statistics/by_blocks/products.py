@@ -67,12 +67,20 @@ class Products:
         return self.sizes, self.sums, self.products
 
 
-def partial(matrix: FloatArray) -> FloatArray:
+def partial(matrix: FloatArray, resolution: float = 0.0) -> FloatArray:
     """Partial correlations of the last column with each of the others, given all others.
 
-    NaN for all where the columns are linearly dependent.
+    NaN for all where the columns are linearly dependent, as far as it can be known.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (column, column)
+        Correlations of the columns.
+    resolution : float
+        Share of the variance of a column that its cells do not resolve.
     """
-    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
+    singular = min(_SINGULAR, 0.25 / resolution) if resolution else _SINGULAR
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > singular:
         return np.full(len(matrix) - 1, np.nan)
     inverse = np.linalg.inv(matrix)
     found: FloatArray = -inverse[-1, :-1] / np.sqrt(inverse[-1, -1] * np.diag(inverse)[:-1])

@@ -6,7 +6,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = ["mean_shares"]
+__all__ = ["mean_shares", "unresolved_share"]
 
 
 def mean_shares(counts: IntArray) -> FloatArray:
@@ -18,3 +18,9 @@ def mean_shares(counts: IntArray) -> FloatArray:
     runs = np.maximum(counts.sum(axis=-1, keepdims=True), 1)
     found: FloatArray = (np.cumsum(counts, axis=-1) - counts / 2) / runs
     return found
+
+
+def unresolved_share(counts: IntArray) -> float:
+    """Share of the variance of the ranks within cells that hold more than one value."""
+    shares = counts[::2] / max(counts.sum(), 1)
+    return float((shares**3).sum())

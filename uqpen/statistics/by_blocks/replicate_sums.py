@@ -94,8 +94,9 @@ def _share(runs: IntArray, pairs: IntArray, products: FloatArray, totals: Totals
     # Bins that one replicate alone has met stand for no pair; the others stand for all.
     scale = totals.sizes / max(runs[known].sum(), 1)
     square_of_mean = totals.sums**2 / totals.sizes
-    found: FloatArray = (explained * scale - square_of_mean) / (totals.squares - square_of_mean)
-    return found
+    whole = np.asarray(totals.squares - square_of_mean)
+    none = np.full(whole.shape, np.nan)
+    return np.divide(explained * scale - square_of_mean, whole, out=none, where=whole > 0)
 
 
 def _summed(totals: Totals) -> Totals:

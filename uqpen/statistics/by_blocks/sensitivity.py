@@ -18,6 +18,7 @@ from uqpen.statistics.by_blocks.cell_sums import CellSums
 from uqpen.statistics.by_blocks.output_set import OutputSet
 from uqpen.statistics.by_blocks.power_sums import PowerSums
 from uqpen.statistics.by_blocks.products import Products, partial
+from uqpen.statistics.by_blocks.rank_scores import unresolved_share
 from uqpen.statistics.by_blocks.replicate_sums import ReplicateSums
 from uqpen.statistics.by_blocks.variables import OutputVariables
 from uqpen.statistics.distribution_function.probabilities import (
@@ -151,7 +152,8 @@ class OutputSensitivity:
     def _correlations(self) -> Iterator[tuple[str, xr.DataArray]]:
         among_all, within = self.found.rank_products
         values = _Correlations(self, self.found.products.whole, self.found.products)
-        ranks = _Correlations(self, among_all, within)
+        cells = [self.found.cells[name].counts.sum(axis=0) for name in self.found.names]
+        ranks = _Correlations(self, among_all, within, max(map(unresolved_share, cells)))
         reason = shape_reason(shape_of(self.sample)) if self.sample.size else ""
         for statistic, (is_ranked, is_partial, _) in CORRELATIONS.items():
             columns = ranks if is_ranked else values
@@ -224,6 +226,7 @@ class _Correlations:
     of: OutputSensitivity
     whole: Products
     batches: Products
+    resolution: float = 0.0
 
     def estimates(self, reason: str, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation with each input; without bounds for a reason."""
@@ -233,8 +236,9 @@ class _Correlations:
         if not inputs:
             return found
         columns = [*inputs, self._place]
-        value = self._taken(self.whole.matrices(), columns, is_partial=is_partial)[0]
-        scattered = self._taken(self.batches.matrices(), columns, is_partial=is_partial)
+        whole, batches = self.whole.matrices(), self.batches.matrices()
+        value = self._taken(whole, columns, self.resolution, is_partial=is_partial)[0]
+        scattered = self._taken(batches, columns, 0.0, is_partial=is_partial)
         for number, k in enumerate(inputs):
             found[k] = self._estimate(value[number], scattered[:, number], reason)
         return found
@@ -244,10 +248,14 @@ class _Correlations:
         return self.of.found.names.index(self.of.variables.output)
 
     @staticmethod
-    def _taken(matrices: FloatArray, columns: Sequence[int], *, is_partial: bool) -> FloatArray:
+    def _taken(
+        matrices: FloatArray, columns: Sequence[int], resolution: float, *, is_partial: bool
+    ) -> FloatArray:
         """Correlations of the last of some columns with the others, shape (batch, input)."""
         mine = matrices[:, columns][:, :, columns]
-        return np.stack([partial(each) for each in mine]) if is_partial else mine[:, -1, :-1]
+        if not is_partial:
+            return mine[:, -1, :-1]
+        return np.stack([partial(each, resolution) for each in mine])
 
     def _estimate(self, value: float, scattered: FloatArray, reason: str) -> Estimate:
         if math.isnan(value):
@@ -256,9 +264,11 @@ class _Correlations:
         if reason := sample.reason_without_intervals or reason:
             return Estimate.without_bounds(value, reason)
         known = scattered[~np.isnan(scattered)]
+        if known.size < 2:
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         with np.errstate(divide="ignore", invalid="ignore"):
             transformed = np.arctanh(np.clip(known, -1, 1))
-            error = float(transformed.std(ddof=1)) / math.sqrt(max(known.size, 1))
+            error = float(transformed.std(ddof=1)) / math.sqrt(known.size)
         if 1 - abs(value) < _ROUNDING or not _ROUNDING < error < math.inf:
             return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         half, centre = student_quantile(known.size - 1, sample.level) * error, math.atanh(value)
