@@ -97,6 +97,11 @@ class BlockedRuns(BlockedDataset):
         """Attributes, such as the sampling of the points."""
         return self.template.attrs
 
+    def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return the values of some variables from one run to another, the last excluded."""
+        block = self.read(start, stop)
+        return {name: block.variables[name].values for name in names}
+
     @abstractmethod
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return the values of a variable along all runs, shape (run, *dims)."""
@@ -131,6 +136,10 @@ class LoadedDataset(BlockedRuns):
         """Return the values of a variable along all runs."""
         values: npt.NDArray[Any] = self.whole.variables[name].values
         return values
+
+    def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return the values of some variables from one run to another, as views."""
+        return {name: self.whole.variables[name].values[start:stop] for name in names}
 
     def dataset(self) -> xr.Dataset:
         """Return the dataset itself, or its values in memory."""

@@ -84,6 +84,11 @@ class SampledVariable:
         return self.shape.deviations / np.where(std > 0, std, 1.0)[..., np.newaxis]
 
     @cached_property
+    def squares(self) -> FloatArray:
+        """Squares of `standardized`."""
+        return self.standardized**2
+
+    @cached_property
     def variance(self) -> FloatArray:
         """Variance of `standardized` about the mean of the distribution, not of the sample."""
         errors, freedom = standard_error(self.sample, self.standardized)
@@ -170,8 +175,9 @@ class VarianceParts:
     @classmethod
     def about(cls, lines: ResidualVariance, variable: SampledVariable) -> VarianceParts:
         """Return the parts about the lines through a variable."""
-        squares = variable.standardized**2
-        return cls(variable.variance, lines.variance, squares, lines.influence, lines.pair_noise)
+        return cls(
+            variable.variance, lines.variance, variable.squares, lines.influence, lines.pair_noise
+        )
 
     def estimates(self, variable: SampledVariable) -> EstimateVector:
         """Return the share of the variance that the input explains, with its bounds."""
@@ -199,15 +205,12 @@ class LocalRegressions:
         """The inputs, by their numbers."""
         return range(len(self.sample.inputs))
 
-    @cached_property
-    def bins(self) -> list[RegressionBins]:
-        """The bins of each input."""
-        return [RegressionBins.from_sample(self.sample, column) for column in self.inputs]
-
-    @cached_property
-    def _halved_bins(self) -> dict[int, RegressionBins]:
-        """Bins of inputs, each cut into two, as far as they were needed."""
-        return {}
+    def bins(self, column: int, *, halved: bool = False) -> RegressionBins:
+        """Return the bins of an input, or these cut into two; all outputs have them in common."""
+        return self.sample.run_inputs.once(
+            ("bins", self.sample.error_model, column, halved),
+            lambda: RegressionBins.from_sample(self.sample, column, halved=halved),
+        )
 
     def indices(
         self, variable: SampledVariable, listener: Listener | None = None
@@ -237,7 +240,7 @@ class LocalRegressions:
         if reason := reason_of_input(self.sample, column):
             unknown = EstimateVector.without_bounds(nothing, reason)
             return unknown.replace_at(variable.sample.is_constant, none)
-        lines = ResidualVariance(self.bins[column], variable.standardized)
+        lines = ResidualVariance(self.bins(column), variable.standardized)
         parts = VarianceParts.about(lines, variable)
         if listener:
             listener(column, lines, parts)
@@ -248,10 +251,7 @@ class LocalRegressions:
 
     def halved_shares(self, variable: SampledVariable, column: int, rows: BoolArray) -> FloatArray:
         """Return the shares that bins of half the size explain, at some places."""
-        if column not in self._halved_bins:
-            bins = RegressionBins.from_sample(self.sample, column, halved=True)
-            self._halved_bins[column] = bins
-        lines = ResidualVariance(self._halved_bins[column], variable.standardized[rows])
+        lines = ResidualVariance(self.bins(column, halved=True), variable.standardized[rows])
         return 1 - lines.variance / variable.variance[rows]
 
     def estimates(

@@ -10,6 +10,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["RegressionBins", "ResidualVariance"]
@@ -57,8 +58,8 @@ class RegressionBins:
         halved : bool
             True to cut the bins into two, where each half has runs enough for a line.
         """
-        values = sample.columns[column]
-        rank = _ranks(values)
+        values, ordering = sample.columns[column], sample.columns.ordering(column)
+        rank = _ranks(values, ordering)
         if sample.error_model is ErrorModel.REPLICATED:
             replicates = int(sample.replicates.max()) + 1
             pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
@@ -73,7 +74,9 @@ class RegressionBins:
         # Failed runs leave gaps in strata, so these are merged until they fill a bin.
         full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
         label = full[block[sample.used]]
-        label = _separate_atoms(label, values[sample.used], in_a_bin)
+        # A value without an equal fills no bin by itself.
+        is_tied = ordering.is_above is not None
+        label = _separate_atoms(label, values[sample.used], in_a_bin) if is_tied else _dense(label)
         return cls(label, _positions_in_bin(label, rank[sample.used].astype(np.float64)))
 
     @cached_property
@@ -222,14 +225,22 @@ class ResidualVariance:
         return np.einsum("vbj,vbk->bjk", left_out, left_out)
 
 
-def _ranks(values: FloatArray) -> IntArray:
+def _ranks(values: FloatArray, ordering: Ordering) -> IntArray:
     """Ranks from 0; among equal values in random order."""
+    if ordering.is_above is None:
+        return ordering.level.astype(np.int64)
     # A table may list runs in an order of the other inputs, and neighbours must be alike in none.
     tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
     order = np.lexsort((tie_breaker, values))
     rank = np.empty(len(values), dtype=np.int64)
     rank[order] = np.arange(len(values))
     return rank
+
+
+def _dense(label: IntArray) -> IntArray:
+    """Labels numbered through those that are not empty."""
+    is_there = np.bincount(label) > 0
+    return label if is_there.all() else (np.cumsum(is_there) - 1)[label]
 
 
 def _separate_atoms(label: IntArray, values: FloatArray, in_a_bin: float) -> IntArray:
