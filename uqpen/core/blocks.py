@@ -138,8 +138,8 @@ class LoadedDataset(BlockedRuns):
         return values
 
     def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-        """Return the values of some variables from one run to another, as views."""
-        return {name: self.whole.variables[name].values[start:stop] for name in names}
+        """Return the values of some variables, as views or read from the file."""
+        return {name: self.whole.variables[name][start:stop].values for name in names}
 
     def dataset(self) -> xr.Dataset:
         """Return the dataset itself, or its values in memory."""
