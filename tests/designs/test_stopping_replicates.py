@@ -129,7 +129,7 @@ def test_looks_double_as_often_as_the_largest_number_allows(
 @pytest.mark.parametrize(
     ("make", "key", "expected"),
     [
-        (lambda: SobolSequence(), "runs", "at most 100_000_000; or until with at_most"),
+        (lambda: SobolSequence(), "runs", "at most 1_000_000_000_000; or until with at_most"),
         (lambda: Halton(320, at_most=5_000), "at_most", "until beside it"),
         (lambda: Halton(until=RULE), "at_most", "the largest number"),
         (lambda: Halton(until=RULE, at_most=1_000), "at_most", "at least 1024, beside until"),

@@ -75,9 +75,8 @@ _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
 
 def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     """Return True if values are of a kind: texts, counts or numbers."""
-    # An array tells its type without its values, which xarray takes long to hand out.
-    dtype = values.dtype if hasattr(values, "dtype") else np.asarray(values).dtype
-    return dtype.kind in _KINDS[kind]
+    known = getattr(values, "dtype", None)  # without reading them, where they are in a file
+    return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
 def has_bound_names(dataset: xr.Dataset) -> bool:

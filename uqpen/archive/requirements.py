@@ -14,6 +14,8 @@ import xarray as xr
 from uqpen.archive.estimates import statistic_names
 from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.blocks import holds_by_blocks
 from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     ABSENT,
@@ -132,11 +134,15 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
 
 
 def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
-    completed = np.asarray(variable.values, dtype=np.float64)[status.values == Status.OK]
     # A curve may end before its dimension does; it is NaN from there.
     # A derived number may be one that some runs do not have; it is NaN in them, too.
-    may_be_nan = completed.ndim == 2 or ABSENT in variable.attrs
-    return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
+    may_be_nan = variable.ndim == 2 or ABSENT in variable.attrs
+
+    def is_finite(values: FloatArray, statuses: IntArray) -> bool:
+        completed = np.asarray(values, dtype=np.float64)[statuses == Status.OK]
+        return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
+
+    return holds_by_blocks(is_finite, variable, status)
 
 
 def _has_flags(variable: xr.Variable) -> bool:

@@ -19,6 +19,7 @@ __all__ = [
     "additive_residual_error",
     "clopper_pearson",
     "dkw_half_width",
+    "error_of_sums",
     "group_sums",
     "order_statistic_ranks",
     "ratio_error",
@@ -81,9 +82,14 @@ def ratio_error(
     """
     deviation = influence - influence.mean(axis=-1, keepdims=True)
     sums = group_sums(deviation, replicate, replicates)
-    scale = replicates / len(replicate)
-    variance = scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1))
-    return np.sqrt(variance), replicates - 1
+    return error_of_sums(sums, len(replicate)), replicates - 1
+
+
+def error_of_sums(sums: FloatArray, runs: int) -> FloatArray:
+    """Return the error of `ratio_error` from each replicate's sum of deviations."""
+    replicates = sums.shape[-1]
+    scale = replicates / runs
+    return np.sqrt(scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1)))
 
 
 def ratio_jackknife_error(

@@ -219,6 +219,23 @@ class Sample:
             return np.asarray(values.mean(axis=-1))
         return weighted_mean(values, self.run_weights)
 
+    def events_with_missing(self, events: BoolArray, *, happened: bool) -> BoolArray:
+        """Return an event over the runs of `with_missing`, with one outcome of the missing ones."""
+        missing = np.full((*events.shape[:-1], self.missing.size), happened)
+        return np.concatenate([events, missing], axis=-1)
+
+    def counts_up_to(self, values: FloatArray) -> IntArray:
+        """Count the runs at or below each value, shape (replicate, value)."""
+        parts = [self.sorted_values]
+        if (replicates := self.replicate_count) > 1:
+            parts = [np.sort(self.values[self.replicate == each]) for each in range(replicates)]
+        return np.array([np.searchsorted(part, values, side="right") for part in parts])
+
+    @property
+    def replicate_sizes(self) -> IntArray:
+        """Number of runs of each replicate."""
+        return np.bincount(self.replicate)
+
     @cached_property
     def sorted_values(self) -> FloatArray:
         """The values, ascending along the runs."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, singledispatch
 
 import numpy as np
 
@@ -18,6 +18,7 @@ __all__ = [
     "FEWEST_EFFECTIVE_RUNS",
     "FEWEST_RUNS_FOR_TAILS",
     "SampleShape",
+    "shape_of",
 ]
 
 
@@ -137,6 +138,12 @@ class SampleShape:
         if self.sample.is_at_places:
             return texts.HEAVY_TAIL_AT_PLACES
         return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)
+
+
+@singledispatch
+def shape_of(sample: Sample) -> SampleShape:
+    """Return the shape of a sample; of one without its values, as it knows it itself."""
+    return SampleShape(sample)
 
 
 def _power(base: FloatArray, exponent: float) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -31,10 +31,17 @@ from uqpen.statistics.sensitivity.input_measures import (
 from uqpen.statistics.sensitivity.residual_weights import ResidualWeights
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["correlations"]
+__all__ = ["CORRELATIONS", "FEWEST_RUNS", "correlation_array", "correlations", "shape_reason"]
 
 
-_FEWEST_RUNS = 30
+FEWEST_RUNS = 30
+# The statistics: whether of ranks, whether partial, and what they are.
+CORRELATIONS = {
+    "pearson": (False, False, "Pearson correlations"),
+    "spearman": (True, False, "Spearman rank correlations"),
+    "partial": (False, True, "partial correlations"),
+    "partial_rank": (True, True, "partial rank correlations"),
+}
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
 
@@ -54,21 +61,33 @@ def correlations(
     """
     if quantity.output.categories or not sample.inputs:
         return
-    title = quantity.output.title
-    values = _CorrelatedColumns(sample, is_ranked=False)
-    ranks = _CorrelatedColumns(sample, is_ranked=True)
-    for statistic, columns, is_partial, adjective in (
-        ("pearson", values, False, "Pearson correlations"),
-        ("spearman", ranks, False, "Spearman rank correlations"),
-        ("partial", values, True, "partial correlations"),
-        ("partial_rank", ranks, True, "partial rank correlations"),
-    ):
-        long_name = f"{adjective} of {title} with the inputs"
-        if sample.dependence and not is_partial:
-            long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-        inputs = range(len(sample.inputs))
+    of_values = _CorrelatedColumns(sample, is_ranked=False)
+    of_ranks = _CorrelatedColumns(sample, is_ranked=True)
+    for statistic, (is_ranked, is_partial, _) in CORRELATIONS.items():
+        columns, inputs = of_ranks if is_ranked else of_values, range(len(sample.inputs))
         estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
-        yield statistic, input_array(estimates, sample.inputs, long_name, level=sample.level)
+        yield statistic, correlation_array(statistic, estimates, sample, quantity)
+
+
+def correlation_array(
+    statistic: str, estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
+) -> xr.DataArray:
+    """Return correlations, one for each input, as an estimate array."""
+    _, is_partial, adjective = CORRELATIONS[statistic]
+    long_name = f"{adjective} of {quantity.output.title} with the inputs"
+    if sample.dependence and not is_partial:
+        long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
+    return input_array(estimates, sample.inputs, long_name, level=sample.level)
+
+
+def shape_reason(shape: SampleShape) -> str:
+    """Reason why no interval of a correlation of values is reliable; empty where one is."""
+    if shape.hidden_tail:
+        return f"{shape.hidden_tail}; {texts.SEE_RANKS}"
+    if shape.is_heavy:
+        heavy = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+        return f"{heavy}; {texts.SEE_RANKS}"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -117,7 +136,7 @@ class _CorrelatedColumns:
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
         """Estimate the correlation of the output with input `i`."""
-        if reason := reason_without_measure(self.sample, i, _FEWEST_RUNS):
+        if reason := reason_without_measure(self.sample, i, FEWEST_RUNS):
             return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
@@ -180,11 +199,4 @@ class _CorrelatedColumns:
 
     @property
     def _reason_without_bounds(self) -> str:
-        if self.is_ranked:
-            return ""
-        if self.shape.hidden_tail:
-            return f"{self.shape.hidden_tail}; {texts.SEE_RANKS}"
-        if self.shape.is_heavy:
-            heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
-            return f"{heavy}; {texts.SEE_RANKS}"
-        return ""
+        return "" if self.is_ranked else shape_reason(self.shape)

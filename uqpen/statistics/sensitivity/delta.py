@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
@@ -21,13 +21,22 @@ from uqpen.statistics.sensitivity.input_measures import (
     reason_without_measure,
 )
 
-__all__ = ["delta"]
+__all__ = [
+    "FEWEST_RUNS",
+    "SCORE_CELLS",
+    "class_count",
+    "delta",
+    "delta_array",
+    "delta_of_counts",
+    "score_cells",
+]
 
 
-_FEWEST_RUNS = 48
+FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
 _FARTHEST_SCORE = 4.0
-_CELLS = 80
+# Cells of the normal scores.
+SCORE_CELLS = _CELLS = 80
 _RESAMPLES = 30
 _MOST_CLASSES = 48
 
@@ -49,48 +58,61 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     """
     if quantity.output.categories or not sample.inputs:
         return
-    title = quantity.output.title
-    long_name = f"delta of {title}: how far knowing an input moves its distribution"
+    cells = score_cells(_empirical_cdf(sample.ordering))
+    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
+    yield delta_array(estimates, sample, quantity)
+
+
+def delta_array(
+    estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
+) -> tuple[str, xr.DataArray]:
+    """Return estimates of delta, one for each input, as an estimate array with its name."""
+    long_name = f"delta of {quantity.output.title}: how far knowing an input moves its distribution"
     if sample.dependence:
         long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-    cells = _cells(sample.ordering)
-    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
-    yield "delta", input_array(estimates, sample.inputs, long_name)
+    return "delta", input_array(estimates, sample.inputs, long_name)
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
-    if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
+    if reason := reason_without_measure(sample, column, FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
-    counts = _counts(sample.run_inputs.ordering(column), cells)
-    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
-    resampled = _distances(_resampled(counts)).mean()
-    value = float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
+    value = delta_of_counts(_counts(sample.run_inputs.ordering(column), cells))
     reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
     return Estimate.without_bounds(value, reason)
 
 
-def _cells(ordering: Ordering) -> IntArray:
-    """Return the cell of each value's normal score.
+def delta_of_counts(counts: FloatArray) -> float:
+    """Return delta from the runs in each score cell, a row for each class of the input."""
+    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
+    resampled = _distances(_resampled(counts)).mean()
+    return float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
+
+
+def score_cells(shares: FloatArray) -> IntArray:
+    """Return the cell of a value's normal score, from the share of the runs below it.
 
     Delta does not depend on the scale that the output is measured on; on that of normal scores a
     heavy tail is as well resolved as the bulk.
     """
-    scores = special.ndtri(_empirical_cdf(ordering))
+    scores = special.ndtri(shares)
     cells = np.floor((scores / _FARTHEST_SCORE + 1) / 2 * _CELLS).astype(np.int64)
     return np.clip(cells, 0, _CELLS - 1)
 
 
 def _counts(ordering: Ordering, cells: IntArray) -> FloatArray:
     """Count the runs in each cell, a row for each class of the input's ranks."""
-    runs = len(cells)
-    # The number of classes by Plischke et al.
-    exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
-    classes = min(math.ceil(runs**exponent), _MOST_CLASSES)
+    classes = class_count(len(cells))
     which = np.floor(_empirical_cdf(ordering) * classes).astype(np.int64)
     # Equal values are in one class, so that some may be empty.
     counts = np.bincount(which * _CELLS + cells, minlength=classes * _CELLS)
     table = counts.reshape(classes, _CELLS).astype(np.float64)
     return table[table.sum(axis=1) > 0]
+
+
+def class_count(runs: int) -> int:
+    """Return the number of classes of an input (Plischke et al.)."""
+    exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
+    return min(math.ceil(runs**exponent), _MOST_CLASSES)
 
 
 def _empirical_cdf(ordering: Ordering) -> FloatArray:
