@@ -24,6 +24,8 @@ __all__ = ["OutputSet"]
 
 # Of an output: the values between two of them are what is collected for an order statistic.
 _OUTPUT_SPLITTERS = 32_768
+# With many replicates there are fewer, so that the counts of an output take 128 MB at most.
+_MOST_COUNTS = 2**23
 # Cells of an output that share their rank where it is one of a batch.
 _CELLS_OF_A_BATCH = 16
 
@@ -66,10 +68,14 @@ class OutputSet:
         """Splitters of each column."""
         return {
             name: Splitters.from_values(
-                values, INPUT_SPLITTERS if name in self.inputs else _OUTPUT_SPLITTERS
+                values, INPUT_SPLITTERS if name in self.inputs else self._output_splitters
             )
             for name, values in self._some_columns.items()
         }
+
+    @property
+    def _output_splitters(self) -> int:
+        return min(_OUTPUT_SPLITTERS, _MOST_COUNTS // self.table.grouping.groups)
 
     @cached_property
     def _centres(self) -> FloatArray:
