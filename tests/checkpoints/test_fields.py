@@ -18,7 +18,7 @@ from uqpen.core.errors import CheckpointError
 from uqpen.core.model import Results
 from uqpen.execution.batch import BatchResult
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 MODEL = """\
 import pathlib
@@ -71,6 +71,7 @@ def calls(folder: Path) -> int:
     return len((folder / "calls").read_text().split())
 
 
+@pytest.mark.processor
 def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> None:
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
