@@ -29,6 +29,10 @@ from uqpen.study.study import ValidatedStudy
 # that is to be interrupted.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Processes that tests start keep what they have compiled: there are many, and each would compile
+# all of uqpen again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # The same examples each time: a test that fails now and then says nothing.
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")

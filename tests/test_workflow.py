@@ -17,8 +17,6 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
-pytestmark = pytest.mark.processor
-
 STUDIES = Path(__file__).parents[1] / "studies"
 
 
@@ -234,6 +232,7 @@ def small(extra: str = "", runs: int = 300, constraint: str = "") -> ValidatedSt
     )
 
 
+@pytest.mark.processor
 def test_adding_a_design_changes_no_others_numbers() -> None:
     more = '[designs.aa]\nkind = "latin-hypercube"\nruns = 100'
     alone, beside = uqpen.run(small()), uqpen.run(small(more))
@@ -241,6 +240,7 @@ def test_adding_a_design_changes_no_others_numbers() -> None:
         assert alone[path].to_dataset().identical(beside[path].to_dataset())
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 def test_where_batches_are_computed_changes_no_bit() -> None:
     def backwards(function: Callable[[Any], Any], batches: Iterable[Any]) -> list[Any]:

@@ -34,8 +34,6 @@ from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.testing import check_design
 from uqpen.verification.verify import verify
 
-pytestmark = pytest.mark.processor
-
 STUDY = """\
 seed = 3
 [model]
@@ -216,6 +214,7 @@ class Interrupted(Progress):
             raise KeyboardInterrupt
 
 
+@pytest.mark.processor
 class TestSameBytes:
     def test_for_three_workers_and_after_an_interruption(self, tmp_path: Path) -> None:
         alone, several, again = (tmp_path / f"{name}.nc" for name in ("alone", "several", "again"))

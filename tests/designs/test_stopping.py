@@ -41,8 +41,6 @@ from uqpen.testing import check_design, check_stopping_rule, example_joint_distr
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 
-pytestmark = pytest.mark.processor
-
 STUDY = """\
 seed = 3
 [model]
@@ -228,6 +226,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+@pytest.mark.processor
 class TestSameBytes:
     def test_for_two_workers(self, tmp_path: Path, whole: bytes) -> None:
         with processes(2) as workers:

@@ -23,8 +23,6 @@ from uqpen.execution.processes import processes
 from uqpen.statistics.partial_runs import sample_so_far
 from uqpen.testing import check_design, check_extension, example_joint_distribution
 
-pytestmark = pytest.mark.processor
-
 RULE = Precision({"y": {"mean": 0.05}})
 NEVER = Precision({"y": {"mean": 1e-9}})
 # A design that stops, and the plain one of the size at which it ends in any case.
@@ -169,6 +167,7 @@ class Interrupted(Progress):
             raise KeyboardInterrupt
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path: Path) -> None:
     study = uqpen.parse_study(STUDY)

@@ -15,8 +15,6 @@ from uqpen.archive.write import write
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
-pytestmark = pytest.mark.processor
-
 MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
@@ -64,6 +62,7 @@ def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
     assert np.isfinite(response.sel(bound="estimate")).all()
 
 
+@pytest.mark.processor
 def test_statistics_read_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> None:
     write(tree, tmp_path / "all.nc")
     made, read = SourceStatistics(tree), SourceStatistics(open_archive(tmp_path / "all.nc"))

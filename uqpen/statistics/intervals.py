@@ -186,6 +186,11 @@ def clopper_pearson(
     Effective numbers of runs need not be whole.
     """
     k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
+    distinct, place = np.unique(k, return_inverse=True)
+    if n.ndim == 0 and distinct.size < k.size:
+        # Few numbers of events stand at many places, and the inverse takes its time.
+        ends = clopper_pearson(distinct, n, level)
+        return ends[0][place].reshape(k.shape), ends[1][place].reshape(k.shape)
     tail = (1 - level) / 2
     quantile = scipy.special.betaincinv
     with np.errstate(invalid="ignore"):

@@ -43,8 +43,8 @@ class CorrectedCdf:
 
     def at(self, values: FloatArray) -> CorrectedProbability:
         """Return the distribution function with pointwise bounds at ascending values."""
-        counts = self._counts(values)
-        return self._bounded(values, counts, counts.uses_surrogate(self.runs))
+        counts, drawn = self._counts(values), self._shares_by_set(values)
+        return self._bounded(drawn, counts, counts.uses_surrogate(self.runs))
 
     def _counts(self, values: FloatArray) -> FoldCounts:
         runs = self.runs
@@ -56,16 +56,11 @@ class CorrectedCdf:
         )
 
     def _bounded(
-        self, values: FloatArray, counts: FoldCounts, is_used: BoolArray
+        self, drawn: FloatArray, counts: FoldCounts, is_used: BoolArray
     ) -> CorrectedProbability:
-        """Return bounds at values, where each fold uses its fit or not."""
-        return self._with_shares(self._shares_by_set(values), counts, is_used)
-
-    def _with_shares(
-        self, shares: FloatArray, counts: FoldCounts, is_used: BoolArray
-    ) -> CorrectedProbability:
+        """Return bounds from shares of draws and counts of runs; each fold uses its fit or not."""
         weights = self.runs.shares[:, None] * is_used
-        by_set = np.einsum("kv,ksv->sv", weights, shares)
+        by_set = np.einsum("kv,ksv->sv", weights, drawn)
         error = by_set.std(axis=0, ddof=1) / np.sqrt(len(by_set))
         return with_bounds(self.runs, self._pooled(by_set), counts, is_used, error)
 
@@ -104,11 +99,11 @@ class CorrectedCdf:
         found = np.empty((3, len(probability)))
         # Minus infinity comes first: there, no run is below.
         grid = np.concatenate([[-np.inf], self._grid])
-        counts, shares = self._counts(grid), self._shares_by_set(grid)
+        counts, drawn = self._counts(grid), self._shares_by_set(grid)
         for number, choice in enumerate(choices):
             chosen = choice_of.ravel() == number
             is_used = np.broadcast_to(choice[:, None], (len(choice), len(grid)))
-            bounded = self._with_shares(shares, counts, is_used)
+            bounded = self._bounded(drawn, counts, is_used)
             found[:, chosen] = _inverted(self._grid, bounded, probability[chosen])
         return found[0], found[1], found[2]
 

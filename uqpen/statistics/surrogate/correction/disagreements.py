@@ -164,13 +164,10 @@ def with_bounds(
         gained + (runs.missing - missing_events), dropped, total, runs.level
     )
     is_plain = ~is_used.any(axis=0)
-    # Many values share few numbers of events.
-    events, number = np.unique(gained, return_inverse=True)
-    number = number.reshape(np.shape(gained))
-    plain_lower, _ = clopper_pearson(events, total, runs.level)
-    _, plain_upper = clopper_pearson(events + runs.missing, total, runs.level)
-    lower = np.where(is_plain, plain_lower[number], share + least - np.hypot(half_below, noise))
-    upper = np.where(is_plain, plain_upper[number], share + most + np.hypot(half_above, noise))
+    plain_lower, _ = clopper_pearson(gained, total, runs.level)
+    _, plain_upper = clopper_pearson(gained + runs.missing, total, runs.level)
+    lower = np.where(is_plain, plain_lower, share + least - np.hypot(half_below, noise))
+    upper = np.where(is_plain, plain_upper, share + most + np.hypot(half_above, noise))
     return CorrectedProbability(
         value,
         np.minimum(np.maximum(lower, 0.0), value),
