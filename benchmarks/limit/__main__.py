@@ -118,15 +118,10 @@ def _table(ways: Mapping[str, Measured], rods: FloatArray) -> tuple[str, float]:
             seconds[name][repeat] = time.process_time() - began
     ratios = seconds["uqpen"] / seconds["C++"]
     ratio = median(ratios.tolist())
-    lines = [
-        *HEAD,
-        *_rows(ways, {n: median(s.tolist()) / rods.shape[1] for n, s in seconds.items()}),
-    ]
+    each_run = {name: median(found.tolist()) / rods.shape[1] for name, found in seconds.items()}
     low, high = np.quantile(ratios, (0.25, 0.75))
-    said = (
-        f"Ratio of times, by turns: {ratio:.2f} (half of {REPEATS} from {low:.2f} to {high:.2f})."
-    )
-    return "\n".join([*lines, "", said]), ratio
+    said = f"Ratio of times, by turns: {ratio:.2f} (half of {REPEATS} in {low:.2f} to {high:.2f})."
+    return "\n".join([*HEAD, *_rows(ways, each_run), "", said]), ratio
 
 
 def _rows(ways: Mapping[str, Measured], seconds: Mapping[str, float]) -> Iterator[str]:
