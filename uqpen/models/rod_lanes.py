@@ -23,10 +23,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.processors import map_parts
 from uqpen.models.compiled import compiled, inlined, use_widest_vectors
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
 
-__all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP", "erode"]
+__all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP", "count_evaluations", "erode"]
 
 FloatArray = npt.NDArray[np.float64]
 Vector = tuple[float, float, float, float]
@@ -37,6 +38,7 @@ CAUGHT_UP, AT_REST, GAVE_UP = 0.0, 1.0, -1.0
 _ERODING, _PAST_EVENT = 2.0, 3.0
 
 _LANES = 16
+_WORTH_A_THREAD = 512  # runs, which take a millisecond
 # Erosion takes 60 steps as a rule and 11 000 where S is only a thousandth more than R.
 _STEP_LIMIT = 100_000.0
 # A step this much smaller than the first makes no progress; something is not finite.
@@ -230,6 +232,7 @@ def _integrate(lanes: FloatArray, rods: FloatArray, tolerance: float, ends: Floa
                 for row in range(4):
                     ends[row, occupant[lane]] = lanes[_STATE + row * _LANES + lane]
                 ends[4, occupant[lane]] = lanes[_PHASE + lane]
+                ends[5, occupant[lane]] = lanes[_STEPS + lane]
                 unfinished -= 1
             occupant[lane] = waiting
             _start(lanes, lane, rods, min(waiting, runs - 1), tolerance)
@@ -254,9 +257,8 @@ def _land_all(lanes: FloatArray, rods: FloatArray, ends: FloatArray) -> None:
             ends[4, first + lane] = lanes[_PHASE + lane]
 
 
-@compiled
 def erode(rods: FloatArray, tolerance: float) -> FloatArray:
-    """Integrate rods from impact to the end of erosion.
+    """Integrate rods from impact to the end of erosion, on all processors of this process.
 
     Parameters
     ----------
@@ -271,7 +273,25 @@ def erode(rods: FloatArray, tolerance: float) -> FloatArray:
     ndarray, shape (5, run)
         u, x, L and z at the end of erosion, and `CAUGHT_UP`, `AT_REST` or `GAVE_UP`.
     """
-    ends = np.empty((5, rods.shape[1]))
+    return _erode_in_threads(rods, tolerance)[:5]
+
+
+def count_evaluations(rods: FloatArray, tolerance: float) -> FloatArray:
+    """Count the evaluations of the slopes in each run; the parameters are those of `erode`."""
+    return 1 + 6 * _erode_in_threads(rods, tolerance)[5] + 7  # the start, steps, the event
+
+
+def _erode_in_threads(rods: FloatArray, tolerance: float) -> FloatArray:
+    def erode_part(part: slice) -> FloatArray:
+        return _erode(np.ascontiguousarray(rods[:, part]), tolerance)
+
+    return np.concatenate(map_parts(erode_part, rods.shape[1], _WORTH_A_THREAD), axis=1)
+
+
+@compiled
+def _erode(rods: FloatArray, tolerance: float) -> FloatArray:
+    """Integrate rods; rows as `erode` returns them, and the number of steps."""
+    ends = np.empty((6, rods.shape[1]))
     lanes = np.zeros(_BUFFER)
     if rods.shape[1] > 0:
         _integrate(lanes, rods, tolerance, ends)
