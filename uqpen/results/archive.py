@@ -40,7 +40,7 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
         """Return a tree as an archive; its groups move there, and leave the tree empty."""
         archive = cls(tree.to_dataset(inherit=False))
         # As arguments of the constructor, they would all be copied once for each level above them.
-        archive.children = tree.children
+        archive.children = tree.children  # type: ignore[assignment] # they need not be archives
         return archive
 
     def to_frame(self, *, functions: bool = False) -> pd.DataFrame:
