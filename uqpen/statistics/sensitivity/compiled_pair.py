@@ -10,7 +10,12 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics.sensitivity.correlated_pair import CorrelatedPair
-from uqpen.statistics.sensitivity.kernels import add_sums_above, pair_influence, pair_products
+from uqpen.statistics.sensitivity.kernels import (
+    add_sums_above,
+    pair_influence,
+    pair_products,
+    pair_sums,
+)
 
 __all__ = ["CompiledPair"]
 
@@ -22,9 +27,13 @@ class CompiledPair(CorrelatedPair):
     """Two weighted sums of columns, added a few runs at a time."""
 
     @cached_property
+    def _sums(self) -> FloatArray:
+        return pair_sums(self.columns, self.summed, self.weights)
+
+    @cached_property
     def _products(self) -> tuple[float, float, float]:
         """Mean squares of both sums, and their mean product."""
-        return pair_products(self.columns, self.summed, self.weights)
+        return pair_products(self._sums)
 
     @cached_property
     def value(self) -> float:
@@ -37,15 +46,14 @@ class CompiledPair(CorrelatedPair):
         """Influence of each run on the correlation, shape (run,)."""
         runs = self.columns.shape[1]
         influence, targets = np.empty(runs), np.empty((runs, 2))
-        square, other_square, _ = self._products
-        weights = self.weights / np.sqrt([[square], [other_square]])
-        summed = self.summed
-        pair_influence(self.columns, summed, weights, self.value, targets, influence)
+        stds = np.sqrt(self._products[:2])
+        pair_influence(self._sums, stds, self.value, targets, influence)
         if self.orderings:
             # A run moves the ranks of all others too.
-            for k, (one, other) in zip(summed, weights.T[summed], strict=True):
+            weights = (self.weights / stds[:, np.newaxis]).T.tolist()
+            for k in self.summed.tolist():
                 own = self.orderings[k]
                 is_above = _NONE_EQUAL if own.is_above is None else own.is_above
-                factors = float(one) / own.rank_std, float(other) / own.rank_std
+                factors = weights[k][0] / own.rank_std, weights[k][1] / own.rank_std
                 add_sums_above(own.order, is_above, targets, factors, influence)
         return influence

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import reason_of_input
-from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
+from uqpen.statistics.sensitivity.local_regression import Lines, RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["LocalRegressions", "SampledVariable", "VarianceParts"]
@@ -186,22 +185,6 @@ class VarianceParts:
         influence = ratio[..., np.newaxis] * self.squares - self.left_influence
         errors, freedom = standard_error(variable.sample, influence / self.total[..., np.newaxis])
         return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
-
-
-class Lines(Protocol):
-    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
-
-    @property
-    def variance(self) -> FloatArray:
-        """The mean variance about the lines."""
-
-    @property
-    def influence(self) -> FloatArray:
-        """Each run's influence on it, but for a constant."""
-
-    @property
-    def pair_noise(self) -> FloatArray:
-        """The part of its standard error from pairs of runs."""
 
 
 # Hears an input's number, the lines of the bins through a field, and the parts about them.

@@ -14,7 +14,13 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.ordering import Numbers
 
-__all__ = ["add_sums_above", "pair_influence", "pair_products", "residuals_in_bins"]
+__all__ = [
+    "add_sums_above",
+    "pair_influence",
+    "pair_products",
+    "pair_sums",
+    "residuals_in_bins",
+]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -99,22 +105,8 @@ def residuals_in_bins(
 
 
 @_compiled
-def _add_columns(
-    columns: FloatArray, summed: IntArray, weights: FloatArray, start: int, sums: FloatArray
-) -> None:
-    """Write the weighted sums of some of the columns over the runs from `start` on."""
-    sums[:] = 0.0
-    for i in range(len(summed)):
-        weight = weights[summed[i]]
-        for r in range(len(sums)):
-            sums[r] += weight * columns[summed[i], start + r]
-
-
-@_compiled
-def pair_products(
-    columns: FloatArray, summed: IntArray, weights: FloatArray
-) -> tuple[float, float, float]:
-    """Mean squares of two weighted sums of columns, and their mean product.
+def pair_sums(columns: FloatArray, summed: IntArray, weights: FloatArray) -> FloatArray:
+    """Add up two weighted sums of columns, shape (2, run), a block of runs after the other.
 
     Parameters
     ----------
@@ -124,18 +116,30 @@ def pair_products(
     weights : ndarray, shape (2, column)
     """
     runs = columns.shape[1]
-    sums = np.empty((2, _TOGETHER))
+    sums = np.zeros((2, runs))
+    for start in range(0, runs, _TOGETHER):
+        stop = min(start + _TOGETHER, runs)
+        one, other = sums[0, start:stop], sums[1, start:stop]
+        for k in summed:
+            column, weight, other_weight = columns[k, start:stop], weights[0, k], weights[1, k]
+            for r in range(len(column)):
+                one[r] += weight * column[r]
+                other[r] += other_weight * column[r]
+    return sums
+
+
+@_compiled
+def pair_products(sums: FloatArray) -> tuple[float, float, float]:
+    """Mean squares of two rows, shape (2, run), and their mean product."""
+    runs = sums.shape[1]
     square, other_square, product = 0.0, 0.0, 0.0
     for start in range(0, runs, _TOGETHER):
-        size = min(_TOGETHER, runs - start)
-        one, other = sums[0, :size], sums[1, :size]
-        _add_columns(columns, summed, weights[0], start, one)
-        _add_columns(columns, summed, weights[1], start, other)
         part, other_part, product_part = 0.0, 0.0, 0.0
-        for r in range(size):
-            part += one[r] * one[r]
-            other_part += other[r] * other[r]
-            product_part += one[r] * other[r]
+        for r in range(start, min(start + _TOGETHER, runs)):
+            one, other = sums[0, r], sums[1, r]
+            part += one * one
+            other_part += other * other
+            product_part += one * other
         square += part
         other_square += other_part
         product += product_part
@@ -144,30 +148,17 @@ def pair_products(
 
 @_compiled
 def pair_influence(
-    columns: FloatArray,
-    summed: IntArray,
-    weights: FloatArray,
-    value: float,
-    targets: FloatArray,
-    influence: FloatArray,
+    sums: FloatArray, stds: FloatArray, value: float, targets: FloatArray, influence: FloatArray
 ) -> None:
-    """Write each run's influence on the correlation of two sums of columns, both of variance 1.
+    """Write each run's influence on the correlation `value` of two rows, of standard deviations.
 
-    The first parameters are those of `pair_products`; `value` is the correlation. `targets`, shape
-    (run, 2), become what each sum lacks of the other.
+    `targets`, shape (run, 2), become what each row lacks of the other.
     """
-    runs = columns.shape[1]
-    sums = np.empty((2, _TOGETHER))
-    for start in range(0, runs, _TOGETHER):
-        size = min(_TOGETHER, runs - start)
-        one, other = sums[0, :size], sums[1, :size]
-        _add_columns(columns, summed, weights[0], start, one)
-        _add_columns(columns, summed, weights[1], start, other)
-        for r in range(size):
-            squares = one[r] * one[r] + other[r] * other[r]
-            influence[start + r] = one[r] * other[r] - value / 2.0 * squares
-            targets[start + r, 0] = other[r] - value * one[r]
-            targets[start + r, 1] = one[r] - value * other[r]
+    for r in range(sums.shape[1]):
+        one, other = sums[0, r] / stds[0], sums[1, r] / stds[1]
+        influence[r] = one * other - value / 2.0 * (one * one + other * other)
+        targets[r, 0] = other - value * one
+        targets[r, 1] = one - value * other
 
 
 @_compiled

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["FEWEST_RUNS_FOR_A_SLOPE", "RegressionBins", "ResidualVariance"]
+__all__ = ["FEWEST_RUNS_FOR_A_SLOPE", "Lines", "RegressionBins", "ResidualVariance"]
 
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
@@ -153,6 +154,22 @@ class RegressionBins:
         """Residuals of variables from the lines of the bins, shape (..., run)."""
         centred = values - (self.total(values) / self.size)[..., self.label]
         return centred - self.place * self.total(self.place * centred)[..., self.label]
+
+
+class Lines(Protocol):
+    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
+
+    @property
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines."""
+
+    @property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+
+    @property
+    def pair_noise(self) -> FloatArray:
+        """The part of its standard error from pairs of runs."""
 
 
 @dataclass(frozen=True)
