@@ -19,6 +19,7 @@ __all__ = [
     "MULTIFIDELITY",
     "SKEWED",
     "STOPPED_REPLICATES",
+    "SURROGATE_USE_CASES",
     "USE_CASES",
     "Place",
     "markdown",
@@ -59,7 +60,7 @@ class Place(NamedTuple):
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
 # `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`,
-# `field_indices_coverage.py`, `corrected_coverage.py`.
+# `field_indices_coverage.py`, `corrected_coverage.py`, `surrogate_usecases.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
@@ -69,6 +70,7 @@ FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
 CORRECTED = Place("corrected estimates of surrogates")
 MULTIFIDELITY = Place("stand-ins")
+SURROGATE_USE_CASES = Place("surrogates of use cases")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
@@ -245,6 +247,17 @@ Probabilities and quantiles rest on the number of the dear runs: with few of the
 the whole budget have narrower ones. `benchmarks/multifidelity_coverage.py` makes this table.
 """
 
+_SURROGATE_USE_CASES = """\
+## Surrogates of the use cases of OpenTURNS
+
+The models above, each with a surrogate of independent runs and without any setting. A figure is
+*off* if its interval misses the true value. It is off *without a word* if it has no note either.
+The surrogate's own figure stands beside each corrected one: the last column counts those that are
+wrong by more than the interval is wide to one side, and yet inside of an interval without a note.
+True values are those of the section on use cases; standard deviations that are infinite are left
+out. `benchmarks/surrogate_usecases.py` makes these tables.
+"""
+
 _NONE = """\
 ## Without an interval
 
@@ -277,11 +290,7 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. The standard deviation has a note in
 all cells, as that of plain runs has below 1 000, and plain runs have none below 200.
-`benchmarks/corrected_coverage.py` makes these tables. They have few seeds. Their probabilities and
-quantiles are older than the rule by which a fold does without a useless fit; with it, 100 seeds of
-100 independent runs give: step function, quantile 0.05, 97 / 1.05 (before 1.80); Pareto's, 99 /
-1.11 (1.90); that of 1/(0.02 + u), 97 / 1.05 (2.92); median of the useless surrogate, 94 / 1.00
-(1.04), and its P 0.14 covers 91.
+`benchmarks/corrected_coverage.py` makes these tables.
 """
 
 
@@ -330,7 +339,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
     parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
     parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page)]
-    parts += [_CORRECTED, CORRECTED.text(page), _MULTIFIDELITY, MULTIFIDELITY.text(page), _NONE]
+    parts += [_CORRECTED, CORRECTED.text(page), _MULTIFIDELITY, MULTIFIDELITY.text(page)]
+    parts += [_SURROGATE_USE_CASES, SURROGATE_USE_CASES.text(page), _NONE]
     return "\n".join(parts)
 
 

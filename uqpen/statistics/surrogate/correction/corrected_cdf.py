@@ -70,15 +70,21 @@ class CorrectedCdf:
         return np.asarray(np.bincount(draws) @ by_set / len(draws))
 
     def _shares_by_set(self, values: FloatArray) -> FloatArray:
-        """Return the distribution function of each fit in each set of draws, at some values."""
+        """Return the distribution function of each fit in each set of draws, at ascending values.
+
+        Its shape is (fold, set, value).
+        """
         runs, sets = self.runs, self.runs.draw_replicates
-        below = (
-            np.searchsorted(np.sort(row[runs.draw_replicate == number]), values, side="right")
-            for row in runs.draws
-            for number in range(sets)
-        )
-        counts = np.array(list(below)).reshape(len(runs.draws), sets, len(values))
-        return counts / np.bincount(runs.draw_replicate)[:, None]
+        shares = np.empty((len(runs.draws), sets, len(values)))
+        for share, row in zip(shares, runs.draws, strict=True):
+            # A draw counts from the first value on that is not below it.
+            first = np.searchsorted(values, row)
+            at = np.bincount(
+                runs.draw_replicate * (len(values) + 1) + first,
+                minlength=sets * (len(values) + 1),
+            )
+            np.cumsum(at.reshape(sets, -1)[:, :-1], axis=1, out=share)
+        return shares / np.bincount(runs.draw_replicate)[:, None]
 
     def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds: all values whose interval has the probability.

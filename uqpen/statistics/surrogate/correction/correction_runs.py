@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,6 +50,17 @@ class CorrectionRuns:
     missing_fold: IntArray
     exact_moments: FloatArray | None = None
     level: float = LEVEL
+
+    def of(self, function: Callable[[FloatArray], FloatArray]) -> CorrectionRuns:
+        """Return the runs of a function of the output."""
+        return replace(
+            self,
+            values=function(self.values),
+            predictions=function(self.predictions),
+            draws=function(self.draws),
+            missing_predictions=function(self.missing_predictions),
+            exact_moments=None,
+        )
 
     @property
     def size(self) -> int:
