@@ -25,6 +25,11 @@ def concrete() -> xr.DataTree:
     return uqpen.run(uqpen.load_study(STUDIES / "concrete.toml"))
 
 
+@pytest.fixture(scope="module")
+def ishigami() -> xr.DataTree:
+    return uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
+
+
 def figure(tree: xr.DataTree, design: str, output: str, name: str, **at: Any) -> dict[str, float]:
     return bounds(tree[f"statistics/{design}/{output}"][name].sel(at))
 
@@ -204,11 +209,10 @@ def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
-def test_the_self_check_holds_the_exact_answers(design: str) -> None:
-    tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
-    mean = figure(tree, design, "y", "mean")
+def test_the_self_check_holds_the_exact_answers(ishigami: xr.DataTree, design: str) -> None:
+    mean = figure(ishigami, design, "y", "mean")
     assert mean["lower"] < 3.5 < mean["upper"]
-    std = figure(tree, design, "y", "std")
+    std = figure(ishigami, design, "y", "std")
     assert std["lower"] < 13.844587940719254**0.5 < std["upper"]
 
 

@@ -500,5 +500,6 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
             time.sleep(0.01)
         said = process.stderr.read() if process.stderr is not None else ""
     assert process.returncode == 130
-    assert said.startswith("interrupted")
+    # A busy machine takes so long to prepare the model that it is told.
+    assert said.removeprefix("preparing model.py:f\n").startswith("interrupted")
     assert "Traceback" not in said

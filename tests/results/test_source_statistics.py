@@ -38,9 +38,9 @@ runs = 100
 """
 
 
-@pytest.fixture
-def tree(study_of: MakeStudy) -> xr.DataTree:
-    return uqpen.run(study_of("a + b**2", DESIGNS, a=(0, 1), b=(0, 1)))
+@pytest.fixture(scope="module")
+def tree(module_study_of: MakeStudy) -> xr.DataTree:
+    return uqpen.run(module_study_of("a + b**2", DESIGNS, a=(0, 1), b=(0, 1)))
 
 
 def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
