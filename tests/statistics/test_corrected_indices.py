@@ -47,6 +47,15 @@ def test_of_dependent_inputs_a_first_order_index_includes_correlation(
     assert (found["total_order"]["note"] == "the random inputs depend on each other").all()
 
 
+def test_a_discrete_input_may_depend_on_another(study_of: MakeStudy) -> None:
+    pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
+    dependence = f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\n{pair}\n'
+    coin = "{ discrete = { values = [0, 1], weights = [1, 1] } }"
+    found = corrected(study_of("b + 0 * a", dependence, a=coin, b=NORMAL))
+    # Given either side of the coin, b has the mean ± 0.5 √(2/π).
+    check_index(found["first_order"], [0.25 * 2 / math.pi, 1.0], 0.1)
+
+
 def test_inadmissible_draws_leave_indices_given_admissible(study_of: MakeStudy) -> None:
     keep = '[constraints]\nkeep = ["a + b < 1"]'
     found = corrected(study_of("a + b", keep, a=(0, 1), b=(0, 1)))

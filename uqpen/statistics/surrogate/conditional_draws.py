@@ -44,7 +44,7 @@ class ConditionalDraws:
     Parameters
     ----------
     evaluator : Evaluator
-        A model with the constraints of the joint distribution. It tells what is admissible.
+        A model with the constraints of the joint distribution. It knows what is admissible.
     joint : JointDistribution
     given : mapping of str to float
         Values of fixed inputs that replace those of the joint distribution.
@@ -96,6 +96,25 @@ class ConditionalDraws:
             for name, column in again.items():
                 inputs[name][rows] = column
         return ConditionalSample(points, inputs)
+
+    def probabilities(self, values: Mapping[str, FloatArray], unit: FloatArray) -> FloatArray:
+        """Return probabilities of given values of the random inputs, shape (run, random input).
+
+        A value with a probability of its own has any one within its step. Draws that share the
+        value, and not the step's part, have their own.
+
+        Parameters
+        ----------
+        values : mapping of str to ndarray, shape (run,)
+        unit : ndarray, shape (run, random input)
+            Where in its step each one is, from 0 to 1.
+        """
+        columns = []
+        for entry, part in zip(self.joint.random, unit.T, strict=True):
+            value = values[entry.variable.name]
+            before, at = map(entry.distribution.cdf, (np.nextafter(value, -np.inf), value))
+            columns.append(before + part * (at - before))
+        return np.column_stack(columns)
 
     def _inputs(self, points: FloatArray) -> dict[str, FloatArray]:
         fixed = {entry.variable.name: entry.value for entry in self.joint.fixed} | {**self.given}

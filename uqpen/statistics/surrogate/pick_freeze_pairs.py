@@ -24,7 +24,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator
-from uqpen.statistics.surrogate.conditional_draws import ConditionalDraws
+from uqpen.statistics.surrogate.conditional_draws import ConditionalDraws, ConditionalSample
 
 __all__ = [
     "MOST_INPUTS_FOR_ALL_SETS",
@@ -202,9 +202,10 @@ def paired_outputs(
     generators = [draws.stream.generator("pairs", i) for i in range(_REPLICATES)]
     unit = np.concatenate([sobol_points(each, size, 2 * dimension) for each in generators])
     first = draws.draw(unit[:, :dimension], {}, "first")
+    points = _shared_points(draws, first, unit[:, dimension:])
     second: list[dict[int, Mapping[str, FloatArray]]] = [{} for _ in evaluators]
     for subset in subsets:
-        shared = {i: first.points[:, i] for i in range(dimension) if subset >> i & 1}
+        shared = {i: points[:, i] for i in range(dimension) if subset >> i & 1}
         found = draws.draw(unit[:, dimension:], shared, f"second {subset}")
         for each, evaluator in zip(second, evaluators, strict=True):
             each[subset] = evaluator(found.inputs).outputs
@@ -212,6 +213,19 @@ def paired_outputs(
         PickFreezePairs(dimension, evaluator(first.inputs).outputs, each)
         for evaluator, each in zip(evaluators, second, strict=True)
     ]
+
+
+def _shared_points(
+    draws: ConditionalDraws, first: ConditionalSample, unit: FloatArray
+) -> FloatArray:
+    """Return the probabilities of draws as others share them: the value of a discrete input alone.
+
+    Where inputs depend on each other, the place within its step says more than the value does.
+    """
+    is_discrete = [entry.distribution.is_discrete for entry in draws.joint.random]
+    if draws.joint.is_independent or not any(is_discrete):
+        return first.points
+    return np.where(is_discrete, draws.probabilities(first.inputs, unit), first.points)
 
 
 def _input_subsets(dimension: int) -> list[int]:

@@ -121,30 +121,19 @@ class FoldProjections:
         unit = sobol_points(rng, max(fold.size, 1) * count, len(self._single))
         unit = unit[: fold.size * count]
         given = {name: np.repeat(each, count) for name, each in fold.inputs(fold.completed).items()}
-        shared = self._probabilities(given, unit)
+        points = self._conditional.probabilities(given, unit)
         names = list(given)
         found: dict[int, Mapping[str, FloatArray]] = {}
         for subset in subsets:
-            some = [each for each in shared if subset >> each & 1]
+            some = [each for each in range(len(names)) if subset >> each & 1]
             sample = self._conditional.draw(
                 unit,
-                {each: shared[each] for each in some},
+                {each: points[:, each] for each in some},
                 f"run {number}, {subset}",
                 {names[each]: given[names[each]] for each in some},
             )
             outputs = self._evaluator(fold)(sample.inputs).outputs
             found[subset] = {name: each.reshape(-1, count) for name, each in outputs.items()}
-        return found
-
-    def _probabilities(
-        self, given: Mapping[str, FloatArray], unit: FloatArray
-    ) -> dict[int, FloatArray]:
-        """Return the probability of each given value; within its step where it has one."""
-        found = {}
-        for number, entry in enumerate(self.draws.joint.random):
-            value = given[entry.variable.name]
-            before, at = map(entry.distribution.cdf, (np.nextafter(value, -np.inf), value))
-            found[number] = before + unit[:, number] * (at - before)
         return found
 
 
