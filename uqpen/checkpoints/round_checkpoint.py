@@ -199,7 +199,7 @@ class RoundCheckpoint(Checkpoint):
 
 
 class ScratchCheckpoint(RoundCheckpoint):
-    """Checkpoint of which no other start takes a run: many are in a file until the archive is."""
+    """Checkpoint for one start: many runs are in a file until the archive has them."""
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         pass
