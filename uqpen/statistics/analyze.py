@@ -296,8 +296,8 @@ def output_run_counts(
 ) -> dict[str, int | str]:
     """Return the counts of the runs of an output's statistics, as attributes.
 
-    They are those of `run_counts`, except where completed runs have no value of the output, or not
-    so many runs are used.
+    They are those of `run_counts`, except where completed runs have no value of the output. The
+    number of runs that have one may be given.
     """
     counts = run_counts(runs)
     if used is None:
