@@ -2,8 +2,8 @@
 
     python benchmarks/large_samples.py 3000000 10000000
 
-The runs are drawn anew in each pass: four inputs, three outputs, one with a threshold and one of two
-categories. The time of drawing is measured by itself and taken off.
+The runs are drawn anew in each pass: four inputs, and three outputs, of which one has a threshold
+and one two categories. The time of drawing all runs once is stated beside.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.blocks import BLOCK, BlockedRuns, block_ranges
+from uqpen.core.blocks import BlockedRuns, block_ranges
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
-from uqpen.core.streams import Stream
+from uqpen.core.streams import BLOCK, Stream
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 
@@ -102,8 +102,8 @@ def main() -> None:
         spent = time.process_time() - begun
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
         print(
-            f"{size} runs: {1e6 * spent / size:.3f} µs a run, {1e6 * drawing / size:.3f} of them for "
-            f"each drawing; peak {peak:.0f} MB",
+            f"{size} runs: {1e6 * spent / size:.3f} µs a run, "
+            f"drawing once {1e6 * drawing / size:.3f}; peak {peak:.0f} MB",
             flush=True,
         )
 

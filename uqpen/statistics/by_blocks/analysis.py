@@ -16,10 +16,10 @@ from uqpen.core.lookup import resolve
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES, texts
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
 from uqpen.statistics.by_blocks.grouping import Grouping
+from uqpen.statistics.by_blocks.output_sensitivity import OutputSensitivity
 from uqpen.statistics.by_blocks.output_set import OutputSet
+from uqpen.statistics.by_blocks.output_variables import OutputVariables
 from uqpen.statistics.by_blocks.passes import RunTable
-from uqpen.statistics.by_blocks.sensitivity import OutputSensitivity
-from uqpen.statistics.by_blocks.variables import OutputVariables
 from uqpen.statistics.convergence import convergence_of_parts
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -30,8 +30,9 @@ __all__ = ["BlockedAnalysis"]
 _Array = tuple[str, xr.DataArray]
 _Analysis = Callable[[Sample, QuantityOfInterest], Iterable[_Array]]
 
-# Outputs whose accumulators are in memory together, and numbers of them with each of the inputs.
-_MOST_OUTPUTS, _MOST_PAIRS = 8, 256
+# Outputs whose accumulators are in memory together, their number times that of the inputs, and
+# that of the groups.
+_MOST_OUTPUTS, _MOST_PAIRS, _MOST_COUNTED = 8, 256, 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,8 @@ class BlockedAnalysis:
     ) -> Iterator[Sequence[QuantityOfInterest]]:
         """Yield quantities whose outputs have a value in the same runs, few at a time."""
         inputs = len(InputColumns.from_runs(self.runs).names)
-        most = min(max(_MOST_PAIRS // max(inputs, 1), 1), _MOST_OUTPUTS)
+        few = min(_MOST_PAIRS // max(inputs, 1), _MOST_COUNTED // self._grouping.groups)
+        most = min(max(few, 1), _MOST_OUTPUTS)
         everywhere = []
         for each in quantities:
             if ABSENT in self.runs.template[each.output.name].attrs:
@@ -134,7 +136,7 @@ class BlockedAnalysis:
             groups,
             found.cells[name],
             found.powers[name],
-            found.lost,
+            found.missing_counts,
             self._grouping.sampling,
             is_replicated=self._grouping.is_replicated,
             level=variables.quantity.confidence_level,

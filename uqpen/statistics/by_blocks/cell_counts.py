@@ -103,10 +103,16 @@ class CellCounts:
         """Number of runs below each cell, by group; known when all runs are counted."""
         return np.pad(np.cumsum(self.counts, axis=1), ((0, 0), (1, 0)))
 
+    def below_in_first(self, groups: int) -> IntArray:
+        """Number of runs of the first groups below each cell, shape (cell + 1,)."""
+        if groups not in self._below:
+            self._below[groups] = self._before[:groups].sum(axis=0)
+        return self._below[groups]
+
     @cached_property
-    def below_in_first(self) -> IntArray:
-        """The same of the first group, the first two, and so on, shape (group, cell + 1)."""
-        return np.cumsum(self._before, axis=0)
+    def _below(self) -> dict[int, IntArray]:
+        """Those that were needed before, as each growing part is analysed several times."""
+        return {}
 
     @cached_property
     def sizes(self) -> IntArray:
@@ -126,14 +132,14 @@ class CellCounts:
 
 @dataclass(frozen=True, eq=False)
 class Collector:
-    """Collector of the values of some cells, piece after piece of the runs."""
+    """Collector of the values of some cells, chunk after chunk of the runs."""
 
     counts: CellCounts
     is_asked: npt.NDArray[np.bool_]
     parts: list[tuple[int, npt.NDArray[np.int32], FloatArray]] = field(default_factory=list)
 
     def add(self, group: int, values: FloatArray, cells: npt.NDArray[np.int32]) -> None:
-        """Add the runs of a piece, with the cells of their values."""
+        """Add the runs of a chunk, with the cells of their values."""
         taken = np.flatnonzero(self.is_asked[cells])
         self.parts.append((group, cells[taken], values[taken]))
 
@@ -156,9 +162,9 @@ class Collector:
 
 @dataclass(frozen=True, eq=False)
 class OrderedValues:
-    """The ascending values of a column's first groups, of which those that are asked for are found.
+    """The ascending values of a column's first groups; those that are asked for are found.
 
-    It takes the positions that an array of them takes; what is not known yet is NaN.
+    It takes the positions that an array of them takes. What is not known yet is NaN.
     """
 
     counts: CellCounts
@@ -168,7 +174,7 @@ class OrderedValues:
     @classmethod
     def of_first(cls, counts: CellCounts, groups: int) -> OrderedValues:
         """Return the values of the first groups."""
-        return cls(counts, groups, counts.below_in_first[groups - 1])
+        return cls(counts, groups, counts.below_in_first(groups))
 
     @property
     def shape(self) -> tuple[int]:
