@@ -203,3 +203,7 @@ class ScratchCheckpoint(RoundCheckpoint):
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         pass
+
+    def _write_fingerprint(self) -> None:
+        # Another start removes runs without one.
+        self._folder.mkdir(parents=True, exist_ok=True)
