@@ -201,5 +201,5 @@ def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
         if numbers.size:
             first = np.searchsorted(failed, numbers[0])
             last = np.searchsorted(failed, numbers[-1], side="right")
-            known += np.count_nonzero(np.isin(failed[first:last], numbers))
+            known += int(np.count_nonzero(np.isin(failed[first:last], numbers)))
     return bool(known == len(failed))
