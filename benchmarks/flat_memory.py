@@ -2,7 +2,7 @@
 
     python benchmarks/flat_memory.py                     # 3e6 and 1e7 runs
     python benchmarks/flat_memory.py 100_000_000         # some GB of disk, and minutes
-    python benchmarks/flat_memory.py 3_000_000 --kill    # killed half-way, then continued: same bytes?
+    python benchmarks/flat_memory.py 3_000_000 --kill    # killed half-way, continued: same bytes?
 
 For each number of runs of `plain.toml`: the peak of memory and the processor time of `uqpen study`,
 the most disk that it took, and the peaks of `uqpen show`, `report` and `verify` of its archive. The

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.blocks import BLOCK, BlockedRuns, block_ranges
+from uqpen.core.blocks import BlockedRuns, block_ranges
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
-from uqpen.core.streams import Stream
+from uqpen.core.streams import BLOCK, Stream
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 

@@ -213,6 +213,16 @@ def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder: Path) ->
         runs(folder)
 
 
+def test_a_model_without_known_versions_keeps_runs_for_one_start_alone(
+    folder: Path, expected: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CheckpointFolder, "checkpoint", CheckpointFolder.scratch)
+    killed_after(folder, 4)
+    again = Interrupted()
+    assert_same(runs(folder, progress=again), expected)
+    assert (again.restored, again.made) == ([], 4_500)
+
+
 @pytest.mark.parametrize("design", [SobolSequence(runs=2**18), Halton(runs=200_001, replicates=3)])
 def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(
     design: SobolSequence | Halton,

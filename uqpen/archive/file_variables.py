@@ -77,7 +77,7 @@ class _FileValues(_LazyValues):
 
 
 class CodedTexts(_LazyValues):
-    """Texts of which many are alike, kept as numbers.
+    """Texts, many of them alike, kept as numbers.
 
     Parameters
     ----------

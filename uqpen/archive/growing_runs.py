@@ -134,7 +134,7 @@ class GrowingRuns:
 
 
 class FailureRecord:
-    """Failed runs and their reasons, of which many are alike, collected block by block."""
+    """Failed runs and their reasons, many of them alike, collected block by block."""
 
     def __init__(self) -> None:
         self._runs: list[Any] = []

@@ -29,9 +29,9 @@ __all__ = [
     "model_trees",
     "open_archive",
     "read_as_written",
-    "read_back",
     "read_group",
     "read_tree",
+    "read_unchecked",
 ]
 
 # What the library raises for a file that it cannot read.
@@ -89,7 +89,7 @@ def read_as_written(path: Path) -> xr.DataTree:
             raise ArchiveError(f"{path}: is damaged: {error}") from error
 
 
-def read_back(path: Path, runs_in_memory: int) -> xr.DataTree:
+def read_unchecked(path: Path, runs_in_memory: int) -> xr.DataTree:
     """Read an archive that this program has just written, without a check of its bytes."""
     import netCDF4
 

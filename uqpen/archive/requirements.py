@@ -15,7 +15,7 @@ from uqpen.archive.estimates import statistic_names
 from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.blocks import holds_by_blocks
+from uqpen.core.blocks import is_true_by_blocks
 from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     ABSENT,
@@ -142,7 +142,7 @@ def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
         completed = np.asarray(values, dtype=np.float64)[statuses == Status.OK]
         return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
 
-    return holds_by_blocks(is_finite, variable, status)
+    return is_true_by_blocks(is_finite, variable, status)
 
 
 def _has_flags(variable: xr.Variable) -> bool:

@@ -20,7 +20,7 @@ from uqpen.archive.layout import (
 )
 from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
-from uqpen.core.blocks import block_ranges, holds_by_blocks
+from uqpen.core.blocks import block_ranges, is_true_by_blocks
 from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
@@ -168,13 +168,15 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     status = runs.variables.get(STATUS)
     if status is None or status.dims != (RUN,):
         yield f"no {STATUS} along {RUN}"
-    elif not holds_by_blocks(lambda found: np.isin(found, list(Status)).all(), status):
+    elif not is_true_by_blocks(lambda found: np.isin(found, list(Status)).all(), status):
         yield f"a {STATUS} that is none"
     if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"
     if RUN not in runs.coords or not has_kind(runs[RUN], "count"):
         yield f"no {RUN} numbers"
-    elif not holds_by_blocks(lambda run: (np.diff(run) > 0).all(), runs.variables[RUN], overlap=1):
+    elif not is_true_by_blocks(
+        lambda run: (np.diff(run) > 0).all(), runs.variables[RUN], overlap=1
+    ):
         yield f"{RUN} numbers that do not ascend"
     elif WEIGHT in runs.coords and not _has_weights(runs[WEIGHT]):
         yield f"a {WEIGHT} that is none"
@@ -186,9 +188,11 @@ def _has_weights(weights: xr.DataArray) -> bool:
     """Return True if every run has a weight, and some run counts."""
     if weights.dims != (RUN,) or not has_kind(weights, "number"):
         return False
-    if not holds_by_blocks(lambda each: (np.isfinite(each) & (each >= 0)).all(), weights.variable):
+    if not is_true_by_blocks(
+        lambda each: (np.isfinite(each) & (each >= 0)).all(), weights.variable
+    ):
         return False
-    return not holds_by_blocks(lambda each: (each <= 0).all(), weights.variable)
+    return not is_true_by_blocks(lambda each: (each <= 0).all(), weights.variable)
 
 
 def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
@@ -202,5 +206,5 @@ def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
         if numbers.size:
             first = np.searchsorted(failed, numbers[0])
             last = np.searchsorted(failed, numbers[-1], side="right")
-            known += np.count_nonzero(np.isin(failed[first:last], numbers))
+            known += int(np.count_nonzero(np.isin(failed[first:last], numbers)))
     return bool(known == len(failed))

@@ -189,7 +189,8 @@ class CheckpointFolder:
 
     def scratch(self, design: str, model: str, number: int) -> Checkpoint:
         """Return a checkpoint that keeps many runs in a file, and no run for another start."""
-        remove_checkpoint(self._runs_folder(model, design))
+        if not number:
+            remove_checkpoint(self._runs_folder(model, design))
         return ScratchCheckpoint(self, self._runs_folder(model, design), {}, number)
 
     def read_runs(self, file: Path) -> FinishedRuns | None:

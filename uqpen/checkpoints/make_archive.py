@@ -7,8 +7,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.read import read_back
+from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
+from uqpen.checkpoints.archived_runs import unused_designs
 from uqpen.checkpoints.changed_designs import unusable_runs
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
@@ -111,6 +112,10 @@ def make_archive(
         archives = [replaced, *named] if replaced else named
         sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
         reused = ReusedRuns(study, sources, journal)
+        for archive in archives:
+            for name in unused_designs(archive.tree):
+                text = f"no run of its {name} is taken, as it has more than {RUNS_IN_MEMORY} runs"
+                journal.inform(f"{archive.place}: {text}")
         not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
         for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
             journal.inform(f"{name}: {text}")
@@ -129,7 +134,7 @@ def make_archive(
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
-            tree = read_back(path, runs_in_memory)  # as the files of the runs are removed
+            tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
     return tree
 

@@ -199,7 +199,11 @@ class RoundCheckpoint(Checkpoint):
 
 
 class ScratchCheckpoint(RoundCheckpoint):
-    """Checkpoint of which no other start takes a run: many are in a file until the archive is."""
+    """Checkpoint for one start: many runs are in a file until the archive has them."""
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         pass
+
+    def _write_fingerprint(self) -> None:
+        # Another start removes runs without one.
+        self._folder.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,7 @@ __all__ = [
     "BlockedRuns",
     "LoadedDataset",
     "block_ranges",
-    "holds_by_blocks",
+    "is_true_by_blocks",
     "join_blocks",
 ]
 
@@ -38,8 +38,8 @@ def block_ranges(size: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + BLOCK, size)
 
 
-def holds_by_blocks(check: Callable[..., Any], *variables: xr.Variable, overlap: int = 0) -> bool:
-    """Check that a condition holds for the values of each block of variables along one dimension.
+def is_true_by_blocks(check: Callable[..., Any], *variables: xr.Variable, overlap: int = 0) -> bool:
+    """Check that a condition is true of each block of variables along one dimension.
 
     Parameters
     ----------

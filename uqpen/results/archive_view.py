@@ -176,7 +176,7 @@ class ArchiveView:
         return self.runs(design).isel({RUN: slice(RUNS_IN_MEMORY)}).load()
 
     def part(self, design: str) -> str:
-        """Return what figures say before the name of a design of which they show a part."""
+        """Return what figures say before the name of a design if they show only a part of it."""
         if self.runs(design).sizes[RUN] <= RUNS_IN_MEMORY:
             return ""
         return f"the first {grouped_number(RUNS_IN_MEMORY)} runs of "

@@ -30,10 +30,7 @@ from uqpen.statistics.absent_values import (
     condition_of_absent,
     runs_with_value,
 )
-from uqpen.statistics.distribution_function.probabilities import (
-    probabilities_of_statuses,
-    status_probabilities,
-)
+from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
@@ -201,15 +198,10 @@ def analyze_failures(
 def _failures_of_large(handle: BlockedRuns, level: float, in_memory: int) -> OutputStatistics:
     """Compute the probabilities by blocks, and the associations from a part of the runs."""
     from uqpen.statistics.by_blocks.large_sample import LargeSample
-    from uqpen.statistics.by_blocks.tabulated import status_sample
 
-    sample = status_sample(handle, level)
-    found = {"probability": probabilities_of_statuses(sample).assign_attrs(run_counts(handle))}
     large = LargeSample(handle, in_memory, _analyze_whole)
-    of_part = analyze_failures(large.part, level)
-    del of_part["probability"]
-    noted = {key: large.noted(each, texts.RANKS_IN_MEMORY) for key, each in of_part.items()}
-    return {**found, **noted}
+    found = large.with_note(analyze_failures(large.part, level), texts.RANKS_IN_MEMORY)
+    return {**found, "probability": large.status_probabilities(level, run_counts(handle))}
 
 
 def drawn_runs(runs: BlockedRuns) -> BlockedRuns:
@@ -296,8 +288,7 @@ def output_run_counts(
 ) -> dict[str, int | str]:
     """Return the counts of the runs of an output's statistics, as attributes.
 
-    They are those of `run_counts`, except where completed runs have no value of the output, or not
-    so many runs are used.
+    They are those of `run_counts`, but for runs without a value; the others' number may be given.
     """
     counts = run_counts(runs)
     if used is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +27,7 @@ from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs
+from uqpen.statistics.error_model import ErrorModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
 from uqpen.statistics.ordering import Ordering
@@ -37,16 +37,6 @@ __all__ = ["ErrorModel", "Sample", "input_sample"]
 
 # With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
-
-
-class ErrorModel(StrEnum):
-    """Error model: basis on which the error of a sample's statistics is estimated."""
-
-    INDEPENDENT = "independent draws"
-    REPLICATED = "independent replicates"
-    SINGLE_STRATIFIED_SET = "one stratified set"
-    WEIGHTED = "weighted independent draws"
-    UNKNOWN = "points of unknown origin"
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:

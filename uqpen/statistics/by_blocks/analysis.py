@@ -16,10 +16,10 @@ from uqpen.core.lookup import resolve
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES, texts
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
 from uqpen.statistics.by_blocks.grouping import Grouping
+from uqpen.statistics.by_blocks.output_sensitivity import OutputSensitivity
 from uqpen.statistics.by_blocks.output_set import OutputSet
+from uqpen.statistics.by_blocks.output_variables import OutputVariables
 from uqpen.statistics.by_blocks.passes import RunTable
-from uqpen.statistics.by_blocks.sensitivity import OutputSensitivity
-from uqpen.statistics.by_blocks.variables import OutputVariables
 from uqpen.statistics.convergence import convergence_of_parts
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -136,7 +136,7 @@ class BlockedAnalysis:
             groups,
             found.cells[name],
             found.powers[name],
-            found.lost,
+            found.missing_counts,
             self._grouping.sampling,
             is_replicated=self._grouping.is_replicated,
             level=variables.quantity.confidence_level,

@@ -37,7 +37,7 @@ class BlockedSample(Sample):
         The distribution of the output, by group.
     powers : PowerSums
         Its power sums, by group; of the same groups or the first of them.
-    lost : ndarray of int, shape (group,)
+    missing_counts : ndarray of int, shape (group,)
         The missing runs of each group.
     is_replicated : bool
         True if the groups are replicates of a stratified design.
@@ -47,7 +47,7 @@ class BlockedSample(Sample):
 
     cells: CellCounts
     powers: PowerSums
-    lost: IntArray
+    missing_counts: IntArray
     is_replicated: bool
     sizes: IntArray
 
@@ -57,7 +57,7 @@ class BlockedSample(Sample):
         groups: int,
         cells: CellCounts,
         powers: PowerSums,
-        lost: IntArray,
+        missing_counts: IntArray,
         sampling: Sampling,
         *,
         is_replicated: bool,
@@ -68,27 +68,34 @@ class BlockedSample(Sample):
         return cls(
             values=cast(FloatArray, values),
             used=_NONE,
-            missing=cast(IntArray, np.broadcast_to(0, int(lost[:groups].sum()))),
+            missing=cast(IntArray, np.broadcast_to(0, int(missing_counts[:groups].sum()))),
             columns=InputColumns.none(0),
             replicates=_NONE,
             sampling=sampling,
             level=level,
             cells=cells,
             powers=powers.first(groups),
-            lost=lost[:groups],
+            missing_counts=missing_counts[:groups],
             is_replicated=is_replicated,
             sizes=cells.sizes[:groups],
         )
 
     def with_missing(self) -> BlockedSample:
         """Return the sample with its missing runs; of its values nothing is known then."""
-        lost = np.zeros_like(self.lost)
-        return replace(self, sizes=self.sizes + self.lost, lost=lost, missing=_NONE)
+        missing_counts = np.zeros_like(self.missing_counts)
+        return replace(
+            self,
+            sizes=self.sizes + self.missing_counts,
+            missing_counts=missing_counts,
+            missing=_NONE,
+        )
 
     def events_with_missing(self, events: BoolArray | Tally, *, happened: bool) -> BoolArray:
         """Return an event over the runs of `with_missing`, with one outcome of the missing ones."""
-        lost = self.lost if self.is_replicated else self.lost.sum(keepdims=True)
-        return cast(BoolArray, cast(Tally, events).with_missing(lost, happened=happened))
+        missing_counts = (
+            self.missing_counts if self.is_replicated else self.missing_counts.sum(keepdims=True)
+        )
+        return cast(BoolArray, cast(Tally, events).with_missing(missing_counts, happened=happened))
 
     def counts_up_to(self, values: FloatArray) -> IntArray:
         """Count the runs at or below each value, shape (replicate, value)."""
@@ -114,7 +121,7 @@ class BlockedSample(Sample):
 
     @cached_property
     def sorted_values(self) -> FloatArray:
-        """The values, ascending, of which those that are asked for are found."""
+        """The values, ascending; those that are asked for are found."""
         return cast(FloatArray, OrderedValues.of_first(self.cells, len(self.sizes)))
 
     @cached_property

@@ -132,14 +132,14 @@ class CellCounts:
 
 @dataclass(frozen=True, eq=False)
 class Collector:
-    """Collector of the values of some cells, piece after piece of the runs."""
+    """Collector of the values of some cells, chunk after chunk of the runs."""
 
     counts: CellCounts
     is_asked: npt.NDArray[np.bool_]
     parts: list[tuple[int, npt.NDArray[np.int32], FloatArray]] = field(default_factory=list)
 
     def add(self, group: int, values: FloatArray, cells: npt.NDArray[np.int32]) -> None:
-        """Add the runs of a piece, with the cells of their values."""
+        """Add the runs of a chunk, with the cells of their values."""
         taken = np.flatnonzero(self.is_asked[cells])
         self.parts.append((group, cells[taken], values[taken]))
 
@@ -162,9 +162,9 @@ class Collector:
 
 @dataclass(frozen=True, eq=False)
 class OrderedValues:
-    """The ascending values of a column's first groups, of which those that are asked for are found.
+    """The ascending values of a column's first groups; those that are asked for are found.
 
-    It takes the positions that an array of them takes; what is not known yet is NaN.
+    It takes the positions that an array of them takes. What is not known yet is NaN.
     """
 
     counts: CellCounts

@@ -16,6 +16,8 @@ _Numbers = npt.NDArray[Any]
 
 # Of an input. A jump between two of them hides from an index what its probability there decides.
 INPUT_SPLITTERS = 4096
+# A splitter is a cell of its own if it has this part of a cell's mean number of runs.
+_SHARED = 4
 # Runs of a batch in one of its bins, at least.
 _RUNS_IN_A_BIN = 8
 
@@ -89,15 +91,22 @@ class CellSums:
         ----------
         totals : Totals
         joined : int
-            Number of neighbouring cells taken as one.
+            Number of neighbours taken as one.
         """
-        starts = np.arange(0, self.counts.size, joined)
+        starts = self._starts[::joined]
         counts = np.add.reduceat(self.counts, starts)[np.newaxis]
         sums = np.add.reduceat(self.sums, starts, axis=1)[np.newaxis]
         whole = Totals(*(np.sum(e, axis=0, keepdims=True) for e in vars(totals).values()))
         left, total = _parts(counts, sums, whole, whole.sums / np.maximum(whole.sizes, 1))
         found: FloatArray = 1 - _ratio(left[0], total[0])
         return found
+
+    @property
+    def _starts(self) -> IntArray:
+        """First cells of what is taken as one: a splitter that few runs share joins those below."""
+        is_own = self.counts * (_SHARED * self.counts.size) >= self.counts.sum()
+        is_own[::2] = True
+        return np.flatnonzero(is_own)
 
     def errors(self, totals: Totals) -> FloatArray:
         """Standard errors of these shares, from the scatter of the batches."""

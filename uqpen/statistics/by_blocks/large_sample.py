@@ -14,6 +14,8 @@ from uqpen.core.labels import BOUND, NOTE, REPLICATE, RUN, WEIGHT
 from uqpen.statistics import texts
 from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
 from uqpen.statistics.by_blocks.grouping import Grouping
+from uqpen.statistics.by_blocks.tabulated import status_sample
+from uqpen.statistics.distribution_function.probabilities import probabilities_of_statuses
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
@@ -69,10 +71,20 @@ class LargeSample:
     ) -> Iterator[tuple[str, _Statistics, int]]:
         found = self.analyze_whole(self.part, quantities, only, outside)
         for name, statistics in found.items():
-            yield name, {key: self.noted(array, reason) for key, array in statistics.items()}, -1
+            yield name, self.with_note(statistics, reason), -1
 
-    def noted(self, array: xr.DataArray, reason: str) -> xr.DataArray:
-        """Return a statistic of the part, with a note that says so at each estimate."""
+    def with_note(self, statistics: _Statistics, reason: str) -> _Statistics:
+        """Return statistics of the part, with a note that says so at each estimate."""
+        return {name: self._with_note(array, reason) for name, array in statistics.items()}
+
+    def status_probabilities(
+        self, level: float, attributes: Mapping[str, int | str]
+    ) -> xr.DataArray:
+        """Return the probability of each status but ok, of all runs, with some attributes."""
+        sample = status_sample(self.runs, level)
+        return probabilities_of_statuses(sample).assign_attrs(attributes)
+
+    def _with_note(self, array: xr.DataArray, reason: str) -> xr.DataArray:
         if BOUND not in array.dims:
             return array
         own = array.coords[NOTE]

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics.by_blocks.cell_counts import CellCounts, Collector
 from uqpen.statistics.by_blocks.cell_sums import INPUT_SPLITTERS, CellSums, Totals
-from uqpen.statistics.by_blocks.passes import Piece, RunTable
+from uqpen.statistics.by_blocks.output_variables import OutputVariables
+from uqpen.statistics.by_blocks.passes import Chunk, RunTable
 from uqpen.statistics.by_blocks.power_sums import PowerSums
 from uqpen.statistics.by_blocks.products import Products
 from uqpen.statistics.by_blocks.rank_scores import mean_shares
 from uqpen.statistics.by_blocks.replicate_sums import ReplicateSums
 from uqpen.statistics.by_blocks.score_tables import ScoreTables
 from uqpen.statistics.by_blocks.splitters import Splitters
-from uqpen.statistics.by_blocks.variables import OutputVariables
 
 __all__ = ["OutputSet"]
 
@@ -86,7 +86,7 @@ class OutputSet:
         return np.array([centre, np.where(np.isfinite(spread) & (np.array(spread) > 0), spread, 1)])
 
     @cached_property
-    def lost(self) -> IntArray:
+    def missing_counts(self) -> IntArray:
         """Missing runs of each group."""
         return np.zeros(self.table.grouping.groups, dtype=np.int64)
 
@@ -133,34 +133,34 @@ class OutputSet:
 
     def first_pass(self) -> None:
         """Read all columns, and add what needs nothing but cells."""
-        for piece in self.table.pieces(self.names):
-            self._add_outputs(piece)
+        for chunk in self.table.chunks(self.names):
+            self._add_outputs(chunk)
             if self.inputs:
-                self._add_inputs(piece)
+                self._add_inputs(chunk)
 
-    def _add_outputs(self, piece: Piece) -> None:
-        self.lost[piece.group] += piece.lost
+    def _add_outputs(self, chunk: Chunk) -> None:
+        self.missing_counts[chunk.group] += chunk.missing
         for each in self.variables:
-            values = piece.columns[each.output]
+            values = chunk.columns[each.output]
             cells = self.splitters[each.output].locate(values)
-            self.cells[each.output].add(piece.group, cells)
-            self._batch_counts[each.output][piece.batch] += self._coarse(each.output, cells)
-            self.powers[each.output].add(piece.group, values)
+            self.cells[each.output].add(chunk.group, cells)
+            self._batch_counts[each.output][chunk.batch] += self._coarse(each.output, cells)
+            self.powers[each.output].add(chunk.group, values)
             if each.has_logarithm:
-                self.powers[each.log_name].add(piece.group, each.logarithm(values))
+                self.powers[each.log_name].add(chunk.group, each.logarithm(values))
 
-    def _add_inputs(self, piece: Piece) -> None:
-        rows = [each.rows(piece.columns[each.output]) for each in self.variables]
+    def _add_inputs(self, chunk: Chunk) -> None:
+        rows = [each.rows(chunk.columns[each.output]) for each in self.variables]
         variables = np.concatenate(rows)
-        self.totals.add(piece.batch, variables)
-        columns = np.stack([piece.columns[name] for name in self.names])
+        self.totals.add(chunk.batch, variables)
+        columns = np.stack([chunk.columns[name] for name in self.names])
         centre, scale = self._centres[..., np.newaxis]
-        self.products.add(piece.batch, (columns - centre) / scale)
+        self.products.add(chunk.batch, (columns - centre) / scale)
         for name in self.inputs:
-            cells = self.splitters[name].locate(piece.columns[name])
-            self.cells[name].add(piece.group, cells)
-            self._batch_counts[name][piece.batch] += self._coarse(name, cells)
-            self.sums[name].add(piece.batch, cells, variables)
+            cells = self.splitters[name].locate(chunk.columns[name])
+            self.cells[name].add(chunk.group, cells)
+            self._batch_counts[name][chunk.batch] += self._coarse(name, cells)
+            self.sums[name].add(chunk.batch, cells, variables)
 
     @cached_property
     def _batch_counts(self) -> dict[str, IntArray]:
@@ -183,11 +183,11 @@ class OutputSet:
             self.collect()
             return
         collectors = self._collectors()
-        for piece in self.table.pieces(self.names):
-            cells = {n: self.splitters[n].locate(piece.columns[n]) for n in self.names}
+        for chunk in self.table.chunks(self.names):
+            cells = {n: self.splitters[n].locate(chunk.columns[n]) for n in self.names}
             for name, collector in collectors.items():
-                collector.add(piece.group, piece.columns[name], cells[name])
-            self._add_ranks(piece, cells)
+                collector.add(chunk.group, chunk.columns[name], cells[name])
+            self._add_ranks(chunk, cells)
             self.scores.add(cells)
         for collector in collectors.values():
             collector.finish()
@@ -196,10 +196,10 @@ class OutputSet:
         """Collect the values asked for, if any were; return whether there were some."""
         collectors = self._collectors()
         if collectors:
-            for piece in self.table.pieces([*collectors]):
+            for chunk in self.table.chunks([*collectors]):
                 for name, collector in collectors.items():
-                    values = piece.columns[name]
-                    collector.add(piece.group, values, self.splitters[name].locate(values))
+                    values = chunk.columns[name]
+                    collector.add(chunk.group, values, self.splitters[name].locate(values))
             for collector in collectors.values():
                 collector.finish()
         return bool(collectors)
@@ -214,12 +214,12 @@ class OutputSet:
         columns, batches = len(self.names), self.table.grouping.batches
         return Products.empty(1, columns), Products.empty(batches, columns)
 
-    def _add_ranks(self, piece: Piece, cells: dict[str, _Cells]) -> None:
+    def _add_ranks(self, chunk: Chunk, cells: dict[str, _Cells]) -> None:
         among_all, within = self.rank_products
         among_all.add(0, np.stack([self._scores[n][cells[n]] for n in self.names]))
-        own = [self._batch_scores[n][piece.batch] for n in self.names]
+        own = [self._batch_scores[n][chunk.batch] for n in self.names]
         coarse = [cells[n] // _CELLS_OF_A_BATCH for n in self.names]
-        within.add(piece.batch, np.stack([s[c] for s, c in zip(own, coarse, strict=True)]))
+        within.add(chunk.batch, np.stack([s[c] for s, c in zip(own, coarse, strict=True)]))
 
     @cached_property
     def _scores(self) -> dict[str, FloatArray]:

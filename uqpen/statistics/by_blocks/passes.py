@@ -1,4 +1,4 @@
-"""A pass over runs: each block is read once, in order, and handed on in pieces of one group."""
+"""A pass over runs: each block is read once, in order, and handed on in chunks of one group."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from uqpen.core.status import Status
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.input_columns import InputColumns
 
-__all__ = ["Piece", "RunTable"]
+__all__ = ["Chunk", "RunTable"]
 
 # Stretches of the runs from which cells are made.
 _STRETCHES = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Chunk:
     """Completed runs of one group and one batch.
 
     Parameters
@@ -32,14 +32,14 @@ class Piece:
     group, batch : int
     columns : dict of str to ndarray, shape (run,)
         Of the completed runs that have a value of each output.
-    lost : int
+    missing : int
         Number of failed runs, but for those at inadmissible points.
     """
 
     group: int
     batch: int
     columns: dict[str, FloatArray]
-    lost: int
+    missing: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,17 +78,17 @@ class RunTable:
             parts.append({name: _floats(read[name][used]) for name in names})
         return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
-    def pieces(self, names: Sequence[str]) -> Iterator[Piece]:
-        """Yield columns piece after piece, in the order of the runs."""
+    def chunks(self, names: Sequence[str]) -> Iterator[Chunk]:
+        """Yield columns chunk after chunk, in the order of the runs."""
         for start, stop in block_ranges(self.runs.size):
             read = self._read(start, stop, names)
             used, status = self._used(read), read[STATUS]
-            is_lost = (status != Status.OK) & (status != Status.INADMISSIBLE)
+            is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)
             for group, batch, rows in self.grouping.stretches(start, stop, read.get(REPLICATE)):
                 mine = used[rows]
                 taken = slice(None) if mine.all() else mine
                 columns = {name: _floats(read[name][rows][taken]) for name in names}
-                yield Piece(group, batch, columns, int(is_lost[rows].sum()))
+                yield Chunk(group, batch, columns, int(is_missing[rows].sum()))
 
     def _read(self, start: int, stop: int, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
         labels = [STATUS, *([REPLICATE] if self.grouping.is_replicated else [])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -142,5 +143,5 @@ class PowerSums:
         return Tally(self.sizes, sums, scatter, 0.0, largest)
 
     @property
-    def _columns(self) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _columns(self) -> tuple[Any, ...]:
         return self.sizes, self.means, self.powers, self.smallest, self.largest

@@ -57,7 +57,7 @@ def tabulated_samples(
     grouping, splitters = Grouping.of_runs(runs), Splitters(values)
     counted = [CellCounts.empty(splitters, grouping.groups) for _ in columns]
     powers = [PowerSums.empty(grouping.groups) for _ in columns]
-    lost = np.zeros((len(columns), grouping.groups), dtype=np.int64)
+    missing_counts = np.zeros((len(columns), grouping.groups), dtype=np.int64)
     labels = [STATUS, *([REPLICATE] if grouping.is_replicated else [])]
     for start, stop in block_ranges(runs.size):
         read = runs.part(start, stop, [*labels, *names])
@@ -68,7 +68,7 @@ def tabulated_samples(
                 taken = column[rows][used[rows]]
                 counted[k].add(group, splitters.locate(taken))
                 powers[k].add(group, taken)
-                lost[k, group] += (is_failed[rows] & ~used[rows]).sum()
+                missing_counts[k, group] += (is_failed[rows] & ~used[rows]).sum()
     return [
         BlockedSample.of_first(
             grouping.groups,
@@ -79,5 +79,5 @@ def tabulated_samples(
             is_replicated=grouping.is_replicated,
             level=level,
         )
-        for cells, sums, missing in zip(counted, powers, lost, strict=True)
+        for cells, sums, missing in zip(counted, powers, missing_counts, strict=True)
     ]

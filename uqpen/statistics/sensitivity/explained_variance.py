@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -187,7 +188,14 @@ class VarianceParts:
         return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
 
 
-# Hears an input's number, the lines of the bins through a field, and the parts about them.
+class SharedVariance(Protocol):
+    """The share of a variable's variance that an input explains, and its error."""
+
+    def estimates(self, variable: SampledVariable) -> EstimateVector:
+        """Return the share with its bounds."""
+
+
+# Hears an input's number, the lines of the input's bins, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
@@ -271,7 +279,7 @@ class LocalRegressions:
     def estimates(
         self,
         variable: SampledVariable,
-        parts: VarianceParts,
+        parts: SharedVariance,
         halved_shares: Callable[[BoolArray], FloatArray],
     ) -> EstimateVector:
         """Estimate the index of an input.
@@ -279,7 +287,7 @@ class LocalRegressions:
         Parameters
         ----------
         variable : SampledVariable
-        parts : VarianceParts
+        parts : VarianceParts or another
             Its variance about the lines of the input's bins.
         halved_shares : callable
             Returns the shares that bins of half the size explain, at the places of a mask.

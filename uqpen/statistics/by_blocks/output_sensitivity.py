@@ -16,11 +16,11 @@ from uqpen.statistics import texts
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, BlockedShape
 from uqpen.statistics.by_blocks.cell_sums import CellSums
 from uqpen.statistics.by_blocks.output_set import OutputSet
+from uqpen.statistics.by_blocks.output_variables import OutputVariables
 from uqpen.statistics.by_blocks.power_sums import PowerSums
 from uqpen.statistics.by_blocks.products import Products, partial
 from uqpen.statistics.by_blocks.rank_scores import unresolved_share
 from uqpen.statistics.by_blocks.replicate_sums import ReplicateSums
-from uqpen.statistics.by_blocks.variables import OutputVariables
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
@@ -122,7 +122,8 @@ class OutputSensitivity:
     def _event(self, events: BoolArray) -> SampledVariable:
         tally = cast(Tally, events)
         powers = PowerSums.of_events(tally) if tally.size else PowerSums.empty(1)
-        return _Variable(replace(self.sample, values=events, powers=powers), is_event=True)
+        values = cast(FloatArray, events)
+        return _Variable(replace(self.sample, values=values, powers=powers), is_event=True)
 
     def _indices(self, row: int, variable: SampledVariable) -> list[Estimate]:
         """Estimate the index of each input, of one function of the output."""
@@ -212,7 +213,7 @@ class _Shares:
 
     def finer(self, rows: BoolArray) -> FloatArray:
         """Return the share that half the cells would explain, by what twice the cells lose."""
-        coarser = self.sums.shares(self.found.totals, joined=4)[self.number]
+        coarser = self.sums.shares(self.found.totals, joined=2)[self.number]
         return np.asarray(2 * self._share() - coarser).reshape(1)
 
     def _share(self) -> FloatArray:

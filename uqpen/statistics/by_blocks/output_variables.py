@@ -35,7 +35,7 @@ class OutputVariables:
 
     @classmethod
     def from_values(cls, quantity: QuantityOfInterest, values: FloatArray) -> OutputVariables:
-        """Return the functions of an output, of which some values are known."""
+        """Return the functions of an output, from some of its values."""
         if quantity.output.categories or not values.size:
             return cls(quantity, 0.0, 1.0, 0.0, False)
         scale = float(values.std())
