@@ -20,6 +20,9 @@ __all__ = ["InputColumns", "RunInputs"]
 
 Made = TypeVar("Made")
 
+# The compiler's library takes half a second to import, which loops over fewer values do not save.
+_MANY = 2**18
+
 
 @dataclass(frozen=True, eq=False)
 class InputColumns:
@@ -128,6 +131,11 @@ class RunInputs:
     def _is_whole(self) -> bool:
         """True if the runs are all points, in their order."""
         return np.array_equal(self.used, np.arange(self.columns.size))
+
+    @property
+    def are_many(self) -> bool:
+        """True if compiled loops are worth their import, by the number of values."""
+        return len(self.used) * len(self.columns.names) >= _MANY
 
     def varies(self, number: int) -> bool:
         """Return True if an input is not the same in all runs."""

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Ordering", "ascending_order"]
+__all__ = ["Numbers", "Ordering", "ascending_order"]
 
 # Small enough that the numbers of the values of a sort take half of a word at most.
 _MOST_PACKED = 2**32
 # Where more values than this share have a neighbour of like leading digits, many are equal.
 _MOST_ALIKE = 0.125
 _SIGN = np.uint64(2**63)
+
+# Of 32 bits where that is enough: half of the memory.
+Numbers = npt.NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,7 @@ class Ordering:
         where no two values are equal.
     """
 
-    order: IntArray
+    order: Numbers
     is_above: BoolArray | None = None
 
     @classmethod
@@ -41,7 +45,7 @@ class Ordering:
         return cls._in_order(values, ascending_order(values))
 
     @classmethod
-    def _in_order(cls, values: FloatArray, order: IntArray) -> Ordering:
+    def _in_order(cls, values: FloatArray, order: Numbers) -> Ordering:
         ascending = values[order]
         is_above = np.ones(len(order), dtype=np.bool_)
         np.greater(ascending[1:], ascending[:-1], out=is_above[1:])
@@ -57,18 +61,18 @@ class Ordering:
         values : ndarray, shape (point,)
             All values.
         """
-        number = np.full(len(self.order), -1, dtype=np.int32)
+        number = np.full(len(self.order), -1, dtype=self.order.dtype)
         number[used] = np.arange(len(used))
         among = number[self.order]
         kept = among[among >= 0]
         return Ordering(kept) if self.is_above is None else self._in_order(values[used], kept)
 
     @cached_property
-    def level(self) -> IntArray:
+    def level(self) -> Numbers:
         """Number of each value among the ascending distinct ones."""
-        level = np.empty(len(self.order), dtype=np.int32)
+        level = np.empty(len(self.order), dtype=self.order.dtype)
         if self.is_above is None:
-            level[self.order] = np.arange(len(self.order), dtype=np.int32)
+            level[self.order] = np.arange(len(self.order))
         else:
             level[self.order] = np.cumsum(self.is_above) - 1
         return level
@@ -77,20 +81,28 @@ class Ordering:
     def mean_ranks(self) -> FloatArray:
         """Ranks from 1; equal values share the mean of theirs."""
         if self.is_above is None:
-            return self.level + 1.0
+            return self.level.astype(np.float64) + 1.0
         count = np.bincount(self.level)
-        return (np.cumsum(count) - (count - 1) / 2)[self.level]
+        ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[self.level]
+        return ranks
+
+    @cached_property
+    def rank_std(self) -> float:
+        """The standard deviation of `mean_ranks`."""
+        return float(self.mean_ranks.std())
 
     def sums_above(self, values: FloatArray) -> FloatArray:
         """Return for each run the sum of other values over the runs above; an equal one is half."""
         level = self.level
-        at = values[self.order] if self.is_above is None else np.bincount(level, values)
+        at: FloatArray = values[self.order]
+        if self.is_above is not None:
+            at = np.bincount(level, values).astype(np.float64, copy=False)
         above = np.cumsum(at[::-1])[::-1] - at
         sums: FloatArray = (above + at / 2)[level]
         return sums
 
 
-def ascending_order(values: FloatArray) -> IntArray:
+def ascending_order(values: FloatArray) -> Numbers:
     """Return the numbers of values in ascending order, as a stable sort does.
 
     Each value is packed with its number into one word, as words are sorted ten times as fast as
@@ -106,13 +118,13 @@ def ascending_order(values: FloatArray) -> IntArray:
     words <<= bits
     words |= np.arange(runs, dtype=np.uint64)
     words.sort()
-    order = (words & ((np.uint64(1) << bits) - np.uint64(1))).astype(_index_type(runs))
+    order: Numbers = (words & ((np.uint64(1) << bits) - np.uint64(1))).astype(_index_type(runs))
     return _with_alike_sorted(values, order, words >> bits)
 
 
 def _with_alike_sorted(
-    values: FloatArray, order: IntArray, leading: npt.NDArray[np.uint64]
-) -> IntArray:
+    values: FloatArray, order: Numbers, leading: npt.NDArray[np.uint64]
+) -> Numbers:
     """Sort those values of an order that have the same leading bits as a neighbour."""
     is_like_next = leading[1:] == leading[:-1]
     if not is_like_next.any():
@@ -129,5 +141,5 @@ def _with_alike_sorted(
     return order
 
 
-def _index_type(runs: int) -> type[np.signedinteger[npt.NBitBase]]:
+def _index_type(runs: int) -> npt.DTypeLike:
     return np.int32 if runs < 2**31 else np.int64

@@ -216,8 +216,9 @@ class Sample:
 
     def counts_up_to(self, values: FloatArray) -> IntArray:
         """Count the runs at or below each value, shape (replicate, value)."""
-        numbers = range(self.replicate_count)
-        parts = (np.sort(self.values[self.replicate == number]) for number in numbers)
+        parts = [self.sorted_values]
+        if (replicates := self.replicate_count) > 1:
+            parts = [np.sort(self.values[self.replicate == number]) for number in range(replicates)]
         return np.array([np.searchsorted(part, values, side="right") for part in parts])
 
     @property
@@ -240,8 +241,10 @@ class Sample:
     @cached_property
     def replicate(self) -> IntArray:
         """The replicate of each run, numbered through those that are not empty."""
-        _, numbered = np.unique(self.replicates[self.used], return_inverse=True)
-        return numbered.astype(np.int64)
+        replicates = self.replicates[self.used]
+        if not replicates.any():
+            return replicates
+        return np.unique(replicates, return_inverse=True)[1].astype(np.int64)
 
     @property
     def replicate_count(self) -> int:

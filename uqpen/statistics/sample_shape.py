@@ -69,20 +69,27 @@ class SampleShape:
         deviations = (self.sample.values - self.mean[..., np.newaxis]) / scale[..., np.newaxis]
         return np.where(varies[..., np.newaxis], deviations, 0.0)
 
-    def _moment(self, power: int) -> FloatArray:
+    def _mean(self, powers: FloatArray) -> FloatArray:
+        """Return the mean of powers of the deviations; NaN where these are all 0."""
         if not self.sample.size:
             return self.scale
-        return np.where(self.scale > 0, self.sample.mean(self.deviations**power), np.nan)
+        return np.where(self.scale > 0, self.sample.mean(powers), np.nan)
+
+    @cached_property
+    def _variance(self) -> FloatArray:
+        return self._mean(self.deviations**2)
 
     @cached_property
     def skewness(self) -> FloatArray:
         """The third standardized moment."""
-        return self._moment(3) / _power(self._moment(2), 1.5)
+        # Products, as a power takes twenty times as long.
+        cubes = self.deviations * self.deviations * self.deviations
+        return self._mean(cubes) / _power(self._variance, 1.5)
 
     @cached_property
     def kurtosis(self) -> FloatArray:
         """Fourth standardized moment; 3 for a normal distribution."""
-        return self._moment(4) / _power(self._moment(2), 2)
+        return self._mean((self.deviations**2) ** 2) / _power(self._variance, 2)
 
     @cached_property
     def effective_runs(self) -> FloatArray:

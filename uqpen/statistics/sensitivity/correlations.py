@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -19,6 +19,11 @@ from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity.correlated_pair import (
+    CorrelatedPair,
+    PairOfArrays,
+    standardized,
+)
 from uqpen.statistics.sensitivity.input_measures import (
     input_array,
     reason_without_measure,
@@ -106,9 +111,9 @@ class _CorrelatedColumns:
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         if self.is_ranked:
-            return np.stack([_standardized(each.mean_ranks) for each in self.orderings])
+            return np.stack([standardized(each.mean_ranks) for each in self.orderings])
         columns = chain(self._inputs, [self.shape.deviations])
-        return np.stack([_standardized(column) for column in columns])
+        return np.stack([standardized(column) for column in columns])
 
     @property
     def _inputs(self) -> Iterator[FloatArray]:
@@ -123,7 +128,9 @@ class _CorrelatedColumns:
     @cached_property
     def _products(self) -> FloatArray:
         """Mean products of the columns that vary: how they correlate."""
-        columns = self.standardized[self._varying]
+        varying = self._varying
+        is_whole = len(varying) == len(self.standardized)
+        columns = self.standardized if is_whole else self.standardized[varying]
         # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
         return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
 
@@ -134,11 +141,23 @@ class _CorrelatedColumns:
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
             return Estimate.without_bounds(math.nan, texts.LINEARLY_DEPENDENT)
-        one, other = (_standardized(self._combined(weight)) for weight in weights)
-        value = float((one * other).mean())
+        pair = self._pair(self.standardized, np.stack(weights), self._orderings_of_ranks)
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
-            return Estimate.without_bounds(value, reason)
-        return self._with_bounds(value, self._influence(one, other, weights))
+            return Estimate.without_bounds(pair.value, reason)
+        return self._with_bounds(pair.value, pair.influence)
+
+    @cached_property
+    def _pair(self) -> Callable[..., CorrelatedPair]:
+        """The type of pair by the number of values."""
+        if not self.sample.run_inputs.are_many:
+            return PairOfArrays
+        from uqpen.statistics.sensitivity.compiled_pair import CompiledPair
+
+        return CompiledPair
+
+    @property
+    def _orderings_of_ranks(self) -> list[Ordering]:
+        return self.orderings if self.is_ranked else []
 
     def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
         unit = np.eye(len(self.standardized))
@@ -159,39 +178,6 @@ class _CorrelatedColumns:
         mine = int(np.searchsorted(self._varying, i))
         weights[:, self._varying] = self._residual_weights.without(mine)
         return weights[0], weights[1]
-
-    def _combined(self, weights: FloatArray) -> FloatArray:
-        """Return the weighted sum of the columns, added one after the other."""
-        combined = np.zeros(self.sample.size)
-        for k in np.flatnonzero(weights):
-            combined += weights[k] * self.standardized[k]
-        return combined
-
-    def _influence(
-        self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
-    ) -> FloatArray:
-        """Return each run's influence on the correlation of two combinations of the columns."""
-        value = float((one * other).mean())
-        influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
-        if not self.is_ranked:
-            return influence
-        # A run moves the ranks of all others too.
-        scales = [float(self._combined(weight).std()) for weight in weights]
-        for target, weight, scale in (
-            (other - value * one, weights[0], scales[0]),
-            (one - value * other, weights[1], scales[1]),
-        ):
-            for k in np.flatnonzero(weight):
-                influence += weight[k] / scale * self._rank_influence(int(k), target)
-        return influence
-
-    @cached_property
-    def _rank_stds(self) -> list[float]:
-        return [float(each.mean_ranks.std()) for each in self.orderings]
-
-    def _rank_influence(self, k: int, target: FloatArray) -> FloatArray:
-        """Influence of each run on a column's mean product with `target` by others' ranks."""
-        return self.orderings[k].sums_above(target) / self._rank_stds[k]
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
@@ -214,12 +200,3 @@ class _CorrelatedColumns:
     @property
     def _reason_without_bounds(self) -> str:
         return "" if self.is_ranked else shape_reason(self.shape)
-
-
-def _standardized(values: FloatArray) -> FloatArray:
-    centred = values - values.mean()
-    largest = np.abs(centred).max(initial=0.0)
-    if not np.ptp(values) > 0:
-        return np.zeros(len(values))
-    scaled: FloatArray = centred / largest
-    return scaled / float(np.sqrt((scaled**2).mean()))

@@ -117,7 +117,8 @@ def class_count(runs: int) -> int:
 
 def _empirical_cdf(ordering: Ordering) -> FloatArray:
     """Share of the runs below each value, where a run itself counts half."""
-    return (ordering.mean_ranks - 0.5) / max(len(ordering.order), 1)
+    shares: FloatArray = (ordering.mean_ranks - 0.5) / max(len(ordering.order), 1)
+    return shares
 
 
 def _resampled(counts: FloatArray) -> FloatArray:
@@ -125,7 +126,8 @@ def _resampled(counts: FloatArray) -> FloatArray:
     generator = Stream(0, "analyses", "delta").generator()
     sizes = counts.sum(axis=1)
     draws = (_RESAMPLES, len(sizes))
-    return generator.multinomial(sizes.astype(np.int64), counts / sizes[:, None], draws) * 1.0
+    drawn = generator.multinomial(sizes.astype(np.int64), counts / sizes[:, None], draws)
+    return drawn.astype(np.float64)
 
 
 def _distances(counts: FloatArray) -> FloatArray:

@@ -174,7 +174,7 @@ class VarianceParts:
     pair_noise: FloatArray
 
     @classmethod
-    def about(cls, lines: ResidualVariance, variable: SampledVariable) -> VarianceParts:
+    def about(cls, lines: Lines, variable: SampledVariable) -> VarianceParts:
         """Return the parts about the lines through a variable."""
         return cls(
             variable.variance, lines.variance, variable.squares, lines.influence, lines.pair_noise
@@ -188,14 +188,23 @@ class VarianceParts:
         return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
 
 
-class SharedVariance(Protocol):
-    """The share of a variable's variance that an input explains, and its error."""
+class Lines(Protocol):
+    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
 
-    def estimates(self, variable: SampledVariable) -> EstimateVector:
-        """Return the share with its bounds."""
+    @property
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines."""
+
+    @property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+
+    @property
+    def pair_noise(self) -> FloatArray:
+        """The part of its standard error from pairs of runs."""
 
 
-# Hears an input's number, the lines of the input's bins, and the parts about them.
+# Hears an input's number, the lines of the bins through a field, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
@@ -248,9 +257,9 @@ class LocalRegressions:
         if reason := reason_of_input(self.sample, column):
             unknown = EstimateVector.without_bounds(nothing, reason)
             return unknown.replace_at(variable.sample.is_constant, none)
-        lines = ResidualVariance(self.bins(column), variable.standardized)
+        lines = self._lines(column, variable.standardized)
         parts = VarianceParts.about(lines, variable)
-        if listener:
+        if listener and isinstance(lines, ResidualVariance):
             listener(column, lines, parts)
         found = self.estimates(
             variable, parts, lambda rows: self.halved_shares(variable, column, rows)
@@ -259,13 +268,27 @@ class LocalRegressions:
 
     def halved_shares(self, variable: SampledVariable, column: int, rows: BoolArray) -> FloatArray:
         """Return the shares that bins of half the size explain, at some places."""
-        lines = ResidualVariance(self.bins(column, halved=True), variable.standardized[rows])
-        return 1 - lines.variance / variable.variance[rows]
+        values = variable.standardized
+        lines = self._lines(column, values if values.ndim == 1 else values[rows], halved=True)
+        return np.atleast_1d(1 - lines.variance / variable.variance[rows])
+
+    def _lines(self, column: int, values: FloatArray, *, halved: bool = False) -> Lines:
+        """Return the lines of an input's bins through variables, shape (..., run)."""
+        inputs = self.sample.run_inputs
+        if values.ndim > 1 or not inputs.are_many:
+            return ResidualVariance(self.bins(column, halved=halved), values)
+        from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
+
+        bins = inputs.once(
+            ("sorted bins", self.sample.error_model, column, halved),
+            lambda: SortedBins.of(RegressionBins.from_sample(self.sample, column, halved=halved)),
+        )
+        return CompiledVariance.about(bins, values)
 
     def estimates(
         self,
         variable: SampledVariable,
-        parts: SharedVariance,
+        parts: VarianceParts,
         halved_shares: Callable[[BoolArray], FloatArray],
     ) -> EstimateVector:
         """Estimate the index of an input.
@@ -273,7 +296,7 @@ class LocalRegressions:
         Parameters
         ----------
         variable : SampledVariable
-        parts : VarianceParts or another
+        parts : VarianceParts
             Its variance about the lines of the input's bins.
         halved_shares : callable
             Returns the shares that bins of half the size explain, at the places of a mask.
