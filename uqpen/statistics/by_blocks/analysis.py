@@ -148,9 +148,9 @@ def _named(array: xr.DataArray) -> xr.DataArray:
 
     No residuals are at hand for one stratified set, and the error of independent draws is larger.
     """
-    if INTERVAL not in array.coords:
+    own = array.coords.get(INTERVAL)
+    if own is None or not (own.values == texts.STUDENT_ON_RESIDUALS).any():
         return array
-    own = array.coords[INTERVAL]
     written = np.array(own.values, dtype=object)
     written[written == texts.STUDENT_ON_RESIDUALS] = texts.STUDENT_AS_INDEPENDENT
     return array.assign_coords({INTERVAL: (own.dims, written)})

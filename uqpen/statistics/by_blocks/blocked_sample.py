@@ -218,11 +218,24 @@ class BlockedShape(SampleShape):
             ones, squares = ones.pooled(), squares.pooled()
         return cast(FloatArray, _Deviations.of(ones.scaled(factor), squares.scaled(factor**2)))
 
-    def _moment(self, power: int) -> FloatArray:
+    @cached_property
+    def skewness(self) -> FloatArray:
+        """The third standardized moment."""
+        return self._standardized(3)
+
+    @cached_property
+    def kurtosis(self) -> FloatArray:
+        """The fourth standardized moment."""
+        return self._standardized(4)
+
+    def _standardized(self, power: int) -> FloatArray:
         if not self.scale > 0:
             return np.asarray(np.nan)
-        total = float(self.powers.whole.powers[power - 2, 0])
-        return np.asarray(total / self.sample.size / float(self.scale) ** power)
+        sums, scale = self.powers.whole.powers[:, 0], float(self.scale)
+        moment, variance = (
+            float(sums[each - 2]) / self.sample.size / scale**each for each in (power, 2)
+        )
+        return np.asarray(moment / variance ** (power / 2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,7 +195,23 @@ class SharedVariance(Protocol):
         """Return the share with its bounds."""
 
 
-# Hears an input's number, the lines of the input's bins, and the parts about them.
+class Lines(Protocol):
+    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
+
+    @property
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines."""
+
+    @property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+
+    @property
+    def pair_noise(self) -> FloatArray:
+        """The part of its standard error from pairs of runs."""
+
+
+# Hears an input's number, the lines of the bins through a field, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
@@ -279,7 +295,7 @@ class LocalRegressions:
     def estimates(
         self,
         variable: SampledVariable,
-        parts: SharedVariance,
+        parts: VarianceParts,
         halved_shares: Callable[[BoolArray], FloatArray],
     ) -> EstimateVector:
         """Estimate the index of an input.
@@ -287,7 +303,7 @@ class LocalRegressions:
         Parameters
         ----------
         variable : SampledVariable
-        parts : VarianceParts or another
+        parts : VarianceParts
             Its variance about the lines of the input's bins.
         halved_shares : callable
             Returns the shares that bins of half the size explain, at the places of a mask.
