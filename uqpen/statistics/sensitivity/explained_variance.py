@@ -195,22 +195,6 @@ class SharedVariance(Protocol):
         """Return the share with its bounds."""
 
 
-class Lines(Protocol):
-    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
-
-    @property
-    def variance(self) -> FloatArray:
-        """The mean variance about the lines."""
-
-    @property
-    def influence(self) -> FloatArray:
-        """Each run's influence on it, but for a constant."""
-
-    @property
-    def pair_noise(self) -> FloatArray:
-        """The part of its standard error from pairs of runs."""
-
-
 # Hears an input's number, the lines of the bins through a field, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
