@@ -19,6 +19,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -75,11 +77,12 @@ def corrected_indices(
         Of the output.
     """
     errors = runs.values - runs.predictions
-    errors = errors - errors.mean()
+    errors = errors - np.average(errors, weights=runs.weights)
+    weights = 1.0 if runs.weights is None else runs.weights
     for values, squares in zip(parts.values.T, parts.squares.T, strict=True):
-        least = squares[runs.fold] + 2 * errors * values
+        least = squares[runs.fold] + 2 * weights * errors * values
         value, lower, _ = _ratio_interval(runs, least, variance)
-        _, _, upper = _ratio_interval(runs, least + errors**2, variance)
+        _, _, upper = _ratio_interval(runs, least + weights * errors**2, variance)
         value = min(max(value, 0.0), 1.0)
         yield Estimate(
             value,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,10 +70,17 @@ class OutputCorrection:
             The probabilities of quantiles, or the values of a distribution function.
         """
         found = self._estimates(name, along)
-        if not self.runs.missing:
-            return found
-        note = texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
-        return [each if each.label == "none" else each.with_note(each.note, note) for each in found]
+        notes = [*self._notes()]
+        return [
+            each if each.label == "none" else each.with_note(each.note, *notes) for each in found
+        ]
+
+    def _notes(self) -> Iterator[str]:
+        """Yield what holds of all intervals."""
+        if self.runs.missing:
+            yield texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
+        if self.runs.placed:
+            yield texts.OF_PLACED_RUNS.format(placed=self.runs.placed)
 
     def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
         match name:
