@@ -52,18 +52,12 @@ class CorrectedCdf:
         both = np.maximum(runs.values, runs.predictions)
 
         def counts(weights: FloatArray | None, missing_weights: FloatArray | None) -> FoldCounts:
-            missing = runs.missing_predictions, runs.missing_fold, missing_weights
-            return FoldCounts(
-                *(
-                    _counts(outputs, fold, of, folds, values)
-                    for outputs, fold, of in (
-                        (runs.values, runs.fold, weights),
-                        (runs.predictions, runs.fold, weights),
-                        (both, runs.fold, weights),
-                        missing,
-                    )
-                )
+            by_model, by_fit, by_both = (
+                _counts(outputs, runs.fold, weights, folds, values)
+                for outputs in (runs.values, runs.predictions, both)
             )
+            missing = runs.missing_predictions, runs.missing_fold, missing_weights
+            return FoldCounts(by_model, by_fit, by_both, _counts(*missing, folds, values))
 
         return FoldCounts.weighted(runs, counts)
 

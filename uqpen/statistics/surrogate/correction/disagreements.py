@@ -106,12 +106,12 @@ def corrected_probability(
     folds = len(runs.draws)
 
     def counts_of(weights: FloatArray | None, missing_weights: FloatArray | None) -> FoldCounts:
-        by_runs = (
+        by_model, by_fit, by_both = (
             _fold_counts(runs.fold, flags, weights, folds)
             for flags in (events, predicted, events & predicted)
         )
         by_missing = _fold_counts(runs.missing_fold, missing, missing_weights, folds)
-        return FoldCounts(*by_runs, by_missing)
+        return FoldCounts(by_model, by_fit, by_both, by_missing)
 
     counts = FoldCounts.weighted(runs, counts_of)
     is_used = counts.uses_surrogate(runs)
