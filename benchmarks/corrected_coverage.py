@@ -66,7 +66,7 @@ QUANTILES = np.array(QUANTITY.quantiles)
 EXCEEDED = (0.14, 0.05, 0.01)
 SIZES = (100, 200, 500)
 # Sets of quasi-random draws at which the fits are evaluated, and points of each.
-SETS, POINTS = 16, 1024
+SETS, POINTS = 16, 256
 # Seeds take turns with this many families of draws.
 _FAMILIES = 2
 _CHUNK = 5

@@ -14,12 +14,15 @@ __all__ = [
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
+    "FEW_RUNS",
     "FIELD_INDICES",
+    "INDICES",
     "LOWEST",
     "MULTIFIDELITY",
     "REFINED",
     "SKEWED",
     "STOPPED_REPLICATES",
+    "SURROGATE_USE_CASES",
     "USE_CASES",
     "Place",
     "markdown",
@@ -60,7 +63,8 @@ class Place(NamedTuple):
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
 # `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`,
-# `field_indices_coverage.py`, `corrected_coverage.py`, `refined_coverage.py`.
+# `field_indices_coverage.py`, `corrected_coverage.py`, `refined_coverage.py`,
+# `surrogate_usecases.py`, `few_runs.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
@@ -70,7 +74,10 @@ FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
 CORRECTED = Place("corrected estimates of surrogates")
 REFINED = Place("refined designs")
+INDICES = Place("corrected indices")
+FEW_RUNS = Place("300 runs")
 MULTIFIDELITY = Place("stand-ins")
+SURROGATE_USE_CASES = Place("surrogates of use cases")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
@@ -247,6 +254,25 @@ Probabilities and quantiles rest on the number of the dear runs: with few of the
 the whole budget have narrower ones. `benchmarks/multifidelity_coverage.py` makes this table.
 """
 
+_SURROGATE_USE_CASES = """\
+## Surrogates of the use cases of OpenTURNS
+
+The models above, each with a surrogate of independent runs and without any setting. A figure is
+*off* if its interval misses the true value. It is off *without a word* if it has no note either.
+The surrogate's own figure stands beside each corrected one: the last column counts those that are
+wrong by more than the interval is wide to one side, and yet inside of an interval without a note.
+True values are those of the section on use cases; standard deviations that are infinite are left
+out. `benchmarks/surrogate_usecases.py` makes these tables.
+"""
+
+_FEW_RUNS = """\
+## The concrete study from 300 runs
+
+The corrected means of depth and residue from 300 runs in all: how often the intervals contain the
+true mean, and their half-width over it. The plain one is that of the same runs. The depth's
+surrogate is of its logarithm. `benchmarks/few_runs.py` makes this table.
+"""
+
 _NONE = """\
 ## Without an interval
 
@@ -279,11 +305,18 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. The standard deviation has a note in
 all cells, as that of plain runs has below 1 000, and plain runs have none below 200.
-`benchmarks/corrected_coverage.py` makes these tables. They have few seeds. Their probabilities and
-quantiles are older than the rule by which a fold does without a useless fit; with it, 100 seeds of
-100 independent runs give: step function, quantile 0.05, 97 / 1.05 (before 1.80); Pareto's, 99 /
-1.11 (1.90); that of 1/(0.02 + u), 97 / 1.05 (2.92); median of the useless surrogate, 94 / 1.00
-(1.04), and its P 0.14 covers 91.
+`benchmarks/corrected_coverage.py` makes these tables.
+"""
+
+_INDICES_FROM_DRAWS = """\
+## Corrected indices
+
+How often the intervals of [indices](statistics.md#corrected-estimates) contain the true value
+where draws stand in for terms, in per cent of seeds and inputs, and their mean width. *Given* is
+the share of intervals that are not refused; the last column is the coverage of those that are. "y >
+7" is the event. A surrogate is a sparse polynomial chaos of order 8, and of 4 where it is to be
+poor, in five folds of independent runs. The table has very few seeds: it shows widths, and is no
+proof of coverage. `benchmarks/corrected_indices.py` makes it.
 """
 
 _REFINED = """\
@@ -343,8 +376,10 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
     parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
     parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page)]
-    parts += [_CORRECTED, CORRECTED.text(page), _REFINED, REFINED.text(page)]
-    parts += [_MULTIFIDELITY, MULTIFIDELITY.text(page), _NONE]
+    parts += [_CORRECTED, CORRECTED.text(page), _INDICES_FROM_DRAWS, INDICES.text(page)]
+    parts += [_REFINED, REFINED.text(page), _MULTIFIDELITY, MULTIFIDELITY.text(page)]
+    parts += [_SURROGATE_USE_CASES, SURROGATE_USE_CASES.text(page)]
+    parts += [_FEW_RUNS, FEW_RUNS.text(page), _NONE]
     return "\n".join(parts)
 
 

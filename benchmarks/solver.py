@@ -66,17 +66,17 @@ def _preparation() -> tuple[float, float]:
 def _compare() -> int:
     from uqpen.models.eroding_rod import DEFAULT_TOLERANCE
 
-    batch = _admissible_points()
+    batch = admissible_points()
     subset = {name: values[:SUBSET] for name, values in batch.items()}
     tight = _lanes(batch, 1e-11)
-    reference = _dop853(subset, 1e-12)
-    agreement = _worst_error(tight[:, :SUBSET], reference)
+    reference = dop853(subset, 1e-12)
+    agreement = worst_error(tight[:, :SUBSET], reference)
     print(f"the two methods at tight tolerances agree to {agreement:.1e} in {SUBSET} runs")
 
     default = _lanes(batch, DEFAULT_TOLERANCE)
-    target = _worst_error(default[:, :SUBSET], reference)
+    target = worst_error(default[:, :SUBSET], reference)
     print(f"lanes   worst error {target:.1e} in {SUBSET} runs,", end=" ")
-    print(f"{_worst_error(default, tight):.1e} in all {default.shape[1]}")
+    print(f"{worst_error(default, tight):.1e} in all {default.shape[1]}")
     tolerance, error = _matching_tolerance(subset, reference, target)
     print(f"DOP853  worst error {error:.1e} in {SUBSET} runs, with rtol = {tolerance:.1e}")
 
@@ -84,7 +84,7 @@ def _compare() -> int:
     for _ in range(REPEATS):
         elapsed = [_seconds(lambda: _lanes(batch, DEFAULT_TOLERANCE)) for _ in range(15)]
         lane_rates.append(tight.shape[1] / statistics.median(elapsed))
-        loop_rates.append(SUBSET / _seconds(lambda: _dop853(subset, tolerance)))
+        loop_rates.append(SUBSET / _seconds(lambda: dop853(subset, tolerance)))
     return _report(lane_rates, loop_rates)
 
 
@@ -98,7 +98,7 @@ def _report(lane_rates: list[float], loop_rates: list[float]) -> int:
     return 0 if ratio >= REQUIRED else 1
 
 
-def _admissible_points() -> Inputs:
+def admissible_points() -> Inputs:
     """The admissible points of the plain study, an array of each of the model's inputs."""
     import uqpen
     from uqpen.core.streams import Stream
@@ -116,7 +116,7 @@ def _admissible_points() -> Inputs:
     return {name: np.ascontiguousarray(column[kept]) for name, column in columns.items()}
 
 
-def _dop853(batch: Inputs, tolerance: float) -> FloatArray:
+def dop853(batch: Inputs, tolerance: float) -> FloatArray:
     """Depth and residue of every run, one after the other."""
     from uqpen.models.rod_trajectory import integrate_erosion, make_rod
 
@@ -142,13 +142,13 @@ def _lanes(batch: Inputs, tolerance: float) -> FloatArray:
 def _matching_tolerance(batch: Inputs, reference: FloatArray, target: float) -> tuple[float, float]:
     """The loosest tolerance with which DOP853 is as exact as the lanes, and its worst error."""
     for tolerance in np.geomspace(1e-4, 1e-8, 25).tolist():
-        error = _worst_error(_dop853(batch, tolerance), reference)
+        error = worst_error(dop853(batch, tolerance), reference)
         if error <= 1.5 * target:
             break
     return tolerance, error
 
 
-def _worst_error(results: FloatArray, reference: FloatArray) -> float:
+def worst_error(results: FloatArray, reference: FloatArray) -> float:
     return float(np.abs(results / reference - 1).max())
 
 

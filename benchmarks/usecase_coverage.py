@@ -187,7 +187,7 @@ def _run(part: str, seeds: int) -> Iterator[dict[str, Any]]:
         if part not in case.name:
             continue
         began = time.perf_counter()
-        for number, (output, truth) in enumerate(zip(case.outputs, _truths(case), strict=True)):
+        for number, (output, truth) in enumerate(zip(case.outputs, true_values(case), strict=True)):
             for design in DESIGNS:
                 found = [_cells(case, number, design, truth, seed) for seed in range(seeds)]
                 for statistic in STATISTICS:
@@ -232,7 +232,7 @@ def _use_case(ot: Any, name: str, found: Any) -> UseCase | str:
     return UseCase(name, distribution, lambda u: transform(ot.Sample(special.ndtri(u))), model)
 
 
-def _truths(case: UseCase) -> Iterator[Truth]:
+def true_values(case: UseCase) -> Iterator[Truth]:
     """The true values of each output's statistics, from reference sets."""
     inputs, outputs = [], []
     for number in range(REFERENCE_SETS):
@@ -251,7 +251,7 @@ def _truth(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> Truth
     driver = int(np.nanargmax(np.abs(strengths)))
     threshold = float(np.mean([np.quantile(values, THRESHOLD_AT) for values in outputs]))
     found = [
-        _true_values(each[:, driver], values, threshold)
+        _statistics(each[:, driver], values, threshold)
         for each, values in zip(inputs, outputs, strict=True)
     ]
     by_statistic = {name: [each[name] for each in found] for name in found[0]}
@@ -270,7 +270,7 @@ def _without_variance(truth: Truth) -> Truth:
     return replace(truth, values={**truth.values, **changed}, errors=errors)
 
 
-def _true_values(driver: FloatArray, values: FloatArray, threshold: float) -> dict[str, float]:
+def _statistics(driver: FloatArray, values: FloatArray, threshold: float) -> dict[str, float]:
     low, high, *quantiles = np.quantile(values, [0.16, 0.84, *QUANTILES]).tolist()
     return {
         "mean": float(values.mean()),

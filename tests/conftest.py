@@ -29,8 +29,12 @@ from uqpen.study.study import ValidatedStudy
 # that is to be interrupted.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Processes that tests start keep what they have compiled: there are many, and each would compile
+# all of uqpen again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # The same examples each time: a test that fails now and then says nothing.
-settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("fixed", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("fixed")
 
 
@@ -46,11 +50,22 @@ def study_of(tmp_path: Path) -> Callable[..., ValidatedStudy]:
 
     An input is given as the ends of a uniform law, or as a study file has it.
     """
+    return _study_maker(tmp_path)
 
+
+@pytest.fixture(scope="module")
+def module_study_of(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[..., ValidatedStudy]:
+    """Makes the same for an archive that all tests of a module read."""
+    return _study_maker(tmp_path_factory.mktemp("study"))
+
+
+def _study_maker(folder: Path) -> Callable[..., ValidatedStudy]:
     def make(body: str, text: str = "", **inputs: Any) -> ValidatedStudy:
         names = ", ".join(inputs)
         source = f"import numpy as np\ndef f({names}):\n    return {{'y': {body}}}\n"
-        (tmp_path / "line.py").write_text(source)
+        (folder / "line.py").write_text(source)
         distributions = [f"{name} = {_law(law)}" for name, law in inputs.items()]
         units = [f'{name} = "1"' for name in inputs]
         designs = '[designs.some]\nkind = "monte-carlo"\nruns = 10'
@@ -62,7 +77,7 @@ def study_of(tmp_path: Path) -> Callable[..., ValidatedStudy]:
             *("[inputs]", *distributions),
             text if "[designs" in text else f"{text}\n{designs}",
         ]
-        return parse_study("\n".join(lines), folder=tmp_path)
+        return parse_study("\n".join(lines), folder=folder)
 
     return make
 

@@ -18,7 +18,7 @@ import uqpen
 from uqpen.statistics.intervals import dkw_half_width, runs_needed
 from uqpen.study.study import ValidatedStudy
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 MakeStudy = Callable[..., ValidatedStudy]
 
@@ -39,7 +39,7 @@ runs = 4_000
 BLOCKS = """
 [designs.blocks]
 kind = "saltelli"
-base = 4_096
+base = 1_024
 """
 
 ISHIGAMI = "np.sin(a) + 7 * np.sin(b)**2 + 0.1 * c**4 * np.sin(a)"

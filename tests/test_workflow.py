@@ -17,14 +17,17 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
-pytestmark = pytest.mark.processor
-
 STUDIES = Path(__file__).parents[1] / "studies"
 
 
 @pytest.fixture(scope="module")
 def concrete() -> xr.DataTree:
     return uqpen.run(uqpen.load_study(STUDIES / "concrete.toml"))
+
+
+@pytest.fixture(scope="module")
+def ishigami() -> xr.DataTree:
+    return uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
 
 
 def figure(tree: xr.DataTree, design: str, output: str, name: str, **at: Any) -> dict[str, float]:
@@ -206,11 +209,10 @@ def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
-def test_the_self_check_holds_the_exact_answers(design: str) -> None:
-    tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
-    mean = figure(tree, design, "y", "mean")
+def test_the_self_check_holds_the_exact_answers(ishigami: xr.DataTree, design: str) -> None:
+    mean = figure(ishigami, design, "y", "mean")
     assert mean["lower"] < 3.5 < mean["upper"]
-    std = figure(tree, design, "y", "std")
+    std = figure(ishigami, design, "y", "std")
     assert std["lower"] < 13.844587940719254**0.5 < std["upper"]
 
 
@@ -234,6 +236,7 @@ def small(extra: str = "", runs: int = 300, constraint: str = "") -> ValidatedSt
     )
 
 
+@pytest.mark.processor
 def test_adding_a_design_changes_no_others_numbers() -> None:
     more = '[designs.aa]\nkind = "latin-hypercube"\nruns = 100'
     alone, beside = uqpen.run(small()), uqpen.run(small(more))
@@ -241,6 +244,7 @@ def test_adding_a_design_changes_no_others_numbers() -> None:
         assert alone[path].to_dataset().identical(beside[path].to_dataset())
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 def test_where_batches_are_computed_changes_no_bit() -> None:
     def backwards(function: Callable[[Any], Any], batches: Iterable[Any]) -> list[Any]:

@@ -18,8 +18,6 @@ from uqpen.archive.read import group_names, is_archive, open_archive, read_group
 from uqpen.archive.write import prepare_destination, write
 from uqpen.core.errors import ArchiveError
 
-pytestmark = pytest.mark.processor
-
 RODS = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
 STUDY = f"""
 title = "Größe"
@@ -49,6 +47,7 @@ def archive(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
+@pytest.mark.processor
 def test_what_is_read_is_what_was_written(tree: xr.DataTree, archive: Path) -> None:
     read = open_archive(archive)
     assert {node.path for node in read.subtree} == {node.path for node in tree.subtree}
@@ -68,6 +67,7 @@ def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
         assert group_names(whole.load(), "runs") == ["monte_carlo", "latin_hypercube"]
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.nc"

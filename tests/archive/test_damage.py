@@ -234,6 +234,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", list(DAMAGES))
 def test_a_damaged_part_is_named(copy: Path, how: str) -> None:
     change, message = DAMAGES[how]

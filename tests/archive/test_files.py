@@ -111,7 +111,7 @@ _NAMES = st.one_of(
 
 
 @pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(names=st.lists(_NAMES, max_size=4))
 def test_no_name_leads_out_of_the_folder(
     names: list[str], tmp_path_factory: pytest.TempPathFactory

@@ -30,7 +30,7 @@ from uqpen.verification.differences import TOLERANCE, find_differences
 from uqpen.verification.verify import verify
 
 # To open an archive of an earlier schema and to make its study again takes a second each.
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 FOLDER = Path(__file__).parents[1] / "data" / "archives"
 NAMES = sorted(path.name.removesuffix(".nc.gz") for path in FOLDER.glob("*.nc.gz"))
@@ -169,6 +169,7 @@ def test_its_hashes_are_those_of_what_was_written(kept: Kept) -> None:
     assert group_hashes(kept.written) == before, "what was read is not touched"
 
 
+@pytest.mark.processor
 def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     folder = None if "files" in kept.tree.children else FOLDER
@@ -192,6 +193,7 @@ def have_close_runs(one: xr.DataTree, other: xr.DataTree) -> bool:
     return all(each.relative <= TOLERANCE for pair in pairs for each in find_differences(*pair))
 
 
+@pytest.mark.processor
 def test_its_differences_from_a_new_one_are_explained(kept: Kept) -> None:
     now = uqpen.run(uqpen.load_study(FOLDER / f"{kept.name}.toml"))
     told = {section.name: section.lines for section in diff_archives(kept.tree, now)}

@@ -12,7 +12,7 @@ from typing import Any
 import netCDF4
 import pytest
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 STUDY = """\
 title = "Small [bold]study[/bold]"
@@ -56,6 +56,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestCompare:
+    @pytest.mark.processor
     def test_it_writes_an_archive_and_shows_it(self, uqpen: Command, archive: Path) -> None:
         done = uqpen("compare", "small.toml", *SHORT)
         assert done.code == 0

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +13,7 @@ from uqpen.core.errors import CheckpointError
 from uqpen.core.model import Results
 from uqpen.execution.batch import BatchResult
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 MODEL = """\
 import pathlib
@@ -71,6 +66,7 @@ def calls(folder: Path) -> int:
     return len((folder / "calls").read_text().split())
 
 
+@pytest.mark.processor
 def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> None:
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
@@ -97,24 +93,6 @@ def test_large_parts_are_written_as_they_come(
     assert [len(read_runs(part).runs) for part in parts] == [5, 5, 1]
     (folder / "stop").unlink()
     assert make(folder) == make(folder, "whole.nc")
-
-
-def test_killed_it_goes_on(folder: Path) -> None:
-    slow = MODEL.replace("    curve", "    import time; time.sleep(0.02)\n    curve")
-    (folder / "model.py").write_text(slow)
-    command = [sys.executable, "-m", "uqpen", "study", "study.toml", "-o", "killed.nc"]
-    root = str(Path(uqpen.__file__).parents[1])
-    running = subprocess.Popen(
-        command, cwd=folder, env={**os.environ, "PYTHONPATH": root}, stderr=subprocess.DEVNULL
-    )
-    parts = folder / "killed.nc.parts"
-    deadline = time.monotonic() + 60
-    while not list(parts.rglob("*.npz")) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    running.send_signal(signal.SIGKILL)
-    running.wait()
-    assert not (folder / "killed.nc").exists()
-    assert make(folder, "killed.nc") == make(folder, "whole.nc")
 
 
 def test_runs_of_other_coordinates_are_refused(folder: Path) -> None:

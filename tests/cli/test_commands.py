@@ -425,14 +425,10 @@ class TestProcess:
         left = {path.name for path in (tmp_path / "archives").iterdir()}
         assert left == {"slow.nc.log", "slow.nc.parts"}
 
-    @pytest.mark.parametrize("arguments", [("check", "small.toml"), ("--help",), ("models",)])
-    def test_a_reader_that_has_seen_enough_is_no_error(
-        self, tmp_path: Path, arguments: tuple[str, ...]
-    ) -> None:
-        (tmp_path / "small.toml").write_text(SMALL)
+    @pytest.mark.parametrize("arguments", [("--help",), ("models",)])
+    def test_a_reader_that_has_seen_enough_is_no_error(self, arguments: tuple[str, ...]) -> None:
         with subprocess.Popen(
             self.command(*arguments),
-            cwd=tmp_path,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         ) as process:
@@ -504,5 +500,6 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
             time.sleep(0.01)
         said = process.stderr.read() if process.stderr is not None else ""
     assert process.returncode == 130
-    assert said.startswith("interrupted")
+    # A busy machine takes so long to prepare the model that it is told.
+    assert said.removeprefix("preparing model.py:f\n").startswith("interrupted")
     assert "Traceback" not in said

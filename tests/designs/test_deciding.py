@@ -14,7 +14,8 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.estimates import unpack, unpack_all
+from uqpen.archive.estimates import unpack
+from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import QuantityError, SettingsError, StudyError
 from uqpen.core.status import Status
@@ -32,8 +33,6 @@ from uqpen.statistics.decision import anytime_interval, decision_attributes
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.testing import check_design
 from uqpen.verification.verify import verify
-
-pytestmark = pytest.mark.processor
 
 STUDY = """\
 seed = 3
@@ -215,6 +214,7 @@ class Interrupted(Progress):
             raise KeyboardInterrupt
 
 
+@pytest.mark.processor
 class TestSameBytes:
     def test_for_three_workers_and_after_an_interruption(self, tmp_path: Path) -> None:
         alone, several, again = (tmp_path / f"{name}.nc" for name in ("alone", "several", "again"))
@@ -293,7 +293,7 @@ class TestShown:
         assert "an interval that holds whenever one stops" in finding[1]
 
     def test_every_interval_for_a_fixed_number_is_marked(self) -> None:
-        found = unpack_all(tree()["statistics/one/y"].to_dataset())
+        found = UnpackedStatistics(tree()["statistics/one/y"].to_dataset())
         for array in (each for each in found.values() if "interval_label" in each.coords):
             has_interval = np.ravel(array["interval_label"].values) != "none"
             is_marked = ["not certified" in note for note in np.ravel(array["note"].values)]

@@ -31,8 +31,6 @@ from uqpen.designs.table import TableDesign
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 
-pytestmark = pytest.mark.processor
-
 LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
 LAW = JointDistribution(
     (
@@ -137,6 +135,7 @@ def test_points_follow_the_law(design: Design) -> None:
     assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=error)
 
 
+@pytest.mark.processor
 def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
     few, many = points(MonteCarlo(10)), points(MonteCarlo(BLOCK + 10))
     np.testing.assert_array_equal(few["share"], many["share"][:10])

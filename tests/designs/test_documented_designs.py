@@ -19,8 +19,6 @@ from uqpen.designs.stopping.precision import Precision
 from uqpen.testing import check_design, check_stopping_rule, example_joint_distribution
 from uqpen.verification.verify import verify
 
-pytestmark = pytest.mark.processor
-
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "design.md").read_text(encoding="utf-8")
 STUDY = """
 seed = 1
@@ -96,6 +94,7 @@ class TestSalib:
         assert lower < 3.5 < upper
         assert upper - lower < 0.3
 
+    @pytest.mark.processor
     def test_its_archive_is_verified(self, folder: Path) -> None:
         text = block("analyses = \\[.my_salib", "toml").replace("points = 200", "points = 20")
         uqpen.write(uqpen.run(uqpen.parse_study(text, folder=folder)), folder / "a.nc")

@@ -22,8 +22,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics import running_estimates
 from uqpen.testing import check_design
 
-pytestmark = pytest.mark.processor
-
 MODELS = """
 [models.plain]
 use = "ishigami"
@@ -83,6 +81,7 @@ def test_it_is_sent_the_runs_of_the_last_round() -> None:
         assert np.array_equal(sent, runs[name].values, equal_nan=True)
 
 
+@pytest.mark.processor
 def test_the_estimates_of_all_rounds_are_those_of_the_archive() -> None:
     tree, heard = listen()
     found = heard[-1].estimates("", "y")

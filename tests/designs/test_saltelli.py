@@ -23,8 +23,6 @@ from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import join_rounds
 
-pytestmark = pytest.mark.processor
-
 FloatArray = npt.NDArray[np.float64]
 
 LENGTH, MASS, SHARE, WIDTH = (Input(name, "1") for name in ("length", "mass", "share", "width"))
@@ -178,6 +176,7 @@ def test_nothing_is_drawn_for_ever() -> None:
     assert (runs["matrix"].values[runs["round"].values > 0] < 2).all()
 
 
+@pytest.mark.processor
 def test_the_same_stream_gives_the_same_redraws() -> None:
     one, again = (made(Saltelli(64, 4), half_lost) for _ in range(2))
     assert one.identical(again)

@@ -28,8 +28,6 @@ from uqpen.distributions.joint_distribution import FixedInput, JointDistribution
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.ishigami import Ishigami
 
-pytestmark = pytest.mark.processor
-
 FloatArray = npt.NDArray[np.float64]
 
 TWO, THREE = ("a", "b"), ("a", "b", "c")
@@ -192,6 +190,7 @@ def test_the_corners_of_the_cube_stay_inside_it_and_in_order(name: str) -> None:
     assert (np.diff(last, axis=1) >= -1e-12).all()
 
 
+@pytest.mark.processor
 @pytest.mark.parametrize("name", CASES)
 def test_a_point_does_not_depend_on_its_batch(name: str) -> None:
     dependence = CASES[name]

@@ -26,7 +26,7 @@ from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
 from uqpen.models.python_function import PythonFunction
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 BUILT_IN = """\
 seed = 1
@@ -97,6 +97,7 @@ def two() -> Iterator[Map]:
         yield pool
 
 
+@pytest.mark.processor
 def test_any_number_of_workers_writes_the_same_bytes(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text("def twice(x): return 2 * x")
     several = FUNCTION + "\ndef g(x):\n    return {'y': x / abs(x).max()}"

@@ -11,7 +11,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack, unpack_all
+from uqpen.archive.estimates import estimate_array, pack
+from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.errors import FigureError
 from uqpen.core.labels import INTERVAL_LEVEL
 
@@ -79,7 +80,7 @@ def with_statistics(tree: xr.DataTree, added: dict[str, xr.DataArray]) -> xr.Dat
     """The archive with further statistics of the curve."""
     path = "statistics/mc/ending"
     group = tree[path].to_dataset()
-    known = unpack_all(group)
+    known = UnpackedStatistics(group)
     changed = tree.copy()
     changed[path] = xr.DataTree(pack({**known, **added}).assign_attrs(group.attrs))
     return changed

@@ -109,14 +109,14 @@ class TestMessages:
 
 class TestMany:
     def test_of_many_runs_few_are_drawn_and_all_are_counted(self, study_of: Any) -> None:
-        distribution = '[designs.some]\nkind = "monte-carlo"\nruns = 200_000'
+        distribution = '[designs.some]\nkind = "monte-carlo"\nruns = 20_000'
         tree = uqpen.run(study_of("a * b", distribution, a=(0, 1), b=(0, 1)))
         page = figure(tree, "scatter", "histogram", "cdf")
         first, *_, histogram, _ = page.axes
         assert len(first.lines[0].get_xdata()) == 1000
-        assert histogram.patches[0].get_data().values.sum() == 200_000
+        assert histogram.patches[0].get_data().values.sum() == 20_000
         notes = page.legends[0].get_title().get_text()
-        assert "1 000 of 200 000 completed runs" in notes
+        assert "1 000 of 20 000 completed runs" in notes
         assert len(figure_bytes(page, "svg")) < 800_000
 
     def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:

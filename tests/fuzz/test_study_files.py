@@ -38,7 +38,7 @@ def test_the_studies_are_right_before_they_are_changed(name: str) -> None:
     assert uqpen.parse_study(again).designs == study.designs
 
 
-@settings(bounded, max_examples=10)
+@settings(bounded, max_examples=6)
 @given(randoms)
 def test_other_values_keys_and_tables_are_no_traceback(random: Random) -> None:
     file = Path("mutant.toml")

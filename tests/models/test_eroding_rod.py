@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqpen.models import tsitouras
-from uqpen.models.eroding_rod import Penetration, penetrate
+from uqpen.models import rod_lanes, tsitouras
+from uqpen.models.eroding_rod import DEFAULT_TOLERANCE, Penetration, penetrate
 from uqpen.models.rod_and_target import Termination
 from uqpen.models.rod_trajectory import (
     Trajectory,
@@ -273,6 +274,28 @@ def test_a_run_has_the_same_bits_in_every_lane(lane):
     rolled = {name: np.roll(values, lane) for name, values in batch.items()}
     expected = Penetration(*(np.roll(values, lane) for values in penetrate(**batch)))
     assert_same_bits(penetrate(**rolled), expected)
+
+
+def test_a_run_has_the_same_bits_with_any_number_of_threads(monkeypatch):
+    batch = concrete(3000)
+    monkeypatch.setenv("UQPEN_THREADS", "1")
+    alone = penetrate(**batch)
+    monkeypatch.delenv("UQPEN_THREADS")
+    for processors in (2, 3, 5):
+        monkeypatch.setattr("uqpen.core.processors.processors", lambda number=processors: number)
+        assert_same_bits(penetrate(**batch), alone)
+
+
+def test_a_run_of_the_reports_law_takes_351_evaluations_of_the_slopes():
+    with mock.patch.object(rod_lanes, "erode", wraps=rod_lanes.erode) as erode:
+        penetrate(**concrete(2000))
+    (all_rods, _), _ = erode.call_args
+    found = rod_lanes.count_evaluations(all_rods, DEFAULT_TOLERANCE)
+    # The standard deviation among runs is 100, so that of the mean is 2.
+    assert found.mean() == pytest.approx(351, abs=10)
+    tighter = rod_lanes.count_evaluations(all_rods, DEFAULT_TOLERANCE / 32)
+    # Steps of order 5 go with the fifth root of the tolerance.
+    assert tighter.mean() / found.mean() == pytest.approx(2.0, rel=0.2)
 
 
 def test_a_run_that_cannot_be_solved_is_reported_and_harms_no_other():

@@ -14,8 +14,6 @@ from click.testing import CliRunner
 from uqpen.cli.study import study
 from uqpen.rehearsal import rehearse, repeats
 
-pytestmark = pytest.mark.processor
-
 STUDY = """\
 title = "Small [bold]study[/bold]"
 seed = 1
@@ -70,6 +68,7 @@ def test_it_shows_what_holds_on_80_columns(uqpen: Command) -> None:
     assert max(map(len, done.out.splitlines())) <= 80
 
 
+@pytest.mark.processor
 def test_json_does_not_depend_on_workers(uqpen: Command) -> None:
     options = ("rehearse", "small.toml", "--repeats", "10", "--json")
     alone = uqpen(*options)

@@ -16,7 +16,8 @@ from playwright.sync_api import Page
 
 import uqpen
 from uqpen.archive.content import with_hashes
-from uqpen.archive.estimates import estimate_array, pack, unpack_all
+from uqpen.archive.estimates import estimate_array, pack
+from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts
 from uqpen.report.page import report_page
 from uqpen.report.sections.curves import curves
@@ -76,7 +77,7 @@ def moving(
 def driven(moving: xr.DataTree) -> xr.DataTree:
     """The same with indices along the curve: 0.6 falling to 0.2, and 0.3."""
     group = moving["statistics/mc/curve"].to_dataset()
-    arrays = unpack_all(group)
+    arrays = dict(UnpackedStatistics(group))
     shares = np.stack([np.linspace(0.6, 0.2, 41), np.full(41, 0.3)], axis=-1)
     arrays["first_order"] = estimate_array(
         np.stack([shares, shares - 0.1, shares + 0.1], axis=-1),

@@ -33,9 +33,9 @@ method = "least-squares"
 """
 
 
-@pytest.fixture
-def tree(study_of: Any) -> xr.DataTree:
-    return uqpen.run(study_of("np.exp(3 * a) + b", FLAT, a=(0, 1), b=(0, 1)))
+@pytest.fixture(scope="module")
+def tree(module_study_of: Any) -> xr.DataTree:
+    return uqpen.run(module_study_of("np.exp(3 * a) + b", FLAT, a=(0, 1), b=(0, 1)))
 
 
 def blocks(tree: xr.DataTree) -> list[Block]:

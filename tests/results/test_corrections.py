@@ -27,9 +27,9 @@ design = "training"
 """
 
 
-@pytest.fixture
-def tree(study_of: Callable[..., ValidatedStudy]) -> xr.DataTree:
-    return uqpen.run(study_of("np.exp(a) + b", STUDY, a=(0, 1), b=(0, 1)))
+@pytest.fixture(scope="module")
+def tree(module_study_of: Callable[..., ValidatedStudy]) -> xr.DataTree:
+    return uqpen.run(module_study_of("np.exp(a) + b", STUDY, a=(0, 1), b=(0, 1)))
 
 
 def corrected(tree: xr.DataTree, statistic: str) -> xr.DataArray:

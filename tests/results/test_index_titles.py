@@ -36,9 +36,11 @@ check = "large"
 """
 
 
-@pytest.fixture
-def tree(study_of: Callable[..., Any]) -> xr.DataTree:
-    return uqpen.run(study_of("a + b + 0.6 * c", DEPENDENT + DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1)))
+@pytest.fixture(scope="module")
+def tree(module_study_of: Callable[..., Any]) -> xr.DataTree:
+    return uqpen.run(
+        module_study_of("a + b + 0.6 * c", DEPENDENT + DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1))
+    )
 
 
 def test_dependent_inputs_have_no_shares(tree: xr.DataTree) -> None:

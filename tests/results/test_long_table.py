@@ -11,6 +11,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import estimate_array, pack
+from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.source_statistics import SourceStatistics
@@ -163,3 +164,19 @@ def test_an_archive_without_estimates_has_an_empty_table() -> None:
     found = SourceStatistics(xr.DataTree()).to_frame()
     assert len(found) == 0
     assert {"estimate", "statistic"} <= set(found.columns)
+
+
+def test_corrected_estimates_have_the_surrogates_own_figure_beside_them() -> None:
+    means = xr.DataArray(
+        [1.0, 0.9, 1.1],
+        dims="bound",
+        coords={"surrogate_estimate": 1.05, "equivalent_runs": 400.0},
+        attrs={"units": "m"},
+    )
+    plain = means.drop_vars(["surrogate_estimate", "equivalent_runs"])
+
+    table = rows_frame([*estimate_rows(means, statistic="mean"), *estimate_rows(plain)])
+
+    assert table["surrogate_estimate"].tolist() == pytest.approx([1.05, math.nan], nan_ok=True)
+    assert table["equivalent_runs"].tolist() == pytest.approx([400.0, math.nan], nan_ok=True)
+    assert "surrogate_estimate" not in rows_frame(estimate_rows(plain))

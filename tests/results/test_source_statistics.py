@@ -15,8 +15,6 @@ from uqpen.archive.write import write
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
-pytestmark = pytest.mark.processor
-
 MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
@@ -40,9 +38,9 @@ runs = 100
 """
 
 
-@pytest.fixture
-def tree(study_of: MakeStudy) -> xr.DataTree:
-    return uqpen.run(study_of("a + b**2", DESIGNS, a=(0, 1), b=(0, 1)))
+@pytest.fixture(scope="module")
+def tree(module_study_of: MakeStudy) -> xr.DataTree:
+    return uqpen.run(module_study_of("a + b**2", DESIGNS, a=(0, 1), b=(0, 1)))
 
 
 def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
@@ -64,6 +62,7 @@ def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
     assert np.isfinite(response.sel(bound="estimate")).all()
 
 
+@pytest.mark.processor
 def test_statistics_read_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> None:
     write(tree, tmp_path / "all.nc")
     made, read = SourceStatistics(tree), SourceStatistics(open_archive(tmp_path / "all.nc"))

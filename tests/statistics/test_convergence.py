@@ -23,8 +23,6 @@ from uqpen.statistics.analyze import analyze
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 
-pytestmark = pytest.mark.processor
-
 Y = QuantityOfInterest(
     Output("y", "m"), "m", thresholds=(Threshold("1 m", 1.0), Threshold("2 m", 2.0))
 )
@@ -101,6 +99,7 @@ def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
         ]
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 def test_the_last_part_is_what_the_archive_tells() -> None:
     tree = uqpen.run(uqpen.parse_study(STUDY))

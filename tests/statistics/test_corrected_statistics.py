@@ -10,26 +10,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from corrected_surrogates import NORMAL, STREAM, corrected_by, made
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import RUN, SAMPLING, STATUS
+from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
-from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
-from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
     CorrectedProbability,
@@ -37,16 +33,10 @@ from uqpen.statistics.surrogate.correction.disagreements import (
     corrected_probability,
 )
 from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
-from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.cross_fitting import cross_fit
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 MakeStudy = Callable[..., ValidatedStudy]
-
-STREAM = Stream(1, "surrogates", "pce")
-NORMAL = "{ normal = { mean = 0, std = 1 } }"
 
 
 def runs_of(
@@ -72,24 +62,11 @@ def in_one_fold(runs: CorrectionRuns) -> CorrectionRuns:
     return replace(runs, fold=fold, missing_fold=missing, draws=runs.draws[:1])
 
 
-def made(study: ValidatedStudy, design: Design) -> xr.Dataset:
-    points = next(design.rounds(study.joint, Stream(1, "design", str(design))))
-    runs = evaluate(Evaluator(study.models[""].model, study.constraints), points, {})
-    return runs.assign_attrs({SAMPLING: str(design.sampling)})
-
-
 def corrected(
     study: ValidatedStudy, training: xr.Dataset, check: xr.Dataset | None = None, order: int = 2
 ) -> OutputStatistics:
     """Return the corrected statistics of a polynomial chaos."""
-    surrogate, model = PolynomialChaos(design="training", order=order), study.models[""].model
-    fitted = surrogate.fit("pce", training, model, study.joint, STREAM)
-    folds = cross_fit(surrogate, "pce", training, model, study.joint, STREAM)
-    draws = SurrogateDraws(fitted, study.joint, study.constraints, {}, STREAM)
-    quantities = study.model_quantities(model)
-    evidence = correction_evidence(draws, folds, training, check, quantities)
-    found = surrogate_statistics(draws, quantities).outputs
-    return correct_statistics(found, evidence, quantities)["y"]
+    return corrected_by(study, PolynomialChaos(design="training", order=order), training, check)
 
 
 def test_bonett_and_price_is_its_formula() -> None:
@@ -308,17 +285,6 @@ def test_check_runs_that_do_not_vary_leave_no_spread(study_of: MakeStudy) -> Non
     assert found["std"].coords["interval_label"] == "none"
     _, lower, upper = found["exceedance"].values[0]
     assert lower <= 0.03 <= upper
-
-
-def test_dependent_inputs_have_no_indices(study_of: MakeStudy) -> None:
-    pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
-    dependence = f'[dependence]\ncopula = "gaussian"\nof = "ranks"\n{pair}\n'
-    study = study_of("a + b", dependence, a=(0, 1), b=(0, 1))
-    found = corrected(study, made(study, MonteCarlo(runs=100)))
-    assert np.isfinite(found["mean"].values).all()
-    notes = found["first_order"].coords["note"].values
-    assert all("the random inputs depend on each other" in note for note in notes)
-    assert np.isnan(found["first_order"].values[:, 1:]).all()
 
 
 def _labels(statistics: Mapping[str, xr.DataArray]) -> list[str]:

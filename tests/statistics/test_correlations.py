@@ -21,8 +21,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.correlations import correlations
 
-pytestmark = pytest.mark.processor
-
 FloatArray = npt.NDArray[np.float64]
 
 QUESTION = QuantityOfInterest(Output("y", "m"), "m")
@@ -122,6 +120,7 @@ def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int)
         assert np.array_equal(one[name].values, two[name].values)
 
 
+@pytest.mark.processor
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
 @settings(max_examples=20)

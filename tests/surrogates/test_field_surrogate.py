@@ -32,14 +32,18 @@ from uqpen.models.campbell import Campbell
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
+from uqpen.surrogates.best_surrogate import FixedChoice
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate
+from uqpen.surrogates.gaussian_process import GaussianProcess
+from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.score_model import score_name
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.verification.check_result import CheckOutcome
 
@@ -141,6 +145,21 @@ def test_a_field_of_rank_two_is_reproduced(surrogate: Surrogate, design: Design)
         "steady": "it does not vary: it is the same in every run",
         "course": "its curves may end, and principal components are of whole curves",
     }
+
+
+CHOICE = dict.fromkeys(("peak", *(score_name("field", i) for i in (0, 1))), "gaussian-process")
+
+
+@pytest.mark.parametrize("surrogate", [GaussianProcess(design="t"), FixedChoice("t", CHOICE)])
+def test_values_are_evaluated_without_deviations(
+    surrogate: Surrogate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = fitted(surrogate, MonteCarlo(runs=40))
+    inputs, _ = found.completed_runs(OTHERS)
+    predicted = found.predict(inputs)
+    monkeypatch.delattr(GaussianProcessFit, "predict")
+    for name, values in found.evaluate(inputs).outputs.items():
+        assert np.array_equal(values, predicted[name].mean)
 
 
 @pytest.mark.parametrize(("surrogate", "design"), SETTINGS.values(), ids=list(SETTINGS))

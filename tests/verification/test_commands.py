@@ -17,7 +17,7 @@ from uqpen.archive.netcdf import write_tree
 from uqpen.execution.processes import ProcessPool
 from uqpen.verification.repetition import Runs, draw_runs
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 INPUTS = """
 [inputs]
@@ -167,6 +167,7 @@ DAMAGES = {
 
 
 class TestVerify:
+    @pytest.mark.processor
     @pytest.mark.parametrize(
         ("name", "how"), [("plain", ("--runs", "30")), ("surrogate", ()), ("several", ("--all",))]
     )
@@ -386,6 +387,7 @@ class TestDiff:
 
 
 class TestRerun:
+    @pytest.mark.processor
     @pytest.mark.parametrize(
         ("name", "arguments"), [("surrogate", ()), ("several", ()), ("own", ("--trust",))]
     )

@@ -14,7 +14,7 @@ from uqpen.archive.netcdf import write_tree
 from uqpen.archive.provenance import provenance, provenance_differences
 from uqpen.verification.diff import diff_archives
 
-pytestmark = [pytest.mark.processor, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 SWITCHES = {
     "as it is": {},

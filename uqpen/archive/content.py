@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import raw_bytes
+from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import CONTENT
 
 __all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
@@ -48,47 +49,70 @@ def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:
 def _group_hash(dataset: xr.Dataset) -> str:
     digest = hashlib.sha256()
     for chunk in _canonical_bytes(dataset):
-        # With its length, so that no two sequences of pieces look alike.
-        digest.update(len(chunk).to_bytes(8, "little"))
         digest.update(chunk)
     return digest.hexdigest()
 
 
 def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
-    """Yield a group as bytes: attributes, dimensions, then each variable, in order of names."""
+    """Yield a group as bytes: attributes, dimensions, then each variable, in order of names.
+
+    Before each piece comes its length, so that no two sequences of pieces look alike.
+    """
     attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
     yield from _attribute_bytes(attributes)
     for dimension, size in sorted(dataset.sizes.items(), key=lambda pair: str(pair[0])):
-        yield from (_text_bytes(dimension), _text_bytes(size))
+        yield from _text_bytes(dimension)
+        yield from _text_bytes(size)
     for name, variable in sorted(dataset.variables.items(), key=lambda pair: str(pair[0])):
         kind = "coordinate" if name in dataset.coords else "variable"
-        yield from (
-            _text_bytes(kind),
-            _text_bytes(name),
-            _text_bytes(" ".join(map(str, variable.dims))),
-        )
-        yield from _value_bytes(variable.values)
+        for text in (kind, name, " ".join(map(str, variable.dims))):
+            yield from _text_bytes(text)
+        yield from _value_bytes(variable)
         yield from _attribute_bytes(variable.attrs)
 
 
 def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes | memoryview]:
-    yield _text_bytes(len(attributes))
+    yield from _text_bytes(len(attributes))
     for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
-        yield _text_bytes(name)
+        yield from _text_bytes(name)
         # NetCDF does not distinguish a single value from a list of one.
         yield from _value_bytes(np.ravel(np.asarray(value)))
 
 
 def _value_bytes(values: Any) -> Iterator[bytes | memoryview]:
-    """Yield an array's type, shape and content: texts as UTF-8, numbers as little-endian."""
-    if values.dtype.kind in "OUS":
-        yield from (_text_bytes("text"), _text_bytes(values.shape))
-        yield from (_text_bytes(value) for value in values.ravel().tolist())
+    """Yield an array's type, shape and content: texts as UTF-8, numbers as little-endian.
+
+    The content of a variable comes by blocks, as that of a file need not fit the memory.
+    """
+    is_text = values.dtype.kind in "OUS"
+    yield from _text_bytes("text" if is_text else values.dtype.name)
+    yield from _text_bytes(values.shape)
+    if is_text:
+        for block in _blocks(values):
+            for value in block.ravel().tolist():
+                yield from _text_bytes(value)
         return
-    yield from (_text_bytes(values.dtype.name), _text_bytes(values.shape))
-    yield raw_bytes(values.astype(values.dtype.newbyteorder("<"), copy=False))
+    little = values.dtype.newbyteorder("<")
+    yield _length_bytes(values.size * values.dtype.itemsize)
+    for block in _blocks(values):
+        yield raw_bytes(block.astype(little, copy=False))
 
 
-def _text_bytes(value: object) -> bytes:
+def _blocks(values: Any) -> Iterator[Any]:
+    """Yield the values of an array or a variable by blocks along its first dimension."""
+    if not values.shape:
+        yield np.asarray(values)
+        return
+    for start, stop in block_ranges(values.shape[0]):
+        yield np.asarray(values[start:stop])
+
+
+def _text_bytes(value: object) -> Iterator[bytes]:
     # A damaged file may hold half characters; they have to have a hash as well.
-    return str(value).encode("utf-8", "surrogatepass")
+    text = str(value).encode("utf-8", "surrogatepass")
+    yield _length_bytes(len(text))
+    yield text
+
+
+def _length_bytes(length: int) -> bytes:
+    return length.to_bytes(8, "little")

@@ -51,7 +51,6 @@ __all__ = [
     "pack",
     "statistic_names",
     "unpack",
-    "unpack_all",
 ]
 
 INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
@@ -66,7 +65,7 @@ _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
 # Of more values, the copies of the texts take longer than labels that need none.
-_FEW_VALUES = 2**12
+_FEW_VALUES = 2**8
 
 _BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
 
@@ -252,12 +251,6 @@ def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
         return False
     values = codes.values
     return values.size == 0 or (int(values.min()) >= 0 and int(values.max()) < sizes.pop())
-
-
-def unpack_all(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
-    """Take all statistics out of a dataset, by their names."""
-    found = {name: unpack(dataset, name) for name in statistic_names(dataset)}
-    return {name: array for name, array in found.items() if array is not None}
 
 
 def interval_codes_name(statistic: str) -> str:

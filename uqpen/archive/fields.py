@@ -15,7 +15,7 @@ from uqpen.core.variables import MOST_DIMENSIONS
 __all__ = ["coordinate_text", "field_dimensions", "find_field_faults", "place_text"]
 
 
-def field_dimensions(variable: xr.DataArray) -> tuple[str, ...]:
+def field_dimensions(variable: xr.DataArray | xr.Variable) -> tuple[str, ...]:
     """Return the dimensions of an output of runs besides ``run``; none for a scalar."""
     return tuple(str(name) for name in variable.dims if name != RUN)
 
@@ -42,7 +42,8 @@ def coordinate_text(coordinate: xr.DataArray, value: float, digits: int = 10) ->
 def find_field_faults(runs: xr.Dataset) -> Iterator[str]:
     """Yield the faults of the fields of a design's runs, and of their coordinates."""
     dimensions: set[str] = set()
-    for name, variable in runs.data_vars.items():
+    for name in runs.data_vars:
+        variable = runs.variables[name]
         along = field_dimensions(variable)
         if variable.attrs.get(ROLE) != "output" or not along:
             continue

@@ -75,7 +75,8 @@ _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
 
 def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     """Return True if values are of a kind: texts, counts or numbers."""
-    return np.asarray(values).dtype.kind in _KINDS[kind]
+    known = getattr(values, "dtype", None)  # without reading them, where they are in a file
+    return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
 def has_bound_names(dataset: xr.Dataset) -> bool:
@@ -88,8 +89,9 @@ def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield the faults of attributes whose type is not the one that their name implies."""
     for node in tree.subtree:
         dataset = node.to_dataset(inherit=False)
-        owners: dict[str, Mapping[Any, Any]] = {node.path: dataset.attrs}
-        owners |= {f"{node.path}/{key}": v.attrs for key, v in dataset.variables.items()}
+        path = node.path
+        owners: dict[str, Mapping[Any, Any]] = {path: dataset.attrs}
+        owners |= {f"{path}/{key}": v.attrs for key, v in dataset.variables.items()}
         for place, attributes in owners.items():
             for name, value in attributes.items():
                 kind = _ATTRIBUTES.get(str(name))
@@ -121,7 +123,7 @@ def find_statistics_faults(node: xr.DataTree) -> Iterator[str]:
                 yield f"/{source}/{output}: {fault}"
             for dimension in dataset.dims:
                 if dimension in dataset.coords and dimension in REQUESTED_DIMENSIONS:
-                    found = dataset[dimension].values.tolist()
+                    found = dataset.variables[dimension].values.tolist()
                     if entries.setdefault((str(output), str(dimension)), found) != found:
                         yield f"/{source}/{output}: another {dimension} than elsewhere"
 
@@ -157,7 +159,10 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
 def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
     """Find dimensions of a field that have no coordinates with a unit."""
     known = {
-        str(dim) for name in catalogue if name in dataset.data_vars for dim in dataset[name].dims
+        str(dim)
+        for name in dataset.data_vars
+        if name in catalogue
+        for dim in dataset.variables[name].dims
     }
     for dimension in sorted(known.difference(DIMENSIONS, (BOUND,))):
         if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:

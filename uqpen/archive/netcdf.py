@@ -7,12 +7,17 @@ many times as long as everything else.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+
+from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset
+from uqpen.core.blocks import block_ranges
+from uqpen.core.limits import RUNS_IN_MEMORY
 
 if TYPE_CHECKING:
     import netCDF4
@@ -25,7 +30,8 @@ _COORDINATES = "coordinates"
 def write_tree(tree: xr.DataTree, path: Path) -> None:
     """Write a tree of numbers and texts such that xarray reads it back unchanged.
 
-    No group may use a dimension of its parent groups. An existing file is overwritten.
+    No group may use a dimension of its parent groups. An existing file is overwritten. Values are
+    written by blocks, so those that are in another file need not be in memory.
     """
     import netCDF4
 
@@ -37,15 +43,17 @@ def write_tree(tree: xr.DataTree, path: Path) -> None:
                 root.createGroup(node.path), node.to_dataset(inherit=False)
             )
         ]
-        for variable, values in filled:
-            variable[...] = values
+        for defined, variable in filled:
+            _fill(defined, variable)
 
 
-def read_groups(root: netCDF4.Dataset) -> xr.DataTree:
+def read_groups(root: netCDF4.Dataset, runs_in_memory: int = RUNS_IN_MEMORY) -> xr.DataTree:
     """Read a whole NetCDF file into memory, group by group.
 
-    xarray's reader opens each variable as a file of its own, and decodes what an archive has none
-    of: it takes three times as long.
+    Of variables that begin with a dimension of more than `runs_in_memory`, the values stay in the
+    file until they are needed; it is then open as long as they are. xarray's reader opens each
+    variable as a file of its own, and decodes what an archive has none of: it takes three times as
+    long.
 
     Raises
     ------
@@ -54,27 +62,38 @@ def read_groups(root: netCDF4.Dataset) -> xr.DataTree:
     """
     # Units such as "s" stay numbers, and flags stay whole numbers.
     root.set_auto_maskandscale(False)
-    return xr.DataTree.from_dict(dict(_read_groups(root, "/")))
+    open_file = cache(lambda: OpenFile(Path(root.filepath())))
+
+    def read(path: str, variable: Any) -> xr.Variable:
+        if variable.shape and variable.shape[0] > runs_in_memory:
+            return open_file().variable(path, variable.name)
+        own = {key: variable.getncattr(key) for key in variable.ncattrs()}
+        return xr.Variable(variable.dimensions, np.asarray(variable[...]), own)
+
+    return xr.DataTree.from_dict(dict(_read_groups(root, "/", read)))
 
 
-def _read_groups(group: Any, path: str) -> Iterator[tuple[str, xr.Dataset]]:
+# Reads a variable of the group at a path.
+_Reader = Callable[[str, Any], xr.Variable]
+
+
+def _read_groups(group: Any, path: str, read: _Reader) -> Iterator[tuple[str, xr.Dataset]]:
     """Yield a group's dataset, and those of the groups in it."""
-    yield path, _read_dataset(group)
+    yield path, _read_dataset(group, path, read)
     for name, child in group.groups.items():
-        yield from _read_groups(child, f"{path.rstrip('/')}/{name}")
+        yield from _read_groups(child, f"{path.rstrip('/')}/{name}", read)
 
 
-def _read_dataset(group: Any) -> xr.Dataset:
+def _read_dataset(group: Any, path: str, read: _Reader) -> xr.Dataset:
     attributes = {name: group.getncattr(name) for name in group.ncattrs()}
     coordinates = set(str(attributes.pop(_COORDINATES, "")).split())
     variables = {}
     for name, variable in group.variables.items():
-        own = {key: variable.getncattr(key) for key in variable.ncattrs()}
-        coordinates.update(str(own.pop(_COORDINATES, "")).split())
-        values = np.asarray(variable[...])
-        variables[name] = xr.Variable(variable.dimensions, values, own)
+        variables[name] = read(path, variable)
+        coordinates.update(str(variables[name].attrs.pop(_COORDINATES, "")).split())
     coordinates |= set(group.dimensions)
-    return xr.Dataset(
+    make = xr.Dataset if all(map(is_in_memory, variables.values())) else lazy_dataset
+    return make(
         {name: each for name, each in variables.items() if name not in coordinates},
         {name: each for name, each in variables.items() if name in coordinates},
         attributes,
@@ -82,7 +101,7 @@ def _read_dataset(group: Any) -> xr.Dataset:
 
 
 def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:
-    """Define the variables of a group; yield each, still empty, with the values to write."""
+    """Define the variables of a group; yield each, still empty, with the one to write."""
     group.setncatts(dataset.attrs)
     for dimension, size in dataset.sizes.items():
         group.createDimension(str(dimension), size)
@@ -99,11 +118,21 @@ def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, An
         defined.set_auto_maskandscale(False)
         names = beside.get(str(name))
         defined.setncatts(variable.attrs | ({_COORDINATES: " ".join(names)} if names else {}))
-        yield defined, np.asarray(variable.values, dtype=object if is_text else None)
+        yield defined, variable
     claimed = {name for names in beside.values() for name in names}
     unclaimed = [name for name in _auxiliary_coordinates(dataset) if name not in claimed]
     if unclaimed:
         group.setncattr(_COORDINATES, " ".join(unclaimed))
+
+
+def _fill(defined: Any, variable: xr.Variable) -> None:
+    """Write the values of a variable, by blocks along its first dimension."""
+    kind = object if variable.dtype.kind in "OU" else None
+    if not variable.dims:
+        defined[...] = np.asarray(variable.values, dtype=kind)
+        return
+    for start, stop in block_ranges(variable.shape[0]):
+        defined[start:stop] = np.asarray(variable[start:stop].values, dtype=kind)
 
 
 def _coordinate_names(dataset: xr.Dataset) -> dict[str, list[str]]:

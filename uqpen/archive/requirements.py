@@ -14,6 +14,8 @@ import xarray as xr
 from uqpen.archive.estimates import statistic_names
 from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.blocks import is_true_by_blocks
 from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     ABSENT,
@@ -109,37 +111,41 @@ def _input_faults(dataset: xr.Dataset, inputs: set[str]) -> Iterator[str]:
 
 def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:
     """Return the inputs and outputs, and whether each is an output."""
-    roles = {str(name): v.attrs.get(ROLE) for name, v in runs.data_vars.items()}
+    roles = {str(name): runs.variables[name].attrs.get(ROLE) for name in runs.data_vars}
     return {name: role == "output" for name, role in roles.items() if role in ("input", "output")}
 
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     for name, is_output in _variable_roles(runs).items():
-        variable = runs[name]
+        variable = runs.variables[name]
         # The dimensions of fields have been checked by the structure of the archive.
         lies_right = variable.dims[:1] == (RUN,) if is_output else variable.dims in ((), (RUN,))
         if not (lies_right and has_kind(variable, "number")):
             yield f"{name} is not of numbers along {RUN}"
         elif "flag_meanings" in variable.attrs and not _has_flags(variable):
             yield f"{name} does not define its categories"
-        elif is_output and not _is_finite(variable, runs[STATUS]):
+        elif is_output and not _is_finite(variable, runs.variables[STATUS]):
             yield f"{name} of a completed run is not finite"
     if runs.attrs.get(SAMPLING) == Sampling.PICK_FREEZE and MATRIX not in runs.variables:
         yield f"no {MATRIX} to distinguish its blocks"
     for name in (MATRIX, ROUND):
-        if name in runs.variables and runs[name].dims != (RUN,):
+        if name in runs.variables and runs.variables[name].dims != (RUN,):
             yield f"{name} does not lie along {RUN}"
 
 
-def _is_finite(variable: xr.DataArray, status: xr.DataArray) -> bool:
-    completed = np.asarray(variable.values, dtype=np.float64)[status.values == Status.OK]
+def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
     # A curve may end before its dimension does; it is NaN from there.
     # A derived number may be one that some runs do not have; it is NaN in them, too.
-    may_be_nan = completed.ndim == 2 or ABSENT in variable.attrs
-    return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
+    may_be_nan = variable.ndim == 2 or ABSENT in variable.attrs
+
+    def is_finite(values: FloatArray, statuses: IntArray) -> bool:
+        completed = np.asarray(values, dtype=np.float64)[statuses == Status.OK]
+        return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
+
+    return is_true_by_blocks(is_finite, variable, status)
 
 
-def _has_flags(variable: xr.DataArray) -> bool:
+def _has_flags(variable: xr.Variable) -> bool:
     words = str(variable.attrs["flag_meanings"]).split()
     labels = np.atleast_1d(variable.attrs.get("flag_labels", words))
     return np.size(variable.attrs.get("flag_values", ())) == len(words) == len(labels)
@@ -167,6 +173,8 @@ def find_level_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield the intervals whose level is no probability, a line each."""
     for node in tree.subtree:
         for name, variable in node.to_dataset(inherit=False).variables.items():
-            level = variable.attrs.get(INTERVAL_LEVEL, 0.95)
+            if INTERVAL_LEVEL not in variable.attrs:
+                continue
+            level = variable.attrs[INTERVAL_LEVEL]
             if np.ndim(level) or not has_kind(level, "number") or not 0 < level < 1:
                 yield f"{node.path}/{name}: {INTERVAL_LEVEL} is no probability"

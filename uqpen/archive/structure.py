@@ -20,6 +20,7 @@ from uqpen.archive.layout import (
 )
 from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
+from uqpen.core.blocks import block_ranges, is_true_by_blocks
 from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
@@ -164,15 +165,18 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     yield from find_field_faults(runs)
-    if STATUS not in runs or runs[STATUS].dims != (RUN,):
+    status = runs.variables.get(STATUS)
+    if status is None or status.dims != (RUN,):
         yield f"no {STATUS} along {RUN}"
-    elif not np.isin(runs[STATUS].values, list(Status)).all():
+    elif not is_true_by_blocks(lambda found: np.isin(found, list(Status)).all(), status):
         yield f"a {STATUS} that is none"
     if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"
     if RUN not in runs.coords or not has_kind(runs[RUN], "count"):
         yield f"no {RUN} numbers"
-    elif (np.diff(runs[RUN].values) <= 0).any():
+    elif not is_true_by_blocks(
+        lambda run: (np.diff(run) > 0).all(), runs.variables[RUN], overlap=1
+    ):
         yield f"{RUN} numbers that do not ascend"
     elif WEIGHT in runs.coords and not _has_weights(runs[WEIGHT]):
         yield f"a {WEIGHT} that is none"
@@ -184,11 +188,23 @@ def _has_weights(weights: xr.DataArray) -> bool:
     """Return True if every run has a weight, and some run counts."""
     if weights.dims != (RUN,) or not has_kind(weights, "number"):
         return False
-    return bool((np.isfinite(weights) & (weights >= 0)).all() and (weights > 0).any())
+    if not is_true_by_blocks(
+        lambda each: (np.isfinite(each) & (each >= 0)).all(), weights.variable
+    ):
+        return False
+    return not is_true_by_blocks(lambda each: (each <= 0).all(), weights.variable)
 
 
 def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
     """Return True if every failure reason belongs to a run."""
     if FAILED_RUN not in runs or runs[FAILURE_REASON].dims != (FAILED_RUN,):
         return False
-    return bool(runs[FAILED_RUN].isin(runs[RUN]).all())
+    failed = np.sort(runs[FAILED_RUN].values)
+    known = 0
+    for start, stop in block_ranges(runs.sizes[RUN]):
+        numbers = runs[RUN][start:stop].values
+        if numbers.size:
+            first = np.searchsorted(failed, numbers[0])
+            last = np.searchsorted(failed, numbers[-1], side="right")
+            known += int(np.count_nonzero(np.isin(failed[first:last], numbers)))
+    return bool(known == len(failed))

@@ -30,12 +30,13 @@ from uqpen.core.labels import (
     RUNS,
     STATUS,
 )
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.study.fingerprint import is_user_supplied
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ArchivedSources", "archived_sources", "open_intact"]
+__all__ = ["ArchivedSources", "archived_sources", "open_intact", "unused_designs"]
 
 
 class ArchivedSources(NamedTuple):
@@ -66,6 +67,14 @@ def open_intact(path: Path) -> xr.DataTree:
     if KIND in tree.attrs:
         raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
     return tree
+
+
+def unused_designs(tree: xr.DataTree) -> Iterator[str]:
+    """Yield the designs that have more runs than a study takes from an archive."""
+    for model in model_trees(tree).values():
+        for design in group_names(model, RUNS):
+            if read_group(model, RUNS, design).sizes[RUN] > RUNS_IN_MEMORY:
+                yield design
 
 
 def archived_sources(
@@ -113,6 +122,8 @@ def _sources(
     group = model_trees(tree)[archived_name]
     changed = _changed_designs(study, tree)
     for design in group_names(group, RUNS):
+        if read_group(group, RUNS, design).sizes[RUN] > RUNS_IN_MEMORY:
+            continue  # they are found by their inputs, for which all have to be in memory
         for runs in _rounds(read_group(group, RUNS, design), model, comparison.imported):
             source = RunSource(
                 place,

@@ -7,6 +7,7 @@ import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
+from uqpen.checkpoints.block_store import block_stores
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.fingerprint_file import (
     FILE_NAME,
@@ -17,13 +18,15 @@ from uqpen.checkpoints.fingerprint_file import (
     read_fingerprint,
 )
 from uqpen.checkpoints.part_files import (
+    has_runs,
     part_files,
     remove,
     remove_checkpoint,
     remove_empty,
     remove_temporary,
+    whole_blocks,
 )
-from uqpen.checkpoints.round_checkpoint import RoundCheckpoint
+from uqpen.checkpoints.round_checkpoint import RoundCheckpoint, ScratchCheckpoint
 from uqpen.checkpoints.runs_file import (
     DamagedRunsError,
     FinishedRuns,
@@ -39,6 +42,7 @@ from uqpen.checkpoints.set_aside import (
 )
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import MODELS, RUNS
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK
 from uqpen.execution import Progress
@@ -71,10 +75,19 @@ class CheckpointFolder:
         The run fingerprint of each design of the study, by model and design.
     progress : Progress
         Receives reports of damaged parts.
+    runs_in_memory : int
+        A first round of more runs goes by blocks.
     """
 
-    def __init__(self, folder: Path, fingerprints: Fingerprints, progress: Progress) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        fingerprints: Fingerprints,
+        progress: Progress,
+        runs_in_memory: int = RUNS_IN_MEMORY,
+    ) -> None:
         self.folder = folder
+        self.runs_in_memory = runs_in_memory
         self.runs = 0
         self._fingerprints = fingerprints
         self._progress = progress
@@ -95,7 +108,7 @@ class CheckpointFolder:
         """
         for (model, design), fingerprint in self._fingerprints.items():
             folder = self._runs_folder(model, design)
-            if not part_files(folder):
+            if not has_runs(folder):
                 # Unfinished files of an earlier start, perhaps of another study.
                 remove_checkpoint(folder)
                 continue
@@ -109,15 +122,16 @@ class CheckpointFolder:
             changes = [
                 each for each in fingerprint_changes(before, fingerprint) if not each.is_limit
             ]
-            if changes and all(each.key.startswith(f"designs.{design}.") for each in changes):
-                with self._writing():
+            is_of_design = all(each.key.startswith(f"designs.{design}.") for each in changes)
+            if changes and is_of_design and not whole_blocks(folder):
+                with self.writing():
                     set_aside(folder, self._model_folder(model))
                 continue
             if changes:
                 raise CheckpointError(_incompatibility_text(self.folder, design, changes))
             if before != fingerprint:
                 self._discard(folder, [Status.TIMED_OUT])
-                with self._writing():
+                with self.writing():
                     write_file(record, encode_fingerprint(fingerprint))
 
     def remove_temporary_files(self) -> None:
@@ -173,14 +187,24 @@ class CheckpointFolder:
         self._open.append(kept)
         return kept
 
+    def scratch(self, design: str, model: str, number: int) -> Checkpoint:
+        """Return a checkpoint that keeps many runs in a file, and no run for another start."""
+        if not number:
+            remove_checkpoint(self._runs_folder(model, design))
+        return ScratchCheckpoint(self, self._runs_folder(model, design), {}, number)
+
     def read_runs(self, file: Path) -> FinishedRuns | None:
         """Read the runs of a part; None for a damaged part."""
         try:
             return read_runs(file)
         except DamagedRunsError:
-            self._progress.warn(f"{file}: is damaged; its runs are made again")
+            self.warn_of_damage(file)
             remove(file)
             return None
+
+    def warn_of_damage(self, file: Path) -> None:
+        """Say that some runs of a file are made again."""
+        self._progress.warn(f"{file}: is damaged; its runs are made again")
 
     def points_error(self, design: str) -> CheckpointError:
         """Return the error for runs that were made at other points."""
@@ -201,7 +225,7 @@ class CheckpointFolder:
             If that cannot be done.
         """
         began = time.monotonic()
-        with self._writing():
+        with self.writing():
             for kept in self._open:
                 self.runs += kept.write()
         self._last = time.monotonic()
@@ -213,6 +237,8 @@ class CheckpointFolder:
             for file in part_files(self._runs_folder(model, design)):
                 if (result := self.read_runs(file)) is not None:
                     yield model, result
+            for store in block_stores(self._runs_folder(model, design)):
+                yield from ((model, result) for result in store.finished_runs())
 
     def discard_failed(self) -> None:
         """Discard the missing runs, so that they are made again; keep the inadmissible ones."""
@@ -221,7 +247,9 @@ class CheckpointFolder:
 
     def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
         """Discard the runs of a design with some statuses."""
-        with self._writing():
+        with self.writing():
+            for store in block_stores(folder):
+                store.discard(statuses)
             for file in part_files(folder):
                 with contextlib.suppress(DamagedRunsError):  # reported when it is read
                     result = read_runs(file).without_statuses(statuses)
@@ -231,8 +259,8 @@ class CheckpointFolder:
                         write_runs(file, result)
 
     @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Return an error that states its consequences for the runs."""
+    def writing(self) -> Iterator[None]:
+        """Return an error of the disk as one that states its consequences for the runs."""
         try:
             yield
         except OSError as error:

@@ -21,21 +21,21 @@ class GrowingPart:
         self.number: int | None = None
         self._batch_results: list[tuple[Arrays, BatchResult]] = []
         self._runs = self._bytes = self._written = 0
-        self._is_written = True
+        self.unwritten = 0  # runs
 
     def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
         """Add the result of a batch with its inputs."""
         self._batch_results.append((inputs, batch_result))
         self._runs += len(batch_result)
         self._bytes += sum(values.nbytes for values in batch_result.results.outputs.values())
-        self._is_written = False
+        self.unwritten += len(batch_result)
 
     def write(self, path: Path) -> None:
         """Write all its runs, where some are not written yet."""
-        if not self._is_written:
+        if self.unwritten:
             write_runs(path, FinishedRuns.from_batch_results(self._batch_results))
             self._written += 1
-            self._is_written = True
+            self.unwritten = 0
 
     @property
     def is_full(self) -> bool:

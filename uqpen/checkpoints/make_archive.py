@@ -7,7 +7,9 @@ from pathlib import Path
 
 import xarray as xr
 
+from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
+from uqpen.checkpoints.archived_runs import unused_designs
 from uqpen.checkpoints.changed_designs import unusable_runs
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
@@ -25,6 +27,7 @@ from uqpen.checkpoints.run_sources import (
 from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.core.labels import REUSED_RUNS
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
@@ -45,6 +48,7 @@ def make_archive(
     read_again: bool = False,
     reuse: Sequence[str | Path] | None = (),
     progress: Progress | None = None,
+    runs_in_memory: int = RUNS_IN_MEMORY,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, write the archive, and return it.
 
@@ -73,6 +77,8 @@ def make_archive(
         Further archives whose runs may be taken; None for no archive, not even that at `path`.
     progress : Progress, optional
         Receives progress reports.
+    runs_in_memory : int
+        A design of more runs has them in files, also in the tree that is returned.
 
     Raises
     ------
@@ -99,19 +105,23 @@ def make_archive(
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
-        kept = _checkpoint_folder(study, path, journal)
+        kept = _checkpoint_folder(study, path, journal, runs_in_memory)
         if read_again:
             study = reading_again(study, kept, repeats_others=fresh)
         _discard_runs(kept, every=fresh, failed=lost_again)
         archives = [replaced, *named] if replaced else named
         sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
         reused = ReusedRuns(study, sources, journal)
+        for archive in archives:
+            for name in unused_designs(archive.tree):
+                text = f"no run of its {name} is taken, as it has more than {RUNS_IN_MEMORY} runs"
+                journal.inform(f"{archive.place}: {text}")
         not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
         for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
             journal.inform(f"{name}: {text}")
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
-            own = Checkpoint() if is_unknown else kept.checkpoint(design, model, number)
+            own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
             return reused.checkpoint(own, design, model)
 
         try:
@@ -123,6 +133,8 @@ def make_archive(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
+        if any(study.design_runs(name) > runs_in_memory for name in study.designs):
+            tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
     return tree
 
@@ -145,14 +157,17 @@ def _is_complete(study: ValidatedStudy, tree: xr.DataTree, *, lost_again: bool) 
     return is_unchanged(study, tree) and not (lost_again and has_missing_runs(tree))
 
 
-def _checkpoint_folder(study: ValidatedStudy, path: Path, journal: Journal) -> CheckpointFolder:
+def _checkpoint_folder(
+    study: ValidatedStudy, path: Path, journal: Journal, runs_in_memory: int
+) -> CheckpointFolder:
     """Return the folder of finished runs beside an archive."""
     fingerprints = {
         (model, design): run_fingerprint(study, model, design)
         for model in study.models
         for design in study.designs
     }
-    kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
+    folder = _sibling_path(path, "parts")
+    kept = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
     kept.remove_temporary_files()
     return kept
 

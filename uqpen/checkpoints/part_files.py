@@ -10,6 +10,8 @@ from uqpen.checkpoints.runs_file import TEMPORARY
 from uqpen.core.errors import ArchiveError
 
 __all__ = [
+    "block_files",
+    "has_runs",
     "part_files",
     "part_number",
     "part_path",
@@ -17,6 +19,7 @@ __all__ = [
     "remove_checkpoint",
     "remove_empty",
     "remove_temporary",
+    "whole_blocks",
 ]
 
 _NUMBER = "[0-9]" * 6
@@ -34,7 +37,7 @@ def part_number(file: Path) -> int:
 
 def remove_temporary(root: Path) -> None:
     """Remove unfinished files below a folder."""
-    for name in (f"[0-9]*_{_NUMBER}.npz", FILE_NAME):
+    for name in (f"[0-9]*_{_NUMBER}.npz", "[0-9]*_blocks.nc", FILE_NAME):
         for file in root.rglob(f"{name}{TEMPORARY}"):
             remove(file)
 
@@ -42,6 +45,21 @@ def remove_temporary(root: Path) -> None:
 def part_files(folder: Path, number: str = "[0-9]*") -> list[Path]:
     """List the files of runs in a folder: of one round, or of all."""
     return [file for file in sorted(folder.glob(f"{number}_{_NUMBER}.npz")) if file.is_file()]
+
+
+def block_files(folder: Path, number: int | str = "[0-9]*") -> tuple[Path, Path]:
+    """Return the paths of the file of whole blocks of a round, and of the record of them."""
+    return folder / f"{number}_blocks.nc", folder / f"{number}_blocks.jsonl"
+
+
+def has_runs(folder: Path) -> bool:
+    """Return True if a folder has finished runs, in parts or in whole blocks."""
+    return bool(part_files(folder) or whole_blocks(folder))
+
+
+def whole_blocks(folder: Path) -> list[Path]:
+    """List the files of whole blocks in a folder."""
+    return [file for each in block_files(folder) for file in sorted(folder.glob(each.name))]
 
 
 def remove_checkpoint(root: Path) -> None:
@@ -55,7 +73,7 @@ def remove_checkpoint(root: Path) -> None:
         If that cannot be done.
     """
     for folder in [root, *root.rglob("*/")]:
-        for file in [*part_files(folder), folder / FILE_NAME]:
+        for file in [*part_files(folder), *whole_blocks(folder), folder / FILE_NAME]:
             remove(file)
     remove_empty(root)
 

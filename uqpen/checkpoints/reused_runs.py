@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
 from uqpen.core.arrays import Arrays, IntArray
@@ -125,3 +126,6 @@ class _ReusingCheckpoint(Checkpoint):
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         self._own.save(inputs, batch_result)
+
+    def collect(self, blocks: Iterable[xr.Dataset], runs: int) -> xr.Dataset:
+        return self._own.collect(blocks, runs)

@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
+import xarray as xr
+
+from uqpen.checkpoints.block_store import BlockStore
 from uqpen.checkpoints.fingerprint_file import FILE_NAME, encode_fingerprint
 from uqpen.checkpoints.growing_part import GrowingPart
-from uqpen.checkpoints.part_files import part_files, part_number, part_path
-from uqpen.checkpoints.runs_file import FinishedRuns, covered_count, write_file
+from uqpen.checkpoints.part_files import part_files, part_number, part_path, remove
+from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, covered_count, write_file
 from uqpen.core.arrays import Arrays
+from uqpen.core.blocks import join_blocks
 from uqpen.core.errors import CheckpointError
+from uqpen.core.labels import RUN
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
 
-__all__ = ["RoundCheckpoint"]
+__all__ = ["RoundCheckpoint", "ScratchCheckpoint"]
+
+
+# Seconds of work that a kill may cost where whole blocks are kept anyway.
+_WORTH_A_PART = 10.0
 
 
 class RoundStore(Protocol):
-    """Store that a checkpoint of a round belongs to; `runs` is the number of kept runs in it."""
+    """Store that a checkpoint of a round belongs to.
+
+    `runs` is the number of kept runs in it. Rounds of more than `runs_in_memory` go by blocks.
+    """
 
     runs: int
+    runs_in_memory: int
+
+    def writing(self) -> AbstractContextManager[None]:
+        """Return an error of the disk as one that states its consequences for the runs."""
+
+    def warn_of_damage(self, file: Path) -> None:
+        """Say that some runs of a file are made again."""
 
     def read_runs(self, file: Path) -> FinishedRuns | None:
         """Read the runs of a part; None for a damaged part."""
@@ -49,11 +70,19 @@ class RoundCheckpoint(Checkpoint):
         self._round = number
         self._stored: list[tuple[Path, int, int]] = []
         self._parts: dict[int, GrowingPart] = {}
+        self._written: dict[int, set[Path]] = {}
         self._unwritten = 0
         self._number = 0
+        self._blocks: BlockStore | None = None
+        self._files: frozenset[str] = frozenset()
+        self._since = time.monotonic()
 
     def prepare(self, runs: int) -> int:
         ranges: list[tuple[int, int]] = []
+        if self._goes_by_blocks(runs):
+            self._blocks = BlockStore(self._folder, self._round, runs)
+            ranges += self._blocks.ranges
+            self._store.runs += covered_count(ranges)
         for file in part_files(self._folder, str(self._round)):
             result = self._store.read_runs(file)
             self._number = part_number(file) + 1
@@ -69,6 +98,11 @@ class RoundCheckpoint(Checkpoint):
 
     def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
         stop = start + len(next(iter(inputs.values())))
+        if whole := self._read_block(start):
+            if not whole.match_inputs(inputs, start):
+                raise self._store.points_error(self._folder.name)
+            yield from whole.batch_results()
+            return
         for file, first, end in self._stored:
             if first >= stop or end <= start:
                 continue
@@ -87,6 +121,9 @@ class RoundCheckpoint(Checkpoint):
             own = {name: values[places] for name, values in inputs.items()}
             self._parts.setdefault(block, GrowingPart()).add(own, result)
         self._unwritten += len(batch_result)
+        self._files |= batch_result.results.files
+        if self._blocks and self._unwritten < 4 * BLOCK and self._waited < _WORTH_A_PART:
+            return
         if any(part.is_large for part in self._parts.values()):
             self._store.save()
         else:
@@ -96,16 +133,77 @@ class RoundCheckpoint(Checkpoint):
         """Write the runs that are not written yet; return their number."""
         if not self._unwritten:
             return 0
-        self._folder.mkdir(parents=True, exist_ok=True)
-        record = self._folder / FILE_NAME
-        if not record.exists():
-            write_file(record, encode_fingerprint(self._fingerprint))
-        for part in self._parts.values():
+        self._write_fingerprint()
+        for block, part in self._parts.items():
             if part.number is None:
                 part.number, self._number = self._number, self._number + 1
-            part.write(part_path(self._folder, self._round, part.number))
+            path = part_path(self._folder, self._round, part.number)
+            part.write(path)
+            self._written.setdefault(block, set()).add(path)
         # A part of an earlier block is not going to grow much.
         last = max(self._parts)
         self._parts = {last: self._parts[last]} if not self._parts[last].is_full else {}
         written, self._unwritten = self._unwritten, 0
+        self._since = time.monotonic()
         return written
+
+    def collect(self, blocks: Iterable[xr.Dataset], runs: int) -> xr.Dataset:
+        if not self._goes_by_blocks(runs):
+            return join_blocks(blocks, runs)
+        for block in blocks:
+            assert self._blocks is not None  # since the first block is there
+            self._keep(self._blocks, block)
+        assert self._blocks is not None
+        return self._blocks.dataset()
+
+    def _goes_by_blocks(self, runs: int) -> bool:
+        # Later rounds follow from the runs before, so these are in memory.
+        return runs > self._store.runs_in_memory and not self._round
+
+    def _keep(self, store: BlockStore, block: xr.Dataset) -> None:
+        """Keep a whole block in the file of them, and none of its parts any more."""
+        start, stop = int(block[RUN].values[0]), int(block[RUN].values[-1]) + 1
+        parts = {file for file, first, end in self._stored if start <= first and end <= stop}
+        parts |= self._written.pop(start // BLOCK, set())
+        with self._store.writing():
+            self._write_fingerprint()
+            store.add(block, self._files, safely=bool(parts))
+        unwritten = self._parts.pop(start // BLOCK, GrowingPart()).unwritten
+        self._unwritten -= unwritten
+        self._store.runs += unwritten
+        for file in parts:
+            remove(file)
+        self._stored = [each for each in self._stored if each[0] not in parts]
+        self._since = time.monotonic()
+
+    def _read_block(self, start: int) -> FinishedRuns | None:
+        """Return the whole block that begins with a run; None if it is not kept as a whole."""
+        if self._blocks is None:
+            return None
+        try:
+            return self._blocks.read(start)
+        except DamagedRunsError as error:
+            self._store.warn_of_damage(self._folder / str(error))
+            return None
+
+    def _write_fingerprint(self) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        record = self._folder / FILE_NAME
+        if not record.exists():
+            write_file(record, encode_fingerprint(self._fingerprint))
+
+    @property
+    def _waited(self) -> float:
+        """Seconds since runs were written."""
+        return time.monotonic() - self._since
+
+
+class ScratchCheckpoint(RoundCheckpoint):
+    """Checkpoint for one start: many runs are in a file until the archive has them."""
+
+    def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        pass
+
+    def _write_fingerprint(self) -> None:
+        # Another start removes runs without one.
+        self._folder.mkdir(parents=True, exist_ok=True)

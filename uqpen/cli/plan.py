@@ -95,23 +95,40 @@ def _show_required_runs(
     from uqpen.archive.read import open_archive, read_group
     from uqpen.cli.screen import plain_table, show_line, standard_output
     from uqpen.core.labels import MODELS, RUNS
+    from uqpen.core.limits import RUNS_IN_MEMORY
     from uqpen.core.streams import Stream
+    from uqpen.execution.runs import bytes_of_a_run
     from uqpen.statistics.required_runs import required_runs
 
     tree, (design,) = open_archive(archive), study.designs
-    rows = []
+    rows, most, size = [], 0.0, 0
     for name, variant in study.models.items():
         path = (MODELS, name) if study.has_several_models else ()
         quantities = study.model_quantities(variant.model)
         rng = Stream(study.seed, "plan").generator(name)
         made = read_group(tree, *path, RUNS, design)
+        size += bytes_of_a_run(made)
         for each in required_runs(made, quantities, rule, rng):
+            most = max(most, each.runs if math.isfinite(each.runs) else 0.0)
             prefix = f"{name}: " if study.has_several_models else ""
             rows.append((prefix + each.target, *_cells(each, rate)))
     show_line("")
     console = standard_output()
     console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
     console.print(f"\n{_REMARK}\n", markup=False)
+    if most > RUNS_IN_MEMORY:
+        console.print(f"{_disk_text(most * size)}\n", markup=False)
+
+
+def _disk_text(size: float) -> str:
+    """Return how much room the largest number of runs takes, given its bytes."""
+    from uqpen.core.limits import RUNS_IN_MEMORY
+
+    amount = f"{size / 1e9:.2g} GB" if size >= 1e9 else f"{math.ceil(size / 1e6)} MB"
+    return (
+        f"The largest number takes {amount} of disk, and twice that while the archive is written. "
+        f"More than {RUNS_IN_MEMORY:_} runs are analysed from there and need no more memory."
+    ).replace("_", " ")
 
 
 def _cells(required: RequiredRuns, rate: float | None) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -16,7 +16,14 @@ import xarray as xr
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
 from uqpen.core.streams import BLOCK
 
-__all__ = ["BlockedDataset", "BlockedRuns", "LoadedDataset", "block_ranges", "join_blocks"]
+__all__ = [
+    "BlockedDataset",
+    "BlockedRuns",
+    "LoadedDataset",
+    "block_ranges",
+    "is_true_by_blocks",
+    "join_blocks",
+]
 
 _AlongRun = npt.NDArray[Any]
 
@@ -29,6 +36,24 @@ def block_ranges(size: int) -> Iterator[tuple[int, int]]:
     """
     for start in range(0, max(size, 1), BLOCK):
         yield start, min(start + BLOCK, size)
+
+
+def is_true_by_blocks(check: Callable[..., Any], *variables: xr.Variable, overlap: int = 0) -> bool:
+    """Check that a condition is true of each block of variables along one dimension.
+
+    Parameters
+    ----------
+    check : callable
+        Takes the values of each variable in a block.
+    *variables : Variable
+        All of one length.
+    overlap : int
+        Number of entries before a block that belong to it, too.
+    """
+    return all(
+        check(*(each[max(start - overlap, 0) : stop].values for each in variables))
+        for start, stop in block_ranges(len(variables[0]))
+    )
 
 
 class BlockedDataset(ABC):
@@ -72,6 +97,11 @@ class BlockedRuns(BlockedDataset):
         """Attributes, such as the sampling of the points."""
         return self.template.attrs
 
+    def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return the values of some variables from one run to another, the last excluded."""
+        block = self.read(start, stop)
+        return {name: block.variables[name].values for name in names}
+
     @abstractmethod
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return the values of a variable along all runs, shape (run, *dims)."""
@@ -79,7 +109,7 @@ class BlockedRuns(BlockedDataset):
 
 @dataclass(frozen=True, eq=False)
 class LoadedDataset(BlockedRuns):
-    """Handle to a dataset in memory; its blocks and columns are views."""
+    """Handle to a dataset; its blocks and columns are views, or are read from its file."""
 
     whole: xr.Dataset
 
@@ -96,21 +126,29 @@ class LoadedDataset(BlockedRuns):
     def read(self, start: int, stop: int) -> xr.Dataset:
         """Return the runs from one number to another, the last excluded."""
         if (start, stop) == (0, self.size):
-            return self.whole
+            return self.dataset()
         indexers: dict[str, Any] = {RUN: slice(start, stop)}
         if FAILED_RUN in self.whole.dims:
-            failed = self.whole[FAILED_RUN].values
-            indexers[FAILED_RUN] = np.flatnonzero((failed >= start) & (failed < stop))
-        return self.whole.isel(indexers)
+            indexers[FAILED_RUN] = slice(*np.searchsorted(self._failed, (start, stop)))
+        return self.whole.isel(indexers).load()
 
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return the values of a variable along all runs."""
         values: npt.NDArray[Any] = self.whole.variables[name].values
         return values
 
+    def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return the values of some variables, as views or read from the file."""
+        return {name: self.whole.variables[name][start:stop].values for name in names}
+
     def dataset(self) -> xr.Dataset:
-        """Return the dataset itself."""
-        return self.whole
+        """Return the dataset itself, or its values in memory."""
+        return self.whole.compute()
+
+    @cached_property
+    def _failed(self) -> npt.NDArray[Any]:
+        """Numbers of the failed runs, ascending."""
+        return self.whole[FAILED_RUN].values
 
 
 def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:

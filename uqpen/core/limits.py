@@ -1,4 +1,4 @@
-"""Resource limits of one run."""
+"""Limits of resources: of one run, and of the runs that are in memory together."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
 
-__all__ = ["Limits", "time_limit"]
+__all__ = ["MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
+
+# Runs of a design that goes by blocks. A model of a microsecond needs twelve days for them.
+MOST_RUNS = 10**12
+
+# A design of more runs than this goes by blocks: its runs are appended to a file, and analysed from
+# there. Below it the exact analyses of a whole sample are faster, and a run with ten numbers takes
+# 100 MB in all. It is the number of runs alone that decides, never the memory of a machine, so that
+# a study has the same statistics everywhere.
+RUNS_IN_MEMORY = 2**20
 
 _LEAST, _MOST = 1e6, 1e15  # bytes
 

@@ -10,6 +10,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import OPTIMIZED_BY
+from uqpen.core.limits import MOST_RUNS
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
@@ -59,7 +60,7 @@ class LatinHypercube(ReplicatedDesign):
     default_replicates = 10
     least_stopped = 20
 
-    runs: int | None = count(minimum=2, default=None)
+    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
     replicates: int | None = count(default=None)
     optimization: str = choice("none", "random-cd", default="none")
     until: StoppingRule | None = stopping_rule("until")

@@ -12,6 +12,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, toml_text
+from uqpen.core.limits import MOST_RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import Context, count, setting
 from uqpen.core.streams import BLOCK, Stream
@@ -26,7 +27,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["MonteCarlo", "independent_points"]
 
-_RUNS = "a whole number, at least 1 and at most 100_000_000"
+_RUNS = f"a whole number, at least 1 and at most {MOST_RUNS:_}"
 
 
 def _read_claim(written: Any, _: Context) -> Any:
@@ -56,7 +57,7 @@ class MonteCarlo(Design):
 
     sampling = Sampling.INDEPENDENT
 
-    runs: int | None = count(default=None)
+    runs: int | None = count(default=None, maximum=MOST_RUNS)
     until: StoppingRule | None = stopping_rule("until")
     accept: str | None = setting("claim", CLAIM, is_claim, _read_claim, default=None)
     at_most: int | None = count(default=None)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
+from uqpen.core.limits import MOST_RUNS
 from uqpen.core.settings import count
+from uqpen.core.streams import BLOCK
 from uqpen.designs.design import Design
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
+
+if TYPE_CHECKING:
+    from scipy.stats.qmc import QMCEngine, Sobol
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
 
@@ -25,6 +33,30 @@ class _Sequence(ReplicatedDesign):
     """Scrambled points of a low-discrepancy sequence."""
 
     is_sequence = True
+
+    @abstractmethod
+    def engine(self, rng: np.random.Generator, dimension: int) -> QMCEngine:
+        """Return what draws the points of a replicate one after the other."""
+
+    def points_between(
+        self, rng: np.random.Generator, points: int, dimension: int
+    ) -> Callable[[int, int], FloatArray]:
+        if points <= BLOCK:
+            return super().points_between(rng, points, dimension)
+        engine = self.engine(rng, dimension)
+
+        def between(start: int, stop: int) -> FloatArray:
+            if start < engine.num_generated:
+                engine.reset()
+            with warnings.catch_warnings():
+                # All points of the replicate are balanced, its parts need not be.
+                warnings.filterwarnings("ignore", "The balance properties", UserWarning)
+                # SciPy's fast_forward refuses Sobol' points of more than 32 bits.
+                while left := start - engine.num_generated:
+                    engine.random(min(left, BLOCK))
+                return np.asarray(engine.random(stop - start), dtype=np.float64)
+
+        return between
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
         shape = split_replicates(runs, self.replicate_count, replicated=replicated)
@@ -57,13 +89,16 @@ class SobolSequence(_Sequence):
 
     needs_powers_of_two = True
 
-    runs: int | None = count(minimum=2, default=None)
+    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
     replicates: int | None = count(minimum=2, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return sobol_points(rng, points, dimension)
+
+    def engine(self, rng: np.random.Generator, dimension: int) -> QMCEngine:
+        return _sobol_engine(rng, dimension)
 
 
 @dataclass(frozen=True)
@@ -89,15 +124,18 @@ class Halton(_Sequence):
     Owen, A. B. (2017). arXiv:1706.02808.
     """
 
-    runs: int | None = count(minimum=2, default=None)
+    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
     replicates: int | None = count(minimum=2, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        return np.asarray(self.engine(rng, dimension).random(points))
+
+    def engine(self, rng: np.random.Generator, dimension: int) -> QMCEngine:
         from scipy.stats import qmc
 
-        return qmc.Halton(dimension, scramble=True, rng=rng).random(points)
+        return qmc.Halton(dimension, scramble=True, rng=rng)
 
 
 @dataclass(frozen=True)
@@ -121,8 +159,12 @@ class _SequencePoints(ReplicatedDesign):
 
 def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     """Draw scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
+    engine = _sobol_engine(rng, dimension)
+    return np.asarray(engine.random_base2((points - 1).bit_length())[:points])
+
+
+def _sobol_engine(rng: np.random.Generator, dimension: int) -> Sobol:
     # Imported here: this part of SciPy takes longer to load than the rest.
     from scipy.stats import qmc
 
-    engine = qmc.Sobol(dimension, scramble=True, bits=_BITS, rng=rng)
-    return engine.random_base2((points - 1).bit_length())[:points]
+    return qmc.Sobol(dimension, scramble=True, bits=_BITS, rng=rng)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import REPLICATE
+from uqpen.core.limits import MOST_RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -86,7 +87,9 @@ class ReplicatedDesign(Design):
             expected = "runs in its place, or until beside it"
             yield Problem(("at_most",), str(self.at_most), expected)
         elif self.runs is None:
-            expected = "a whole number, at least 2 and at most 100_000_000; or until with at_most"
+            expected = (
+                f"a whole number, at least 2 and at most {MOST_RUNS:_}; or until with at_most"
+            )
             yield Problem(("runs",), "nothing", expected)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
@@ -134,19 +137,32 @@ class ReplicatedDesign(Design):
             first = start // each
 
         @lru_cache(maxsize=1)  # a block may end within a replicate, which the next one goes on with
-        def replicate(number: int) -> FloatArray:
+        def replicate(number: int) -> Callable[[int, int], FloatArray]:
             rng = stream.generator("points", first + number)
-            return self.draw(rng, skipped + each, dimension)[skipped:]
+            return self.points_between(rng, skipped + each, dimension)
+
+        def points_of(number: int, start: int, stop: int) -> FloatArray:
+            begin, end = max(start, number * each), min(stop, (number + 1) * each)
+            offset = skipped - number * each
+            return replicate(number)(offset + begin, offset + end)
 
         def draw(start: int, stop: int) -> xr.Dataset:
-            unit = [
-                replicate(number)[max(start - number * each, 0) : stop - number * each]
-                for number in range(start // each, -(-stop // each))
-            ]
+            numbers_of_sets = range(start // each, -(-stop // each))
+            unit = [points_of(number, start, stop) for number in numbers_of_sets]
             numbers: npt.NDArray[Any] = first + np.arange(start, stop) // each
             return joint.points(np.concatenate(unit), {REPLICATE: numbers})
 
         return DrawnPoints(end - start, draw)
+
+    def points_between(
+        self, rng: np.random.Generator, points: int, dimension: int
+    ) -> Callable[[int, int], FloatArray]:
+        """Return what draws the points of a replicate from one number to another.
+
+        Here all are drawn at once.
+        """
+        whole = self.draw(rng, points, dimension)
+        return lambda start, stop: whole[start:stop]
 
     @property
     def replicate_count(self) -> int:

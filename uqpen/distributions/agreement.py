@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from uqpen.core.arrays import FloatArray
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -53,7 +53,7 @@ def input_agreements(
         name = entry.variable.name
         if name in unknown or name not in points or entry.distribution.is_discrete:
             continue
-        tested = stats.kstest(points[name], entry.distribution.cdf)
+        tested = scipy.stats.kstest(points[name], entry.distribution.cdf)
         yield Agreement((name,), float(tested.statistic), float(tested.pvalue))
 
 
@@ -70,12 +70,12 @@ def largest_correlation(
     runs = len(points[names[0]]) if names else 0
     if not joint.is_independent or len(names) < 2 or runs < 3:
         return None
-    ranks = np.array([stats.rankdata(points[name]) for name in names])
+    ranks = np.array([scipy.stats.rankdata(points[name]) for name in names])
     correlations = np.corrcoef(ranks)
     pairs = list(combinations(range(len(names)), 2))
     first, second = max(pairs, key=lambda pair: abs(correlations[pair]))
     value = float(correlations[first, second])
     with np.errstate(divide="ignore"):
         t = abs(value) * np.sqrt((runs - 2) / np.float64(max(1 - value**2, 0.0)))
-    p_value = min(1.0, len(pairs) * 2 * float(stats.t.sf(t, runs - 2)))
+    p_value = min(1.0, len(pairs) * 2 * float(scipy.stats.t.sf(t, runs - 2)))
     return Agreement((names[first], names[second]), value, p_value)

@@ -1,10 +1,13 @@
-"""Interface of a checkpoint, which stores finished runs in case the program is interrupted."""
+"""Interface of a checkpoint, which stores finished runs: in case of an interruption, or of many."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+
+import xarray as xr
 
 from uqpen.core.arrays import Arrays
+from uqpen.core.blocks import join_blocks
 from uqpen.execution.batch import BatchResult
 
 __all__ = ["Checkpoint"]
@@ -31,3 +34,10 @@ class Checkpoint:
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         """Store a batch result, given the points of its runs."""
+
+    def collect(self, blocks: Iterable[xr.Dataset], runs: int) -> xr.Dataset:
+        """Return the runs of a round, given its blocks in order and the number of runs.
+
+        Here they are joined in memory. A store may keep them in a file until they are needed.
+        """
+        return join_blocks(blocks, runs)

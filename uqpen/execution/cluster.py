@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from uqpen.core.errors import ClusterError
+from uqpen.core.processors import use_one_thread
 from uqpen.execution.attendance import Attendance
 from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.child_process import run_in_child
@@ -190,6 +191,7 @@ def _wait_for_results(coming: as_completed) -> None:
 
 def _run_batch(pickled: bytes, batch: Batch) -> BatchResult:
     """Run a batch on a worker of the cluster; near the end of its job, leave it to another."""
+    use_one_thread()
     loaded = _load_work(pickled)
     leave_if_late(loaded.longest_run * len(batch))
     work, began = loaded.work, time.monotonic()

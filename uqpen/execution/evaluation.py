@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import xarray as xr
 
-from uqpen.core.blocks import BlockedDataset, LoadedDataset, join_blocks
+from uqpen.core.blocks import BlockedDataset, LoadedDataset
 from uqpen.core.errors import StudyError, WorkerError
 from uqpen.core.labels import RUN, WEIGHT
 from uqpen.core.model import Model
@@ -64,7 +64,8 @@ def evaluate(
     -------
     Dataset
         The points, a variable for each output along ``run`` and its own dimensions,
-        ``status(run)``, and the reasons of failed runs along their own dimension.
+        ``status(run)``, and the reasons of failed runs along their own dimension. A checkpoint may
+        leave the values of many runs in a file.
 
     Raises
     ------
@@ -76,6 +77,7 @@ def evaluate(
         If the map leaves out some runs.
     """
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
+    checkpoint = checkpoint or Checkpoint()
     blocks = evaluate_blocks(
         evaluator,
         blocked,
@@ -87,7 +89,7 @@ def evaluate(
         failures=failures,
         first_runs=first_runs,
     )
-    return join_blocks(blocks, blocked.size)
+    return checkpoint.collect(blocks, blocked.size)
 
 
 def evaluate_blocks(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import reduce
 
@@ -12,7 +13,7 @@ from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
 from uqpen.core.status import Status
 
-__all__ = ["common_runs", "join_rounds", "status_counts", "worst_status_runs"]
+__all__ = ["bytes_of_a_run", "common_runs", "join_rounds", "status_counts", "worst_status_runs"]
 
 
 def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
@@ -67,6 +68,12 @@ def common_runs(runs: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     numbers = [np.unique(each[ROUND].values) for each in runs]
     common = reduce(np.intersect1d, numbers)
     return [each.isel({RUN: np.isin(each[ROUND].values, common)}) for each in runs]
+
+
+def bytes_of_a_run(runs: xr.Dataset) -> int:
+    """Return how many bytes an archive needs for each run of a design that did not fail."""
+    of_runs = (each for each in runs.variables.values() if RUN in each.dims)
+    return sum(each.dtype.itemsize * math.prod(each.shape[1:]) for each in of_runs)
 
 
 def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:

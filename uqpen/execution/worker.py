@@ -23,6 +23,7 @@ import numpy as np
 
 from uqpen.core.interrupts import exit_at_interrupt
 from uqpen.core.limits import Limits
+from uqpen.core.processors import use_one_thread
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.import_signal import ImportSignal
@@ -188,6 +189,7 @@ def _worker_loop(connection: Connection[Any, Any]) -> None:
     _start_process_group()
     threading.Thread(target=_exit_with_parent, daemon=True).start()
     mark_as_child_process()
+    use_one_thread()
     # A model with noise of its own must not find the same noise in every worker.
     np.random.seed()  # noqa: NPY002 - the one that a model shares with others
     known: dict[bytes, Work] = {}

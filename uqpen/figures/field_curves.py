@@ -94,7 +94,7 @@ def _draw_runs(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     view = found.view
     if found.source not in view.designs or not view.has_completed_runs(found.source):
         return
-    runs = view.runs(found.source)
+    runs = view.shown_runs(found.source)
     completed = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})
     some = thin_runs(completed, _RUNS)
     values = view.scale(found.output).from_si(some[found.output].values)

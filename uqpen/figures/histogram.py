@@ -40,10 +40,10 @@ def histogram(view: ArchiveView) -> Iterator[Panel]:
     if design is None:
         return
     for output in view.numeric_outputs:
-        values = view.scale(output).from_si(view.runs(design)[output].values)
+        values = view.scale(output).from_si(view.shown_runs(design)[output].values)
         finite = values[np.isfinite(values)]
         counted = f"{grouped_number(finite.size)} run{'s' * (finite.size > 1)}"
-        title = view.title(f"{output}: {counted} of {design}")
+        title = view.title(f"{output}: {counted} of {view.part(design)}{design}")
         if finite.size:
             yield Panel(title, partial(_draw, view, output, design, finite))
     for output in view.categorical_outputs:

@@ -38,7 +38,7 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     inputs = view.random_inputs(design)
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
     panels = max(1, len(inputs) * len(outputs))
-    every = view.runs(design)
+    every = view.shown_runs(design)
     is_ok = every[STATUS].values == Status.OK
     most = max(_FEWEST_RUNS, min(_MOST_RUNS, _MOST_IN_ALL // panels))
     parts, counts = [], []
@@ -48,7 +48,7 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
         if whole.sizes[RUN]:
             shown = grouped_number(parts[-1].sizes[RUN])
             counts.append(f"{shown} of {grouped_number(whole.sizes[RUN])} {end} runs")
-    note = f"drawn of {design}: {'; '.join(counts)}"
+    note = f"drawn of {view.part(design)}{design}: {'; '.join(counts)}"
     colour = view.look(design).colour
     for output in outputs:
         for name in inputs:

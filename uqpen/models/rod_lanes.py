@@ -9,8 +9,8 @@ depth z, with lengths in units of the rod's own and velocities in units of its i
 In them the equations stay regular where the nose comes to rest, which those in u and v do not.
 Erosion ends where x is 0 again (v = u) or p reaches 4 (u = 0).
 
-All compiled code stands in this one file, as Numba's cache notices no change in another; only the
-weights of the Runge-Kutta pair, which never change, come from elsewhere.
+All compiled code stands in this one file, as Numba's cache notices no change in another; only what
+never changes comes from elsewhere, the weights of the Runge-Kutta pair and how to compile.
 
 References
 ----------
@@ -20,19 +20,16 @@ Hénon, M. (1982). Physica D 5, 412-414. The step that lands on an event.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.processors import map_parts
+from uqpen.models.compiled import compiled, inlined, use_widest_vectors
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
 
-__all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP", "erode"]
+__all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP", "count_evaluations", "erode"]
 
 FloatArray = npt.NDArray[np.float64]
-Function = TypeVar("Function", bound=Callable[..., Any])
 Vector = tuple[float, float, float, float]
 Rod = tuple[float, float, float, float, float, float, float, float]
 
@@ -41,6 +38,7 @@ CAUGHT_UP, AT_REST, GAVE_UP = 0.0, 1.0, -1.0
 _ERODING, _PAST_EVENT = 2.0, 3.0
 
 _LANES = 16
+_WORTH_A_THREAD = 512  # runs, which take a millisecond
 # Erosion takes 60 steps as a rule and 11 000 where S is only a thousandth more than R.
 _STEP_LIMIT = 100_000.0
 # A step this much smaller than the first makes no progress; something is not finite.
@@ -62,21 +60,7 @@ _STATE, _SLOPES, _ROD, _STEP, _SMALLEST, _STEPS, _PHASE, _BUFFER = (
 )
 
 
-def _compiled(function: Function) -> Function:
-    """Compile on the first call; kept on disk where Numba finds a directory it can write to."""
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    try:
-        return cast(Function, numba.njit(function, cache=True, **options))
-    except RuntimeError:
-        return cast(Function, numba.njit(function, **options))
-
-
-def _inlined(function: Function) -> Function:
-    """Compile into the callers; the default error model would keep them from vectorising."""
-    return cast(Function, numba.njit(function, error_model="numpy", forceinline=True))
-
-
-@_inlined
+@inlined
 def _slopes(state: Vector, rod: Rod, along: int) -> Vector:
     """Derivatives of p, x, L and z along the clock, or along one of them.
 
@@ -107,7 +91,7 @@ def _slopes(state: Vector, rod: Rod, along: int) -> Vector:
     return dp, dx, -u * x * dt, u * dt  # (2.18)
 
 
-@_inlined
+@inlined
 def _increment(step: float, weights: tuple[float, ...], slopes: tuple[Vector, ...]) -> Vector:
     p = weights[0] * slopes[0][0]
     x = weights[0] * slopes[0][1]
@@ -121,7 +105,7 @@ def _increment(step: float, weights: tuple[float, ...], slopes: tuple[Vector, ..
     return step * p, step * x, step * L, step * z
 
 
-@_inlined
+@inlined
 def _moved(
     state: Vector, step: float, weights: tuple[float, ...], slopes: tuple[Vector, ...]
 ) -> Vector:
@@ -129,7 +113,7 @@ def _moved(
     return state[0] + p, state[1] + x, state[2] + L, state[3] + z
 
 
-@_inlined
+@inlined
 def _step(
     state: Vector, k1: Vector, step: float, rod: Rod, along: int
 ) -> tuple[Vector, Vector, Vector]:
@@ -144,18 +128,18 @@ def _step(
     return moved, k7, _increment(step, ERROR, (k1, k2, k3, k4, k5, k6, k7))
 
 
-@_inlined
+@inlined
 def _vector(lanes: FloatArray, row: int, lane: int) -> Vector:
     at = row + lane
     return (lanes[at], lanes[at + _LANES], lanes[at + 2 * _LANES], lanes[at + 3 * _LANES])
 
 
-@_inlined
+@inlined
 def _rod(lanes: FloatArray, lane: int) -> Rod:
     return _vector(lanes, _ROD, lane) + _vector(lanes, _ROD + 4 * _LANES, lane)
 
 
-@_inlined
+@inlined
 def _start(lanes: FloatArray, lane: int, rods: FloatArray, run: int, tolerance: float) -> None:
     for row in range(8):
         lanes[_ROD + row * _LANES + lane] = rods[row, run]
@@ -170,9 +154,10 @@ def _start(lanes: FloatArray, lane: int, rods: FloatArray, run: int, tolerance: 
     lanes[_STEPS + lane] = 0.0
 
 
-@_inlined
+@inlined
 def _advance(lanes: FloatArray, tolerance: float) -> int:
     """Try one step in every lane; how many lanes have ended."""
+    use_widest_vectors()
     ended = 0
     scale = 1.0 / tolerance**2
     for lane in range(_LANES):
@@ -206,9 +191,10 @@ def _advance(lanes: FloatArray, tolerance: float) -> int:
     return ended
 
 
-@_inlined
+@inlined
 def _land(lanes: FloatArray) -> None:
     """From just past an event one step back to it, with the event's variable for a clock."""
+    use_widest_vectors()
     for lane in range(_LANES):
         state = _vector(lanes, _STATE, lane)
         rod = _rod(lanes, lane)
@@ -226,7 +212,7 @@ def _land(lanes: FloatArray) -> None:
             lanes[_PHASE + lane] = CAUGHT_UP if caught_up else AT_REST
 
 
-@_inlined
+@inlined
 def _integrate(lanes: FloatArray, rods: FloatArray, tolerance: float, ends: FloatArray) -> None:
     """Bring every run just past its event; a lane without a run of its own repeats the last."""
     runs = rods.shape[1]
@@ -246,13 +232,14 @@ def _integrate(lanes: FloatArray, rods: FloatArray, tolerance: float, ends: Floa
                 for row in range(4):
                     ends[row, occupant[lane]] = lanes[_STATE + row * _LANES + lane]
                 ends[4, occupant[lane]] = lanes[_PHASE + lane]
+                ends[5, occupant[lane]] = lanes[_STEPS + lane]
                 unfinished -= 1
             occupant[lane] = waiting
             _start(lanes, lane, rods, min(waiting, runs - 1), tolerance)
             waiting += 1
 
 
-@_inlined
+@inlined
 def _land_all(lanes: FloatArray, rods: FloatArray, ends: FloatArray) -> None:
     runs = rods.shape[1]
     for first in range(0, runs, _LANES):
@@ -270,9 +257,8 @@ def _land_all(lanes: FloatArray, rods: FloatArray, ends: FloatArray) -> None:
             ends[4, first + lane] = lanes[_PHASE + lane]
 
 
-@_compiled
 def erode(rods: FloatArray, tolerance: float) -> FloatArray:
-    """Integrate rods from impact to the end of erosion.
+    """Integrate rods from impact to the end of erosion, on all processors of this process.
 
     Parameters
     ----------
@@ -287,7 +273,25 @@ def erode(rods: FloatArray, tolerance: float) -> FloatArray:
     ndarray, shape (5, run)
         u, x, L and z at the end of erosion, and `CAUGHT_UP`, `AT_REST` or `GAVE_UP`.
     """
-    ends = np.empty((5, rods.shape[1]))
+    return _erode_in_threads(rods, tolerance)[:5]
+
+
+def count_evaluations(rods: FloatArray, tolerance: float) -> FloatArray:
+    """Count the evaluations of the slopes in each run; the parameters are those of `erode`."""
+    return 1 + 6 * _erode_in_threads(rods, tolerance)[5] + 7  # the start, steps, the event
+
+
+def _erode_in_threads(rods: FloatArray, tolerance: float) -> FloatArray:
+    def erode_part(part: slice) -> FloatArray:
+        return _erode(np.ascontiguousarray(rods[:, part]), tolerance)
+
+    return np.concatenate(map_parts(erode_part, rods.shape[1], _WORTH_A_THREAD), axis=1)
+
+
+@compiled
+def _erode(rods: FloatArray, tolerance: float) -> FloatArray:
+    """Integrate rods; rows as `erode` returns them, and the number of steps."""
+    ends = np.empty((6, rods.shape[1]))
     lanes = np.zeros(_BUFFER)
     if rods.shape[1] > 0:
         _integrate(lanes, rods, tolerance, ends)

@@ -37,8 +37,11 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> Archive:
-        """Return a tree as an archive, without a copy of its data."""
-        return cls(tree.to_dataset(inherit=False), children=dict(tree.children))
+        """Return a tree as an archive; its groups move there, and leave the tree empty."""
+        archive = cls(tree.to_dataset(inherit=False))
+        # As arguments of the constructor, they would all be copied once for each level above them.
+        archive.children = tree.children  # type: ignore[assignment] # they need not be archives
+        return archive
 
     def to_frame(self, *, functions: bool = False) -> pd.DataFrame:
         """Return all estimates as one long table, a row for each.

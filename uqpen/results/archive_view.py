@@ -13,12 +13,14 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ABSENT, ROLE, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.best_sources import is_sample_design
+from uqpen.results.digits import grouped_number
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
@@ -169,17 +171,27 @@ class ArchiveView:
         """Return the runs of a design that sample the input distribution, failed ones too."""
         return input_sample(read_group(self.tree, RUNS, design))
 
+    def shown_runs(self, design: str) -> xr.Dataset:
+        """Return the runs that figures show: those of `runs`, in memory, the first of very many."""
+        return self.runs(design).isel({RUN: slice(RUNS_IN_MEMORY)}).load()
+
+    def part(self, design: str) -> str:
+        """Return what figures say before the name of a design if they show only a part of it."""
+        if self.runs(design).sizes[RUN] <= RUNS_IN_MEMORY:
+            return ""
+        return f"the first {grouped_number(RUNS_IN_MEMORY)} runs of "
+
     def has_completed_runs(self, design: str) -> bool:
         """Return whether a run of a design completed."""
         return bool((self.runs(design)[STATUS].values == Status.OK).any())
 
     def completed_values(self, design: str, output: str) -> FloatArray:
-        """Return an output of the completed runs of a design's sample, in SI units.
+        """Return an output of the completed ones of the shown runs of a design, in SI units.
 
         Runs without a value of a derived output are left out. Of weighted runs, as many values as
         there are runs, each as often as its weight says.
         """
-        runs = self.runs(design)
+        runs = self.shown_runs(design)
         is_ok = runs[STATUS].values == Status.OK
         # A field has a value where some of its places do.
         is_ok &= ~np.isnan(runs[output].values).reshape(is_ok.size, -1).all(axis=1)

@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS
 from uqpen.core.catalogue import DIMENSIONS
-from uqpen.core.labels import BOUND, BOUNDS
+from uqpen.core.labels import BOUND, BOUNDS, EQUIVALENT_RUNS, SURROGATE_ESTIMATE
 
 __all__ = ["estimate_rows", "rows_frame"]
 
@@ -19,6 +19,8 @@ Row = dict[str, Any]
 
 _BEFORE = ("model", "source", "kind", "output", "statistic", "coordinates")
 _BEHIND = (*BOUNDS, "unit", *INTERVAL_TEXTS)
+# Beside corrected estimates.
+_CORRECTION = (SURROGATE_ESTIMATE, EQUIVALENT_RUNS)
 
 
 def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
@@ -29,6 +31,7 @@ def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
     dims = [str(dim) for dim in array.dims if dim != BOUND]
     labels = [array[dim].values.tolist() for dim in dims]
     texts = {key: array.coords[key].values for key in INTERVAL_TEXTS if key in array.coords}
+    numbers = {key: array.coords[key].values for key in _CORRECTION if key in array.coords}
     unit = str(array.attrs.get("units", ""))
     for index in np.ndindex(*(array.sizes[dim] for dim in dims)):
         at = {dim: of_dim[i] for dim, of_dim, i in zip(dims, labels, index, strict=True)}
@@ -37,15 +40,21 @@ def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
             "coordinates": ", ".join(f"{dim}={label}" for dim, label in at.items()),
             **at,
             **dict(zip(BOUNDS, np.ravel(array.values[index]).tolist(), strict=False)),
+            **{key: float(values[index]) for key, values in numbers.items()},
             "unit": unit,
             **{key: str(values[index]) for key, values in texts.items()},
         }
 
 
 def rows_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the table of rows, with a column for each dimension that is used."""
+    """Return the table of rows, with a column for each dimension that is used.
+
+    Where estimates are corrected, the surrogate's own figures and the numbers of plain runs stand
+    last.
+    """
     listed = list(rows)
-    used = {key for row in listed for key in row} - {*_BEFORE, *_BEHIND}
+    keys = {key for row in listed for key in row}
+    used = keys - {*_BEFORE, *_BEHIND, *_CORRECTION}
     dims = [*(name for name in DIMENSIONS if name in used), *sorted(used - DIMENSIONS.keys())]
     columns: dict[str, list[Any]] = {
         name: [row.get(name, np.nan if name in BOUNDS else "") for row in listed]
@@ -53,4 +62,5 @@ def rows_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     }
     entries = {name: [row.get(name) for row in listed] for name in dims}
     behind = {name: columns.pop(name) for name in _BEHIND}
-    return pd.DataFrame({**columns, **entries, **behind})
+    last = {key: [row.get(key, np.nan) for row in listed] for key in _CORRECTION if key in keys}
+    return pd.DataFrame({**columns, **entries, **behind, **last})

@@ -44,7 +44,7 @@ class LargestRun:
     @classmethod
     def of_design(cls, view: ArchiveView, design: str, output: str) -> LargestRun:
         """Return the largest run of a design with at least one completed run."""
-        runs = view.runs(design)
+        runs = view.shown_runs(design)
         completed = runs[output].values[runs[STATUS].values == Status.OK]
         completed = completed[~np.isnan(completed)]
         value = float(view.scale(output).from_si(completed.max()))

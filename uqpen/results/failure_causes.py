@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, STATUS
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.status import Status
 from uqpen.results.failure_reasons import common_reasons
 
@@ -65,7 +66,9 @@ def failure_causes(
     for runs in designs:
         if FAILURE_REASON not in runs:
             continue
-        at = np.searchsorted(runs[RUN].values, runs[FAILED_RUN].values)
+        at = runs[FAILED_RUN].values
+        if runs.sizes[RUN] <= RUNS_IN_MEMORY:  # else they are all runs, numbered from 0
+            at = np.searchsorted(runs[RUN].values, at)
         statuses = runs[STATUS].values[at].tolist()
         for status, reason in zip(statuses, runs[FAILURE_REASON].values.tolist(), strict=True):
             key = Status(status), texts[str(reason)]

@@ -66,9 +66,9 @@ def _described_json(array: xr.DataArray) -> dict[str, Any]:
 def _outside(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
     """Return the estimates that are not in the catalogue; distribution functions are too long."""
     return {
-        name: array
-        for name, array in arrays.items()
-        if name not in CATALOGUE and BOUND in array.dims and RANK not in array.dims
+        name: arrays[name]
+        for name in arrays
+        if name not in CATALOGUE and BOUND in arrays[name].dims and RANK not in arrays[name].dims
     }
 
 

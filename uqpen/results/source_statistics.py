@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from uqpen.archive.estimates import unpack_all
 from uqpen.archive.tree import model_trees, read_group
+from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     CITED,
@@ -52,8 +52,8 @@ class SourceStatistics:
     tree: xr.DataTree
     is_difference: bool = False
     described_by: xr.DataTree | None = None
-    # Estimate arrays by source, output and statistic: to take one out of its group takes its time.
-    _arrays: dict[tuple[str, ...], dict[str, xr.DataArray]] = field(
+    # Estimate arrays by source and output: to take one out of its group takes its time.
+    _arrays: dict[tuple[str, str], UnpackedStatistics] = field(
         default_factory=dict, compare=False, repr=False
     )
 
@@ -129,10 +129,10 @@ class SourceStatistics:
         """
         return self.statistics(source, output).get(statistic)
 
-    def statistics(self, source: str, output: str) -> dict[str, xr.DataArray]:
+    def statistics(self, source: str, output: str) -> UnpackedStatistics:
         """Return all statistics of an output by a source, those of the catalogue first."""
         if (source, output) not in self._arrays:
-            self._arrays[source, output] = unpack_all(self._dataset(source, output))
+            self._arrays[source, output] = UnpackedStatistics(self._dataset(source, output))
         return self._arrays[source, output]
 
     def by_source(
@@ -152,9 +152,9 @@ class SourceStatistics:
             ``runs_absent``, the number of completed runs without a value, and ``conditional_on``;
             empty where all have one.
         """
-        for array in self.statistics(source, output).values():
-            if RUNS_ABSENT in array.attrs:
-                return {key: array.attrs[key] for key in (RUNS_ABSENT, CONDITIONAL)}
+        for attributes in self.statistics(source, output).attributes():
+            if RUNS_ABSENT in attributes:
+                return {key: attributes[key] for key in (RUNS_ABSENT, CONDITIONAL)}
         return {}
 
     def largest_contribution(self, publication: str, output: str) -> str:
@@ -171,25 +171,26 @@ class SourceStatistics:
         attributes = (self._dataset(source, output).attrs for output in self.outputs)
         return next((str(each["minus"]) for each in attributes if "minus" in each), "")
 
-    def failures(self, design: str) -> dict[str, xr.DataArray]:
+    def failures(self, design: str) -> UnpackedStatistics:
         """Return the statistics of a design's failed runs.
 
         Returns
         -------
-        dict of str to DataArray
+        mapping of str to DataArray
             ``probability`` along ``status`` and ``bound``, each status by its meaning; ``larger``
             and ``further_out`` along ``input`` and ``bound``; ``lowest`` and ``highest`` along
             ``input``. Empty for a design that is no sample and lost no run. The attributes of
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
-        return unpack_all(read_group(self.tree, FAILURES_GROUP, design))
+        return UnpackedStatistics(read_group(self.tree, FAILURES_GROUP, design))
 
     def joint_probability(self, design: str) -> xr.DataArray | None:
         """Return a design's probabilities of events of several outputs; None without any.
 
         Along ``event`` and ``bound``; the coordinate ``event_condition`` has each event in words.
         """
-        return unpack_all(read_group(self.tree, JOINT_GROUP, design)).get("joint_probability")
+        joint = UnpackedStatistics(read_group(self.tree, JOINT_GROUP, design))
+        return joint.get("joint_probability")
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
@@ -220,7 +221,8 @@ class SourceStatistics:
             whole), ``statistic``, ``coordinates`` such as ``probability=0.95``, one for each
             dimension that is used (``probability``, ``threshold``, ``input`` …), ``estimate``,
             ``lower`` and ``upper`` (NaN where there is none), ``unit``, ``interval``,
-            ``interval_label`` and ``note``. In SI units.
+            ``interval_label`` and ``note``. Corrected estimates add ``surrogate_estimate`` and
+            ``equivalent_runs``. In SI units.
         """
         return rows_frame(self.rows(model, functions=functions))
 

@@ -14,7 +14,7 @@ from uqpen.core.labels import ABSENT, CONDITIONAL, RUNS_ABSENT, STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 
-__all__ = ["absent_condition", "absent_runs", "runs_with_value"]
+__all__ = ["absent_condition", "absent_runs", "condition_of_absent", "runs_with_value"]
 
 
 def absent_runs(runs: BlockedRuns, name: str) -> BoolArray | None:
@@ -35,14 +35,19 @@ def absent_condition(runs: BlockedRuns, name: str) -> dict[str, int | str]:
         all completed runs have one.
     """
     mask = absent_runs(runs, name)
-    if mask is None:
+    return {} if mask is None else condition_of_absent(runs, name, int(mask.sum()))
+
+
+def condition_of_absent(runs: BlockedRuns, name: str, count: int) -> dict[str, int | str]:
+    """Return the same from the number of completed runs without a value."""
+    if not count:
         return {}
     status, absent = runs.column(STATUS), runs.template[name].attrs[ABSENT]
-    share = mask.sum() / (status == Status.OK).sum()
+    share = count / (status == Status.OK).sum()
     condition = texts.VALUE_EXISTS.format(absent=absent, share=100 * share)
     if (status == Status.INADMISSIBLE).any():
         condition = f"{texts.ADMISSIBLE_INPUTS} and {condition}"
-    return {RUNS_ABSENT: int(mask.sum()), CONDITIONAL: condition}
+    return {RUNS_ABSENT: count, CONDITIONAL: condition}
 
 
 def runs_with_value(runs: BlockedRuns, name: str) -> xr.Dataset:

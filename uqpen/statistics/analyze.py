@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import CONDITIONAL, MISSING, RUNS_ABSENT, SAMPLING, STATUS, WEIGHT
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -24,7 +25,11 @@ from uqpen.statistics import (
     WEIGHTED_ANALYSES,
     texts,
 )
-from uqpen.statistics.absent_values import absent_condition, runs_with_value
+from uqpen.statistics.absent_values import (
+    absent_condition,
+    condition_of_absent,
+    runs_with_value,
+)
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
@@ -38,6 +43,7 @@ __all__ = [
     "analyze",
     "analyze_failures",
     "drawn_runs",
+    "goes_by_blocks",
     "in_catalogue_order",
     "output_run_counts",
     "run_counts",
@@ -54,6 +60,7 @@ def analyze(
     *,
     only: Collection[str] | None = None,
     outside: Sequence[OutsideAnalysis] = (),
+    in_memory: int = RUNS_IN_MEMORY,
 ) -> dict[str, OutputStatistics]:
     """Compute all statistics that the runs of a design allow.
 
@@ -68,6 +75,9 @@ def analyze(
         Keys of `ANALYSES`, where not all of them are wanted.
     outside : sequence of OutsideAnalysis
         User-supplied analyses, which are applied to a sample after the built-in ones.
+    in_memory : int
+        A sample of more runs goes by blocks. An analysis that cannot go so takes as many of its
+        runs, and its estimates say so.
 
     Returns
     -------
@@ -77,43 +87,81 @@ def analyze(
     """
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
-        sampling = Sampling(handle.attrs[SAMPLING])
-        found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
-        scalars = [quantity for quantity in quantities if not quantity.output.dims]
-        fields = [quantity for quantity in quantities if quantity.output.dims]
-        if sampling.is_sample:
-            drawn = drawn_runs(handle)
-            samples = _samples(drawn, scalars)
-            counts = {name: output_run_counts(drawn, name) for name in found}
-            is_weighted = WEIGHT in drawn.template.coords
-            analyses = _sample_analyses(ANALYSES, only, is_weighted=is_weighted)
-            _run_analyses(analyses, scalars, samples, counts, found)
-            # One field after the other, as the values of one may be most of the memory.
-            for quantity in fields:
-                (sample,) = _samples(drawn, [quantity]).values()
-                field = {quantity.output.name: FieldSample(sample, quantity.output)}
-                analyses = _sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted)
-                _run_analyses(analyses, [quantity], field, counts, found)
-        # A design that is made for a statistic estimates it better than its sample does.
-        for analyses_of_designs, chosen in (
-            (ANALYSES_OF_DESIGNS, scalars),
-            (FIELD_ANALYSES_OF_DESIGNS, fields),
-        ):
-            if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
-                whole = {name: runs_with_value(handle, name) for name in found}
-                of_all = {name: output_run_counts(handle, name) for name in found}
-                _run_analyses(own, chosen, whole, of_all, found)
-        if sampling.is_sample and outside:
-            for quantity in scalars:
-                name = quantity.output.name
-                added = outside_statistics(outside, samples[name], quantity, found[name])
-                found[name] |= {
-                    key: array.assign_attrs(counts[name]) for key, array in added.items()
-                }
+        if goes_by_blocks(handle, in_memory):
+            found = _analyze_large(handle, quantities, only, outside, in_memory)
+        else:
+            found = _analyze_whole(handle, quantities, only, outside)
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
-def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> OutputStatistics:
+def goes_by_blocks(runs: BlockedRuns, in_memory: int) -> bool:
+    """Check for a sample of more runs than a number, which is not made of a design's own blocks."""
+    sampling = Sampling(runs.attrs[SAMPLING])
+    return runs.size > in_memory and sampling.is_sample and sampling is not Sampling.PICK_FREEZE
+
+
+def _analyze_large(
+    handle: BlockedRuns,
+    quantities: Sequence[QuantityOfInterest],
+    only: Collection[str] | None,
+    outside: Sequence[OutsideAnalysis],
+    in_memory: int,
+) -> dict[str, OutputStatistics]:
+    """Compute the statistics of a sample of many runs, without all of them in memory."""
+    from uqpen.statistics.by_blocks.large_sample import LargeSample  # loads a compiler
+
+    found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+    large = LargeSample(handle, in_memory, _analyze_whole)
+    for name, statistics, used in large.statistics(quantities, only, outside):
+        counts = output_run_counts(handle, name, used) if used >= 0 else {}
+        found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
+    return found
+
+
+def _analyze_whole(
+    handle: BlockedRuns,
+    quantities: Sequence[QuantityOfInterest],
+    only: Collection[str] | None,
+    outside: Sequence[OutsideAnalysis],
+) -> dict[str, OutputStatistics]:
+    """Compute the statistics of runs in memory."""
+    sampling = Sampling(handle.attrs[SAMPLING])
+    found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+    scalars = [quantity for quantity in quantities if not quantity.output.dims]
+    fields = [quantity for quantity in quantities if quantity.output.dims]
+    if sampling.is_sample:
+        drawn = drawn_runs(handle)
+        samples = _samples(drawn, scalars)
+        counts = {name: output_run_counts(drawn, name) for name in found}
+        is_weighted = WEIGHT in drawn.template.coords
+        analyses = _sample_analyses(ANALYSES, only, is_weighted=is_weighted)
+        _run_analyses(analyses, scalars, samples, counts, found)
+        # One field after the other, as the values of one may be most of the memory.
+        for quantity in fields:
+            (sample,) = _samples(drawn, [quantity]).values()
+            field = {quantity.output.name: FieldSample(sample, quantity.output)}
+            analyses = _sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted)
+            _run_analyses(analyses, [quantity], field, counts, found)
+    # A design that is made for a statistic estimates it better than its sample does.
+    for analyses_of_designs, chosen in (
+        (ANALYSES_OF_DESIGNS, scalars),
+        (FIELD_ANALYSES_OF_DESIGNS, fields),
+    ):
+        if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
+            whole = {name: runs_with_value(handle, name) for name in found}
+            of_all = {name: output_run_counts(handle, name) for name in found}
+            _run_analyses(own, chosen, whole, of_all, found)
+    if sampling.is_sample and outside:
+        for quantity in scalars:
+            name = quantity.output.name
+            added = outside_statistics(outside, samples[name], quantity, found[name])
+            found[name] |= {key: array.assign_attrs(counts[name]) for key, array in added.items()}
+    return found
+
+
+def analyze_failures(
+    runs: xr.Dataset | BlockedRuns, level: float = LEVEL, *, in_memory: int = RUNS_IN_MEMORY
+) -> OutputStatistics:
     """Compute the probability of each status of a run, and the association of inputs with failure.
 
     Parameters
@@ -122,6 +170,8 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Ou
         As `analyze` takes them.
     level : float
         Confidence level of the intervals.
+    in_memory : int
+        Of more runs, the associations are those of a part of as many.
 
     Returns
     -------
@@ -131,6 +181,8 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Ou
     """
     found: OutputStatistics = {}
     handle = LoadedDataset.of(runs)
+    if goes_by_blocks(handle, in_memory):
+        return _failures_of_large(handle, level, in_memory)
     counts = run_counts(handle)
     if Sampling(handle.attrs[SAMPLING]).is_sample:
         drawn = drawn_runs(handle)
@@ -141,6 +193,15 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Ou
     for name, array in analysis(replace(Sample.from_runs(handle, STATUS), level=level)):
         found[name] = array.assign_attrs(counts)
     return found
+
+
+def _failures_of_large(handle: BlockedRuns, level: float, in_memory: int) -> OutputStatistics:
+    """Compute the probabilities by blocks, and the associations from a part of the runs."""
+    from uqpen.statistics.by_blocks.large_sample import LargeSample
+
+    large = LargeSample(handle, in_memory, _analyze_whole)
+    found = large.with_note(analyze_failures(large.part, level), texts.RANKS_IN_MEMORY)
+    return {**found, "probability": large.status_probabilities(level, run_counts(handle))}
 
 
 def drawn_runs(runs: BlockedRuns) -> BlockedRuns:
@@ -222,12 +283,18 @@ def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
     return attributes
 
 
-def output_run_counts(runs: BlockedRuns, name: str) -> dict[str, int | str]:
+def output_run_counts(
+    runs: BlockedRuns, name: str, used: int | None = None
+) -> dict[str, int | str]:
     """Return the counts of the runs of an output's statistics, as attributes.
 
-    They are those of `run_counts`, except where completed runs have no value of the output.
+    They are those of `run_counts`, but for runs without a value; the others' number may be given.
     """
-    counts, absent = run_counts(runs), absent_condition(runs, name)
+    counts = run_counts(runs)
+    if used is None:
+        absent = absent_condition(runs, name)
+    else:
+        absent = condition_of_absent(runs, name, int(counts["runs_used"]) - used)
     if not absent:
         return counts
     return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}

@@ -26,7 +26,7 @@ from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, input_sample
 
-__all__ = ["convergence", "reason_without_parts"]
+__all__ = ["convergence", "convergence_of_parts", "part_sizes", "reason_without_parts"]
 
 # The statistics that are followed, and who estimates them from every part, each as its first.
 _ANALYSES = {
@@ -73,11 +73,17 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     if _reason(sample):
         return
     parts = list(_growing_parts(sample))
-    sizes = np.array([len(part.replicates) for part in parts])
+    yield from convergence_of_parts(parts, [len(part.replicates) for part in parts], quantity)
+
+
+def convergence_of_parts(
+    parts: Sequence[Sample], sizes: Sequence[int], quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the same from the parts and their numbers of points."""
     for name, analysis in _ANALYSES.items():
         estimates = [array for part in parts for _, array in islice(analysis(part, quantity), 1)]
         if estimates:
-            yield f"convergence_{name}", _stack_parts(estimates, sizes, sample.level)
+            yield f"convergence_{name}", _stack_parts(estimates, np.array(sizes), parts[-1].level)
 
 
 def _reason(sample: Sample) -> str:
@@ -118,10 +124,15 @@ def _part(sample: Sample, is_taken: BoolArray) -> Sample:
 
 def _part_sizes(sample: Sample) -> list[int]:
     """Number of replicates, or of runs, in each part."""
-    whole = len(sample.replicates)
-    is_large = whole > _MANY
-    if sample.error_model is ErrorModel.REPLICATED:
-        whole = len(np.unique(sample.replicates))
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    replicates = len(np.unique(sample.replicates)) if is_replicated else 0
+    return part_sizes(len(sample.replicates), replicates)
+
+
+def part_sizes(runs: int, replicates: int) -> list[int]:
+    """Return the number of replicates in each part of some runs, or of runs without replicates."""
+    is_large, whole = runs > _MANY, replicates or runs
+    if replicates:
         growth = _GROWTH_FOR_MANY if is_large else _GROWTH
         ends = [2]
         while ends[-1] < whole:

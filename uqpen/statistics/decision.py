@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+import scipy
 import xarray as xr
-from scipy import optimize, special
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.errors import QuantityError
@@ -75,14 +75,14 @@ def anytime_interval(events: int, missing: int, runs: int) -> tuple[float, float
 def _end(events: int, runs: int, *, is_lower: bool) -> float:
     """Return an end of the interval where no run is missing."""
     others = runs - events
-    mixture = special.betaln(events + 0.5, others + 0.5) - special.betaln(0.5, 0.5)
+    mixture = scipy.special.betaln(events + 0.5, others + 0.5) - scipy.special.betaln(0.5, 0.5)
 
     def excess(p: float) -> float:
-        likelihood = special.xlogy(events, p) + special.xlog1py(others, -p)
+        likelihood = scipy.special.xlogy(events, p) + scipy.special.xlog1py(others, -p)
         return float(mixture - likelihood + math.log(ERROR))
 
     share = events / runs
     outer = 0.0 if is_lower else 1.0
     if share == outer:
         return outer
-    return float(optimize.brentq(excess, *sorted((abs(outer - 1e-300), share)), xtol=1e-12))
+    return float(scipy.optimize.brentq(excess, *sorted((abs(outer - 1e-300), share)), xtol=1e-12))

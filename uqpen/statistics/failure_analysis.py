@@ -13,8 +13,9 @@ from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate, mean_ranks
+from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate
 
 __all__ = ["FAILURES", "failure_analysis"]
 
@@ -109,4 +110,4 @@ def _reason_without_bounds(failed: int, others: int, value: float) -> str:
 
 
 def _ranks(values: FloatArray) -> FloatArray:
-    return mean_ranks(np.unique(values, return_inverse=True)[1])
+    return Ordering.of(values).mean_ranks

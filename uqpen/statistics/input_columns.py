@@ -1,19 +1,27 @@
-"""Columns of the random inputs of a design, read one by one."""
+"""Columns of the random inputs of a design, read one by one and ordered once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
+from uqpen.statistics.ordering import Ordering
 
-__all__ = ["InputColumns"]
+__all__ = ["InputColumns", "RunInputs"]
+
+Made = TypeVar("Made")
+
+# The compiler's library takes half a second to import, which loops over fewer values do not save.
+_MANY = 2**18
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +66,98 @@ class InputColumns:
         """Return an input by its number, shape (point,); read-only."""
         return _read_only(self.read(self.names[number]))
 
+    def ordering(self, number: int) -> Ordering:
+        """Return the order of an input over all points; it is sorted at the first use."""
+        if number not in self._orderings:
+            self._orderings[number] = Ordering.of(self[number])
+        return self._orderings[number]
+
+    @cached_property
+    def _orderings(self) -> dict[int, Ordering]:
+        return {}
+
+    def at(self, used: IntArray) -> RunInputs:
+        """Return the inputs at some of the points; the same for the same array of numbers."""
+        found = self._at.get(id(used))
+        if found is None:
+            found = self._at[id(used)] = RunInputs(self, used)
+        return found
+
+    @cached_property
+    def _at(self) -> WeakValueDictionary[int, RunInputs]:
+        # What is alive keeps its array of numbers alive, so no other has the same id.
+        return WeakValueDictionary()
+
     @cached_property
     def matrix(self) -> FloatArray:
         """All points, shape (point, input); read-only."""
         if not self.names:
             return np.empty((self.size, 0))
         return _read_only(np.column_stack([self.read(name) for name in self.names]))
+
+
+@dataclass(frozen=True, eq=False)
+class RunInputs:
+    """Random inputs of the completed runs.
+
+    Samples of outputs that exist in the same runs have one of these in common, so each input is
+    ordered once for all analyses of all outputs. It lives as long as one of the samples.
+
+    Parameters
+    ----------
+    columns : InputColumns
+        The inputs at all points.
+    used : ndarray of int, shape (run,)
+        Numbers of the points with a completed run.
+    """
+
+    columns: InputColumns
+    used: IntArray
+
+    def __getitem__(self, number: int) -> FloatArray:
+        """Return an input by its number, shape (run,)."""
+        values = self.columns[number]
+        return values if self._is_whole else values[self.used]
+
+    def ordering(self, number: int) -> Ordering:
+        """Return the order of an input over the runs."""
+        whole = self.columns.ordering(number)
+        if self._is_whole:
+            return whole
+        values = self.columns[number]
+        return self.once(("ordering", number), lambda: whole.among(self.used, values))
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """True if the runs are all points, in their order."""
+        return np.array_equal(self.used, np.arange(self.columns.size))
+
+    @property
+    def are_many(self) -> bool:
+        """True if compiled loops are worth their import, by the number of values."""
+        return len(self.used) * len(self.columns.names) >= _MANY
+
+    def varies(self, number: int) -> bool:
+        """Return True if an input is not the same in all runs."""
+        return self.once(("varies", number), lambda: bool(np.ptp(self[number]) > 0))
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what an analysis makes of these inputs alone, which is made at its first use.
+
+        Parameters
+        ----------
+        key : hashable
+            Names it: what it is, and the input by its number.
+        make : callable
+            Takes nothing.
+        """
+        if key not in self._made:
+            self._made[key] = make()
+        return self._made[key]
+
+    @cached_property
+    def _made(self) -> dict[Hashable, Any]:
+        return {}
 
 
 def _read_only(values: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
+import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
@@ -19,6 +19,7 @@ __all__ = [
     "additive_residual_error",
     "clopper_pearson",
     "dkw_half_width",
+    "error_of_sums",
     "group_sums",
     "order_statistic_ranks",
     "ratio_error",
@@ -32,7 +33,7 @@ __all__ = [
 
 def student_quantile(freedom: float, level: float) -> float:
     """Half-width of Student's t interval in standard errors; NaN below one degree of freedom."""
-    return math.nan if freedom < 1 else float(special.stdtrit(freedom, 0.5 + level / 2))
+    return math.nan if freedom < 1 else float(scipy.special.stdtrit(freedom, 0.5 + level / 2))
 
 
 def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
@@ -81,9 +82,14 @@ def ratio_error(
     """
     deviation = influence - influence.mean(axis=-1, keepdims=True)
     sums = group_sums(deviation, replicate, replicates)
-    scale = replicates / len(replicate)
-    variance = scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1))
-    return np.sqrt(variance), replicates - 1
+    return error_of_sums(sums, len(replicate)), replicates - 1
+
+
+def error_of_sums(sums: FloatArray, runs: int) -> FloatArray:
+    """Return the error of `ratio_error` from each replicate's sum of deviations."""
+    replicates = sums.shape[-1]
+    scale = replicates / runs
+    return np.sqrt(scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1)))
 
 
 def ratio_jackknife_error(
@@ -180,10 +186,16 @@ def clopper_pearson(
     Effective numbers of runs need not be whole.
     """
     k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
+    distinct, place = np.unique(k, return_inverse=True)
+    if n.ndim == 0 and distinct.size < k.size:
+        # Few numbers of events stand at many places, and the inverse takes its time.
+        ends = clopper_pearson(distinct, n, level)
+        return ends[0][place].reshape(k.shape), ends[1][place].reshape(k.shape)
     tail = (1 - level) / 2
+    quantile = scipy.special.betaincinv
     with np.errstate(invalid="ignore"):
-        lower = np.where(k > 0, special.betaincinv(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
-        upper = np.where(k < n, special.betaincinv(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
+        lower = np.where(k > 0, quantile(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
+        upper = np.where(k < n, quantile(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
     return lower, upper
 
 
@@ -209,9 +221,9 @@ def upper_rank(runs: int, probability: npt.ArrayLike, confidence: float) -> Floa
     """
     p = np.asarray(probability, dtype=np.float64)
     # The continuous inverse is right to within one, which the two comparisons mend.
-    guess = np.floor(special.bdtrik(confidence, runs, p)).clip(0, runs)
-    guess = np.where(special.bdtr(guess, runs, p) < confidence, guess + 1, guess)
-    before = (guess >= 1) & (special.bdtr(np.maximum(guess - 1, 0), runs, p) >= confidence)
+    guess = np.floor(scipy.special.bdtrik(confidence, runs, p)).clip(0, runs)
+    guess = np.where(scipy.special.bdtr(guess, runs, p) < confidence, guess + 1, guess)
+    before = (guess >= 1) & (scipy.special.bdtr(np.maximum(guess - 1, 0), runs, p) >= confidence)
     rank = np.where(before, guess - 1, guess) + 1
     return np.where(rank <= runs, rank, np.nan)
 
@@ -233,11 +245,11 @@ def runs_needed_for_both(content: float, confidence: float) -> int:
     """
     # Two runs at least: the smallest is not the largest. The probability rises with the runs.
     lowest, highest = 1, 2
-    while special.bdtr(highest - 2, highest, content) < confidence:
+    while scipy.special.bdtr(highest - 2, highest, content) < confidence:
         lowest, highest = highest, 2 * highest
     while highest - lowest > 1:
         middle = (lowest + highest) // 2
-        if special.bdtr(middle - 2, middle, content) < confidence:
+        if scipy.special.bdtr(middle - 2, middle, content) < confidence:
             lowest = middle
         else:
             highest = middle

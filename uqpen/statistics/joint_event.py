@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -63,6 +65,11 @@ class JointEvent:
     def outputs(self) -> set[str]:
         """Names of the outputs that it concerns."""
         return {limit.output for limit in self.limits}
+
+    def occurs(self, columns: Mapping[str, FloatArray]) -> BoolArray:
+        """Return in which runs it occurs, from the values of its outputs."""
+        met = [limit.is_met(columns[limit.output]) for limit in self.limits]
+        return reduce(np.logical_or if self.is_any else np.logical_and, met)
 
     @property
     def condition(self) -> str:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import EVENT
-from uqpen.core.labels import SAMPLING
+from uqpen.core.labels import ABSENT, SAMPLING, STATUS
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
+from uqpen.execution import status_counts
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs
-from uqpen.statistics.analyze import OutputStatistics, drawn_runs, run_counts
+from uqpen.statistics.analyze import OutputStatistics, drawn_runs, goes_by_blocks, run_counts
 from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
@@ -30,7 +34,11 @@ __all__ = ["joint_probabilities"]
 
 
 def joint_probabilities(
-    runs: xr.Dataset | BlockedRuns, events: Sequence[JointEvent], level: float
+    runs: xr.Dataset | BlockedRuns,
+    events: Sequence[JointEvent],
+    level: float,
+    *,
+    in_memory: int = RUNS_IN_MEMORY,
 ) -> OutputStatistics:
     """Estimate the probabilities of events over the runs of a design.
 
@@ -44,6 +52,8 @@ def joint_probabilities(
     events : sequence of JointEvent
     level : float
         Confidence level of the intervals.
+    in_memory : int
+        More runs go by blocks.
 
     Returns
     -------
@@ -58,9 +68,12 @@ def joint_probabilities(
         return {}
     drawn = drawn_runs(handle)
     outputs = sorted(set[str]().union(*(event.outputs for event in known)))
-    samples = Sample.several_from_runs(drawn, outputs)
-    absent = [name for name in outputs if absent_runs(drawn, name) is not None]
-    estimates = [_estimate(event, samples, absent, level) for event in known]
+    if goes_by_blocks(handle, in_memory):
+        estimates = _estimates_by_blocks(known, handle, outputs, level)
+    else:
+        samples = Sample.several_from_runs(drawn, outputs)
+        absent = [name for name in outputs if absent_runs(drawn, name) is not None]
+        estimates = [_estimate(event, samples, absent, level) for event in known]
     array = EstimateVector.stack(estimates).to_array(
         EVENT,
         units="1",
@@ -84,12 +97,40 @@ def _estimate(
 ) -> EstimateVector:
     # Some runs may lack a derived output; those that have all outputs of the event are used.
     used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
-    met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]
-    occurs = reduce(np.logical_or if event.is_any else np.logical_and, met)
+    occurs = event.occurs({name: _at(samples[name], used) for name in event.outputs})
     values = occurs.astype(np.float64)
     sample = replace(samples[event.limits[0].output], used=used, values=values, level=level)
     estimate = event_probability(sample, occurs)
-    has_all = all(limit.output not in absent for limit in event.limits)
+    return _noted(estimate, has_all=event.outputs.isdisjoint(absent))
+
+
+def _estimates_by_blocks(
+    events: Sequence[JointEvent], runs: BlockedRuns, outputs: Sequence[str], level: float
+) -> list[EstimateVector]:
+    """Estimate the same from one pass over the runs."""
+    from uqpen.statistics.by_blocks.tabulated import tabulated_samples  # loads a compiler
+
+    with_gaps = {name for name in outputs if ABSENT in runs.template[name].attrs}
+    columns = [partial(_occurrences, event, with_gaps) for event in events]
+    samples = tabulated_samples(runs, outputs, columns, np.array([0.0, 1.0]), level)
+    completed = status_counts(runs)[Status.OK]
+    return [
+        _noted(event_probability(each, each.values == 1), has_all=each.size == completed)
+        for each in samples
+    ]
+
+
+def _occurrences(
+    event: JointEvent, with_gaps: set[str], columns: Mapping[str, npt.NDArray[Any]]
+) -> tuple[FloatArray, BoolArray]:
+    """Return in which runs an event occurs, and the runs that have all of its outputs."""
+    used = columns[STATUS] == Status.OK
+    for name in event.outputs & with_gaps:
+        used = used & ~np.isnan(columns[name])
+    return event.occurs(columns).astype(np.float64), used
+
+
+def _noted(estimate: EstimateVector, *, has_all: bool) -> EstimateVector:
     if has_all:
         return estimate
     return replace(estimate, note="; ".join(filter(None, (str(estimate.note), texts.ALL_EXIST))))

@@ -8,13 +8,21 @@ import numpy.typing as npt
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.skewness import Margins, extreme_margins, skewness_margins
+from uqpen.statistics.skewness import (
+    Margins,
+    extreme_margins,
+    skewness_margins,
+    skewness_margins_of_sums,
+)
 from uqpen.statistics.standard_errors import standard_error
+from uqpen.statistics.tally import Tally
 
 __all__ = ["mean_margins", "student_margins"]
 
 
-def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: npt.ArrayLike) -> Margins:
+def mean_margins(
+    sample: Sample, deviations: FloatArray | Tally, *, is_heavy: npt.ArrayLike
+) -> Margins:
     """Return the distances of both ends of a mean's interval from the mean.
 
     Both ends move out by what the smallest and the largest run have moved the mean. Strata need
@@ -25,7 +33,7 @@ def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: npt.ArrayL
     ----------
     sample : Sample
         The runs; their design allows an error.
-    deviations : ndarray, shape (..., run)
+    deviations : ndarray, shape (..., run), or Tally
         Deviations of the values from their mean, at any places.
     is_heavy : array_like of bool, shape (...)
         True if few runs decide the variance.
@@ -43,29 +51,32 @@ def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: npt.ArrayL
     return _symmetric_margins(sample, deviations).plus(skew).plus(furthest)
 
 
-def student_margins(sample: Sample, influence: FloatArray) -> Margins:
+def student_margins(sample: Sample, influence: FloatArray | Tally) -> Margins:
     """Return the same for any influence: Student's t, moved out for skewed replicates.
 
     Parameters
     ----------
     sample : Sample
         The runs; their design allows an error.
-    influence : ndarray, shape (..., run)
+    influence : ndarray, shape (..., run), or Tally
         Each run's influence on an estimate, at any places.
     """
     skew, extreme_replicate = _replicate_margins(sample, influence)
     return _symmetric_margins(sample, influence).plus(skew).plus(extreme_replicate)
 
 
-def _symmetric_margins(sample: Sample, influence: FloatArray) -> Margins:
+def _symmetric_margins(sample: Sample, influence: FloatArray | Tally) -> Margins:
     error, freedom = standard_error(sample, influence)
     half = student_quantile(freedom, sample.level) * error
     return Margins(half, half)
 
 
-def _replicate_margins(sample: Sample, influence: FloatArray) -> tuple[Margins, Margins]:
+def _replicate_margins(sample: Sample, influence: FloatArray | Tally) -> tuple[Margins, Margins]:
     """Return the margins for the skewness of replicates; 0 without replicates."""
     if sample.error_model is not ErrorModel.REPLICATED:
         none = Margins.zero(influence.shape[:-1])
         return none, none
+    if isinstance(influence, Tally):
+        sums = influence.deviations[influence.sizes > 0]
+        return skewness_margins_of_sums(sums, influence.size, sample.level)
     return skewness_margins(influence, sample.replicate, sample.replicate_count, sample.level)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -28,25 +27,16 @@ from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs
+from uqpen.statistics.error_model import ErrorModel
 from uqpen.statistics.estimate import LEVEL
-from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.input_columns import InputColumns, RunInputs
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
 
-
 # With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
-
-
-class ErrorModel(StrEnum):
-    """Error model: basis on which the error of a sample's statistics is estimated."""
-
-    INDEPENDENT = "independent draws"
-    REPLICATED = "independent replicates"
-    SINGLE_STRATIFIED_SET = "one stratified set"
-    WEIGHTED = "weighted independent draws"
-    UNKNOWN = "points of unknown origin"
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
@@ -180,6 +170,16 @@ class Sample:
         """The random inputs, in the order of the columns of `points`."""
         return self.columns.names
 
+    @cached_property
+    def run_inputs(self) -> RunInputs:
+        """The random inputs of the completed runs, shared by all samples of these runs."""
+        return self.columns.at(self.used)
+
+    @cached_property
+    def ordering(self) -> Ordering:
+        """The order of the values of one variable."""
+        return Ordering.of(self.values)
+
     @property
     def size(self) -> int:
         """Number of completed runs."""
@@ -204,20 +204,27 @@ class Sample:
         return self.size if self.run_weights is None else effective_size(self.run_weights)
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return the mean of values along the runs, by their weights.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., run)
-            At least one.
-
-        Returns
-        -------
-        ndarray, shape (...)
-        """
+        """Return the mean of values of shape (..., run), at least one, by the runs' weights."""
         if self.run_weights is None:
             return np.asarray(values.mean(axis=-1))
         return weighted_mean(values, self.run_weights)
+
+    def events_with_missing(self, events: BoolArray, *, happened: bool) -> BoolArray:
+        """Return an event over the runs of `with_missing`, with one outcome of the missing ones."""
+        missing = np.full((*events.shape[:-1], self.missing.size), happened)
+        return np.concatenate([events, missing], axis=-1)
+
+    def counts_up_to(self, values: FloatArray) -> IntArray:
+        """Count the runs at or below each value, shape (replicate, value)."""
+        parts = [self.sorted_values]
+        if (replicates := self.replicate_count) > 1:
+            parts = [np.sort(self.values[self.replicate == each]) for each in range(replicates)]
+        return np.array([np.searchsorted(part, values, side="right") for part in parts])
+
+    @property
+    def replicate_sizes(self) -> IntArray:
+        """Number of runs of each replicate."""
+        return np.bincount(self.replicate)
 
     @cached_property
     def sorted_values(self) -> FloatArray:
@@ -234,8 +241,10 @@ class Sample:
     @cached_property
     def replicate(self) -> IntArray:
         """The replicate of each run, numbered through those that are not empty."""
-        _, numbered = np.unique(self.replicates[self.used], return_inverse=True)
-        return numbered.astype(np.int64)
+        replicates = self.replicates[self.used]
+        if not replicates.any():
+            return replicates
+        return np.unique(replicates, return_inverse=True)[1].astype(np.int64)
 
     @property
     def replicate_count(self) -> int:
@@ -268,18 +277,15 @@ class Sample:
         if self.error_model is ErrorModel.REPLICATED and self.replicate_count < 2:
             return texts.SINGLE_REPLICATE
         is_weighted = self.error_model is ErrorModel.WEIGHTED
-        return self.too_few_runs if is_weighted and not self._is_large_enough else ""
-
-    @property
-    def _is_large_enough(self) -> bool:
-        return self.effective_size >= _SMALLEST_EFFECTIVE_SIZE
+        is_small = self.effective_size < _SMALLEST_EFFECTIVE_SIZE
+        return self.too_few_runs if is_weighted and is_small else ""
 
     @property
     def too_few_runs(self) -> str:
         """Text of the reason that there are too few runs."""
+        if self.weights is not None and self.is_at_places:
+            return texts.SMALL_EFFECTIVE_SIZE_AT_PLACES
         if self.weights is not None:
-            if self.is_at_places:
-                return texts.SMALL_EFFECTIVE_SIZE_AT_PLACES
             return texts.SMALL_EFFECTIVE_SIZE.format(size=self.effective_size)
         if self.size == 1:
             return texts.ONE_IS_TOO_FEW

@@ -12,8 +12,9 @@ import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.intervals import group_sums, student_quantile
+from uqpen.statistics.tally import Tally
 
-__all__ = ["Margins", "extreme_margins", "skewness_margins"]
+__all__ = ["Margins", "extreme_margins", "skewness_margins", "skewness_margins_of_sums"]
 
 
 class Margins(NamedTuple):
@@ -40,7 +41,7 @@ class Margins(NamedTuple):
         return Margins(*(np.where(condition, margin, 0.0) for margin in self))
 
 
-def extreme_margins(influence: FloatArray, weights: FloatArray | None = None) -> Margins:
+def extreme_margins(influence: FloatArray | Tally, weights: FloatArray | None = None) -> Margins:
     """Return how far the smallest and the largest run move a mean.
 
     A run further out than all others may well come as often as the largest one has. The mean would
@@ -48,11 +49,14 @@ def extreme_margins(influence: FloatArray, weights: FloatArray | None = None) ->
 
     Parameters
     ----------
-    influence : ndarray, shape (..., run)
+    influence : ndarray, shape (..., run), or Tally
         Values whose mean is estimated, at any places.
     weights : ndarray, shape (run,), optional
         Relative weights.
     """
+    if isinstance(influence, Tally):
+        ends = np.array([-influence.smallest, influence.largest]) + [1, -1] * influence.mean()
+        return Margins(*map(np.asarray, np.maximum(ends / influence.size, 0.0)))
     runs = influence.shape[-1]
     shares = np.full(runs, 1 / runs) if weights is None else weights
     shares = shares / shares.sum()
@@ -87,7 +91,13 @@ def skewness_margins(
     Hall, P. (1992). J. R. Statist. Soc. B 54, 221-228.
     """
     sums = group_sums(influence - influence.mean(axis=-1, keepdims=True), replicate, replicates)
-    means = replicates / len(replicate) * sums
+    return skewness_margins_of_sums(sums, len(replicate), level)
+
+
+def skewness_margins_of_sums(sums: FloatArray, runs: int, level: float) -> tuple[Margins, Margins]:
+    """Return `skewness_margins` from each replicate's sum of deviations from the mean."""
+    replicates = sums.shape[-1]
+    means = replicates / runs * sums
     deviations = means - means.mean(axis=-1, keepdims=True)
     squares = (deviations**2).sum(axis=-1)
     if replicates < 3:

@@ -8,21 +8,22 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.statistics.intervals import additive_residual_error, ratio_error
+from uqpen.statistics.intervals import additive_residual_error, error_of_sums, ratio_error
 from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.tally import Tally
 from uqpen.statistics.weights import weighted_mean_error
 
 __all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
 
 
-def standard_error(sample: Sample, influence: FloatArray) -> tuple[FloatArray, float]:
+def standard_error(sample: Sample, influence: FloatArray | Tally) -> tuple[FloatArray, float]:
     """Standard error of a mean over the sample, and its degrees of freedom.
 
     Parameters
     ----------
     sample : Sample
         The runs.
-    influence : ndarray, shape (..., run)
+    influence : ndarray, shape (..., run), or Tally
         Values whose mean is estimated, or each run's influence on an estimate, at any places.
 
     Returns
@@ -34,6 +35,8 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[FloatArray, f
     """
     if sample.reason_without_intervals:
         return np.full(influence.shape[:-1], np.nan), 0
+    if isinstance(influence, Tally):
+        return _error_of_tally(sample, influence)
     if sample.error_model is ErrorModel.REPLICATED:
         return ratio_error(influence, sample.replicate, sample.replicate_count)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
@@ -46,6 +49,15 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[FloatArray, f
     if sample.run_weights is not None:
         return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
     return influence.std(axis=-1, ddof=1) / math.sqrt(sample.size), sample.degrees_of_freedom
+
+
+def _error_of_tally(sample: Sample, influence: Tally) -> tuple[FloatArray, float]:
+    """Return the same from sums; over one stratified set, as large as over independent draws."""
+    freedom = sample.degrees_of_freedom
+    if sample.error_model is ErrorModel.REPLICATED:
+        sums = influence.deviations[influence.sizes > 0]
+        return error_of_sums(sums, influence.size), freedom
+    return influence.std(ddof=1) / math.sqrt(influence.size), freedom
 
 
 def rounding_error(sample: Sample) -> float:

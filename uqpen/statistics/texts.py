@@ -15,6 +15,7 @@ STUDENT_WEIGHTED_WITH_EXTREMES = (
 STUDENT_OVER_REPLICATES = "Student t over replicates"
 STUDENT_FOR_SKEWED_REPLICATES = "Student t over replicates, the end of the longer tail moved out"
 STUDENT_ON_RESIDUALS = "Student t on the residuals of an additive fit"
+STUDENT_AS_INDEPENDENT = "Student t, as of independent draws"
 STUDENT_OVER_TRAJECTORIES = "Student t over trajectories"
 CLOPPER_PEARSON = "Clopper-Pearson"
 CLOPPER_PEARSON_WEIGHTED = "Clopper-Pearson at the effective number of runs (Korn-Graubard)"
@@ -32,6 +33,8 @@ TWO_WOODRUFF = "two Woodruff intervals combined, {error_model}"
 DELTA_METHOD = "delta method, {error_model}"
 DELTA_ON_LOGARITHM = "delta method on the logarithm, {error_model}"
 DELTA_FOR_SKEWED = f"{DELTA_ON_LOGARITHM}, the end of the longer tail moved out"
+SCATTER_OF_PARTS = "Student t over {of}"
+SCATTER_OF_PARTS_ON_FISHER = "Student t on Fisher's transform, over {of}"
 DELTA_ON_FISHER = "delta method on Fisher's transform, {error_model}"
 JACKKNIFE = "jackknife over replicates"
 WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blocks"
@@ -186,6 +189,11 @@ ESTIMAND_IF_ADMISSIBLE = ESTIMAND_IF.format(condition="admissible inputs")
 FAILED_BLOCKS = "blocks with a failed run are left out"
 ABSENT_BLOCKS = "blocks with a run without a value are left out"
 INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
+OF_PART = "from {part} of {of} runs: {reason}"
+WEIGHTS_IN_MEMORY = "weighted runs are analysed in memory"
+RANKS_IN_MEMORY = "failed runs are ranked among the others in memory"
+FIELD_IN_MEMORY = "a field is analysed in memory"
+OUTSIDE_IN_MEMORY = "a user's analysis takes all values at once"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
 # Estimators of a surrogate.
@@ -197,9 +205,7 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 
 # Estimates of a surrogate that runs cannot correct.
 NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's own figure"
-NO_CORRECTION_OF_LOGARITHM = "its terms are known for the logarithm only, so runs cannot correct it"
-NO_CORRECTION_WITHOUT_TERMS = "the terms of the surrogate are not known, so runs cannot correct it"
-NO_CORRECTION_IF_INADMISSIBLE = "some inputs are inadmissible, so runs cannot correct it"
+NOT_POSITIVE_IN_RUNS = "some of the runs that correct it are not positive"
 NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
@@ -211,6 +217,9 @@ NOT_FITTED_WITHOUT = "not fitted without a fold of its training runs: {reason}"
 NO_CORRECTING_RUN = "no run corrects it"
 FEW_CORRECTING_RUNS = "{runs} runs are too few to correct it"
 NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
+NO_INDICES_OF_PLACED = (
+    "no interval of indices is known with {placed} placed runs, which have weights"
+)
 # Until `benchmarks/refined_coverage.py` has been run over enough seeds.
 OF_PLACED_RUNS = "not certified: the coverage with {placed} placed runs is not measured yet"
 OF_ALL_ADMISSIBLE = (

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self, cast
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.tree import read_group
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, diagnostics_dataset, shown_diagnostics
 from uqpen.surrogates.field_fit import FIT_TEXT
@@ -86,6 +88,13 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
         """Predict its outputs; see `FittedSurrogate.predict`."""
         found = {kind: self.members[kind].predict(inputs) for kind in set(self.choice.values())}
         return {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Return the predicted values without their deviations; see `Model.evaluate`."""
+        kinds, runs = set(self.choice.values()), len(inputs[self.random_inputs[0]])
+        found = {kind: self.members[kind].evaluate(inputs).outputs for kind in kinds}
+        values = {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
+        return Results(values, np.full(runs, Status.OK, dtype=np.int8))
 
     def training_range(self, output: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an output in the training runs."""

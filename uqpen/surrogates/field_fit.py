@@ -111,25 +111,28 @@ class FieldFit:
 
         Standard deviations are of independent errors of the scores, and contain the truncation.
         """
-        found = [scores[name] for name in self.scores]
-        shape = (-1, *self.output.shape)
-        mean = self.components.fields(np.column_stack([each.mean for each in found]))
-        deviations = [each.std for each in found if each.std is not None]
-        if len(deviations) < len(found):
-            return Prediction(mean.reshape(shape))
+        mean = self.fields({name: scores[name].mean for name in self.scores})
+        deviations = [each.std for name in self.scores if (each := scores[name]).std is not None]
+        if len(deviations) < len(self.scores):
+            return Prediction(mean)
         variances = np.tile(self.components.truncated, (len(mean), 1))
         for deviation, component in zip(deviations, self.components.components, strict=True):
             variances += deviation[:, None] ** 2 * component**2
-        return Prediction(mean.reshape(shape), np.sqrt(variances).reshape(shape))
+        return Prediction(mean, np.sqrt(variances).reshape(mean.shape))
+
+    def fields(self, scores: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the fields of scores by name, shape (run, *dims)."""
+        found = self.components.fields(np.column_stack([scores[name] for name in self.scores]))
+        return found.reshape(-1, *self.output.shape)
 
     def with_q2_of_scores(self, q2: Mapping[str, float]) -> FieldFit:
         """Return it with the Q² of the field at runs left out, from those of its scores."""
         known = np.array([q2.get(name, math.nan) for name in self.scores])
         return replace(self, q2=float(known @ self.components.variances / self.components.variance))
 
-    def with_check(self, scores: Mapping[str, Prediction], truth: FloatArray) -> FieldFit:
+    def with_check(self, scores: Mapping[str, FloatArray], truth: FloatArray) -> FieldFit:
         """Return it with its errors at other runs, of shape (run, *dims)."""
-        found = np.column_stack([scores[name].mean for name in self.scores])
+        found = np.column_stack([scores[name] for name in self.scores])
         check = FieldCheck.of_runs(self.components, found, truth.reshape(len(truth), -1))
         return replace(self, check=check)
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.core.arrays import Arrays
 from uqpen.core.labels import NOT_FITTED
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, shown_diagnostics
 from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
@@ -73,6 +73,13 @@ class FieldSurrogate(FittedSurrogate):
         fields = {name: each.prediction(found) for name, each in self.fields.items()}
         return {each.name: fields.get(each.name) or found[each.name] for each in self.outputs}
 
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Return the predicted values without their deviations; see `Model.evaluate`."""
+        scalars = self.scalars.evaluate(inputs)
+        fields = {name: each.fields(scalars.outputs) for name, each in self.fields.items()}
+        values = {**scalars.outputs, **fields}
+        return Results({each.name: values[each.name] for each in self.outputs}, scalars.status)
+
     def training_range(self, output: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an output in the training runs."""
         if output in self.fields:
@@ -82,7 +89,7 @@ class FieldSurrogate(FittedSurrogate):
     def with_check(self, runs: xr.Dataset) -> Self:
         """Return a copy with its prediction errors at runs that it was not fitted to."""
         inputs, completed = self.completed_runs(runs)
-        predicted = self.scalars.predict(inputs)
+        predicted = self.scalars.evaluate(inputs).outputs
         fields = {
             name: each.with_check(predicted, completed[name].values.astype(np.float64))
             for name, each in self.fields.items()

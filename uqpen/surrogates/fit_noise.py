@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.surrogates.closed_forms import mean, sobol_indices, standard_deviation
@@ -73,7 +73,7 @@ def estimate_fit_noise(
     standard = (values - centre) / spread
     # Refits start from the fit: what they change follows from its residuals alone.
     q, r = np.linalg.qr(matrix)
-    coefficients = linalg.solve_triangular(r, q.T @ standard)
+    coefficients = scipy.linalg.solve_triangular(r, q.T @ standard)
     residual = standard - q @ (q.T @ standard)
     estimates = []
     for _ in range(refits):
@@ -81,11 +81,11 @@ def estimate_fit_noise(
         if np.count_nonzero(times) <= terms:
             continue  # too few different runs for this number of terms
         try:
-            factor = linalg.cho_factor(q.T @ (times[:, None] * q))
-        except linalg.LinAlgError:
+            factor = scipy.linalg.cho_factor(q.T @ (times[:, None] * q))
+        except scipy.linalg.LinAlgError:
             continue  # they do not identify the terms
-        change = linalg.cho_solve(factor, q.T @ (times * residual))
-        found = coefficients + linalg.solve_triangular(r, change)
+        change = scipy.linalg.cho_solve(factor, q.T @ (times * residual))
+        found = coefficients + scipy.linalg.solve_triangular(r, change)
         moments = mean(indices, found), standard_deviation(indices, found)
         estimates.append([*moments, *sobol_indices(indices, found).first])
     if len(estimates) < _FEWEST_REFITS:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import svd
+import scipy
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.settings import setting
@@ -91,7 +91,7 @@ class PrincipalComponents:
         shares = shares / shares.sum()
         mean = shares @ values
         roots = np.sqrt(shares)[:, None]
-        left, sizes, shapes = svd(
+        left, sizes, shapes = scipy.linalg.svd(
             roots * (values - mean) * np.sqrt(weights), full_matrices=False, check_finite=False
         )
         rank = int((sizes > sizes[0] * max(values.shape) * np.finfo(float).eps).sum())

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
@@ -78,9 +78,9 @@ def least_squares(matrix: FloatArray, values: FloatArray) -> RegressionFit | Non
     size = np.abs(np.diagonal(r))
     if not size.min() > _DEPENDENT * size.max():
         return None
-    coefficients = linalg.solve_triangular(r, q.T @ values)
+    coefficients = scipy.linalg.solve_triangular(r, q.T @ values)
     error = _leave_one_out(values - q @ (q.T @ values), (q**2).sum(axis=1), values)
-    inverse = linalg.solve_triangular(r, np.eye(terms))
+    inverse = scipy.linalg.solve_triangular(r, np.eye(terms))
     corrected = error * _correction(runs, terms, float((inverse**2).sum()))
     return RegressionFit(np.arange(terms), coefficients, error, corrected)
 

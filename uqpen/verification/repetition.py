@@ -12,10 +12,12 @@ from uqpen.archive.fields import place_text
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
+from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import CONTENT, MODELS, RECIPE, RUN, RUNS, STATUS
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Output
 from uqpen.core.streams import Stream
-from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.drawn_points import Points, points_in_memory
 from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import ValidatedStudy
@@ -80,8 +82,9 @@ def repeated_runs(
     for model, design, positions in chosen:
         progress.start_design(_runs_name(model, design), len(positions))
         variant, archived_runs = study.models[model], runs[model][design]
-        inputs = {name: archived_runs.variables[name] for name in run_inputs(study, archived_runs)}
-        points = xr.Dataset(inputs, {RUN: archived_runs.variables[RUN]}).isel({RUN: positions})
+        archived = archived_runs.isel({RUN: positions}).load()
+        inputs = {name: archived.variables[name] for name in run_inputs(study, archived)}
+        points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
         again = evaluate(
             Evaluator(variant.model, study.constraints),
             points,
@@ -90,7 +93,6 @@ def repeated_runs(
             progress=progress,
             failures=FailurePolicy(study.failures.retry),
         )
-        archived = archived_runs.isel({RUN: positions})
         found += _run_differences(
             _runs_name(model, design), archived, again, variant.model.all_outputs
         )
@@ -132,19 +134,30 @@ def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Chec
     found: list[Difference] = []
     for name, design in study.designs.items():
         stream = Stream(study.seed, "designs", name)
-        drawn = points_in_memory(first_round(design, study.joint, stream)).drop_attrs()
-        for model, variant in study.models.items():
-            again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
-            archived = runs[model][name].isel({RUN: slice(drawn.sizes[RUN])}).drop_attrs()
-            archived = xr.Dataset(
-                {key: archived.variables[key] for key in again.variables if key in archived}
-            )
-            found += [
-                each._replace(what=f"{_runs_name(model, name)}: {each.what}")
-                for each in find_differences(archived, again.reset_coords())
-            ]
+        for start, part in _parts(first_round(design, study.joint, stream)):
+            drawn = part.drop_attrs()
+            these = slice(start, start + drawn.sizes[RUN])
+            for model, variant in study.models.items():
+                again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
+                archived = runs[model][name].isel({RUN: these}).drop_attrs()
+                archived = xr.Dataset(
+                    {key: archived.variables[key] for key in again.variables if key in archived}
+                )
+                found += [
+                    each._replace(what=f"{_runs_name(model, name)}: {each.what}")
+                    for each in find_differences(archived, again.reset_coords())
+                ]
     what = f"the first round of {', '.join(study.designs)} drawn again"
     return _check_result("points", what, found, tolerance)
+
+
+def _parts(points: Points) -> Iterator[tuple[int, xr.Dataset]]:
+    """Yield the points of a round with the number of the first: whole, or blocks of very many."""
+    if isinstance(points, xr.Dataset) or points.size <= RUNS_IN_MEMORY:
+        yield 0, points_in_memory(points)
+        return
+    for start, stop in block_ranges(points.size):
+        yield start, points.read(start, stop)
 
 
 def repeated_statistics(

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import place_text
+from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
 from uqpen.verification.differences import unequal
 
@@ -52,23 +53,37 @@ def _difference_lines(one: xr.Dataset, other: xr.Dataset, names: Iterable[str]) 
         if name not in other.variables:
             continue
         left, right = one.variables[name], other.variables[name]
-        values = left.values, right.values
-        if left.dims != right.dims or values[0].shape != values[1].shape:
+        if left.dims != right.dims or left.shape != right.shape:
             yield f"{name} is of another shape"
             continue
-        places = np.argwhere(unequal(*values))
-        if not len(places):
+        place, rows = _first_difference(left, right)
+        if not rows:
             continue
-        place = tuple(places[0])
-        first = _value_text(values[0][place]), _value_text(values[1][place])
+        first = _value_text(left[place].values[()]), _value_text(right[place].values[()])
         if left.dims[:1] == (RUN,):
-            at = np.unique(places[:, 0])
-            number = one[RUN].values[at[0]] if RUN in one.coords else at[0]
+            number = one[RUN][place[0]].values if RUN in one.coords else place[0]
             where = f"{number}{place_text(one[name], place)}"
-            differ = "run differs" if at.size == 1 else "runs differ"
-            yield f"{name} of run {where}: {first[0]} and {first[1]}; {at.size} {differ}"
+            differ = "run differs" if rows == 1 else "runs differ"
+            yield f"{name} of run {where}: {first[0]} and {first[1]}; {rows} {differ}"
         else:
             yield f"{name}: {first[0]} and {first[1]}"
+
+
+def _first_difference(left: xr.Variable, right: xr.Variable) -> tuple[tuple[int, ...], int]:
+    """Return the place of the first difference, and how many entries of the first dimension differ.
+
+    They are compared by blocks, as many runs need not fit the memory.
+    """
+    if not left.dims:
+        return (), int(unequal(left.values, right.values).any())
+    first: tuple[int, ...] = ()
+    rows = 0
+    for start, stop in block_ranges(left.shape[0]):
+        places = np.argwhere(unequal(left[start:stop].values, right[start:stop].values))
+        if len(places) and not rows:
+            first = (start + int(places[0, 0]), *map(int, places[0, 1:]))
+        rows += np.unique(places[:, 0]).size
+    return first, rows
 
 
 def _reason_differences(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:

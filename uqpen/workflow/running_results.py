@@ -26,6 +26,7 @@ from uqpen.core.labels import (
     SOURCE_KIND,
     STATISTICS_GROUP,
 )
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.progress_record import ProgressRecord
 from uqpen.execution import join_rounds
 from uqpen.models.user_code import error_text
@@ -136,8 +137,10 @@ class RunningResults(ProgressRecord):
         self._rounds.setdefault(model, []).append(_Round(finished_runs))
 
     def end_block(self, model: str, runs: xr.Dataset) -> None:
-        """Keep the runs of a block."""
-        self._rounds[model][-1].blocks.append(runs)
+        """Keep the runs of a block; of very many, the estimates are from the first."""
+        blocks = self._rounds[model][-1].blocks
+        if sum(block.sizes[RUN] for block in blocks) < RUNS_IN_MEMORY:
+            blocks.append(runs)
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         """Count finished runs, and update the results if the last update is old enough."""

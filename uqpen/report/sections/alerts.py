@@ -182,10 +182,10 @@ def _scope_alert(view: ArchiveView, design: str) -> Alert:
 def _level_text(view: ArchiveView, design: str) -> str:
     """Return how often an interval is right, by the levels that the estimates have."""
     levels = {
-        float(array.attrs[INTERVAL_LEVEL])
+        float(attributes[INTERVAL_LEVEL])
         for output in view.numeric_outputs
-        for array in view.statistics.statistics(design, output).values()
-        if INTERVAL_LEVEL in array.attrs
+        for attributes in view.statistics.statistics(design, output).attributes()
+        if INTERVAL_LEVEL in attributes
     }
     if levels and np.allclose(sorted(levels), 0.95):
         return "Each is right 19 times in 20"

@@ -12,6 +12,7 @@ from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
@@ -56,10 +57,10 @@ _SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions")
 def inputs_table(view: ArchiveView) -> OutputTable:
     """Each input: its value, or the draws of the leading design; and its text in the study."""
     design = leading_design(view) or next(iter([*view.sample_designs, *view.designs]))
-    runs = read_group(view.tree, RUNS, design)
+    runs = read_group(view.tree, RUNS, design).isel({RUN: slice(RUNS_IN_MEMORY)})
     written = _inputs_as_written(view)
     table = OutputTable(
-        f"Inputs, over the runs of {design}, failed ones included",
+        f"Inputs, over {view.part(design) or 'the runs of '}{design}, failed ones included",
         ["meaning", "value or median", "from … to", "in the study"],
     )
     for key, values in runs.data_vars.items():

@@ -37,7 +37,8 @@ class PlottedRuns:
         places = np.arange(every.sizes[RUN])
         if MATRIX in every:
             places = places[every[MATRIX].values <= 1]
-        return self.view.runs(self.design).assign_coords(number=(RUN, places))
+        runs = self.view.shown_runs(self.design)
+        return runs.assign_coords(number=(RUN, places[: runs.sizes[RUN]]))
 
     @cached_property
     def completed(self) -> BoolArray:

@@ -19,6 +19,7 @@ from scipy import special
 
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics.control_variates.group_runs import GroupRuns
+from uqpen.statistics.surrogate.correction.disagreements import bonett_price
 
 __all__ = ["MatchedThresholds"]
 
@@ -151,12 +152,9 @@ class MatchedThresholds:
             Numbers of common runs in which only one of them lies below its value.
         """
         runs, points = len(self.model), len(self.stand_in_everywhere)
-        # Bonett and Price add one to either count, and two to the runs.
-        first, second = (only_model + 1) / (runs + 2), (only_stand_in + 1) / (runs + 2)
-        variance = (first + second - (first - second) ** 2) / (runs + 2)
-        variance += share * (1 - share) / points
-        half = special.ndtri(0.5 + self.level / 2) * np.sqrt(variance)
-        centre = share + first - second
+        difference, half = bonett_price(only_model, only_stand_in, runs, self.level)
+        noise = special.ndtri(0.5 + self.level / 2) * np.sqrt(share * (1 - share) / points)
+        centre, half = share + difference, np.hypot(half, noise)
         value = np.clip(share + (only_model - only_stand_in) / runs, 0.0, 1.0)
         lower, upper = np.clip(centre - half, 0.0, 1.0), np.clip(centre + half, 0.0, 1.0)
         return _Probabilities(value, np.minimum(lower, value), np.maximum(upper, value))

@@ -85,7 +85,7 @@ def _bands(sample: Sample, values: FloatArray) -> tuple[_Band, _Band]:
     """Return the pointwise and the simultaneous band at some values."""
     if sample.run_weights is not None and sample.size:
         return _weighted_bands(sample, sample.run_weights, values)
-    counts = _counts(sample, values)
+    counts = sample.counts_up_to(values)
     estimate = counts.sum(axis=0) / sample.size if sample.size else np.full(values.shape, np.nan)
     if reason := sample.reason_without_intervals:
         without = _no_band(estimate, reason)
@@ -111,13 +111,6 @@ def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> 
     return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
 
 
-def _counts(sample: Sample, values: FloatArray) -> IntArray:
-    """Count the runs at or below each value, a row for each replicate."""
-    replicates = range(sample.replicate_count)
-    parts = [np.sort(sample.values[sample.replicate == number]) for number in replicates]
-    return np.array([np.searchsorted(part, values, side="right") for part in parts])
-
-
 def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
     total = counts.sum(axis=0)
     lower, upper = clopper_pearson(total, sample.size, sample.level)
@@ -136,7 +129,7 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
 
 def _errors(sample: Sample, counts: IntArray) -> FloatArray:
     """Standard errors over replicates at all values at once; `ratio_error` gives them at one."""
-    sizes = np.bincount(sample.replicate)
+    sizes = sample.replicate_sizes
     excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
     replicates = len(sizes)
     variance = (excess**2).sum(axis=0) * replicates / (replicates - 1) / sample.size**2

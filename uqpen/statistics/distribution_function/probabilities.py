@@ -31,6 +31,7 @@ __all__ = [
     "category_probabilities",
     "event_probability",
     "exceedance_probabilities",
+    "probabilities_of_statuses",
     "status_probabilities",
     "threshold_coordinates",
 ]
@@ -181,14 +182,18 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
 
 def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> xr.DataArray:
     """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
-    sample = Sample.from_statuses(runs, level)
+    return probabilities_of_statuses(Sample.from_statuses(runs, level))
+
+
+def probabilities_of_statuses(sample: Sample) -> xr.DataArray:
+    """Estimate the same from the sample of the statuses."""
     ends = [status for status in Status if status is not Status.OK]
     estimates = [_probability(sample, sample.values == status) for status in ends]
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
     return EstimateVector.stack(estimates).to_array(
-        STATUS, units="1", long_name=long_name, coordinates=along, level=level
+        STATUS, units="1", long_name=long_name, coordinates=along, level=sample.level
     )
 
 
@@ -246,9 +251,8 @@ def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:
     if not sample.missing.size:
         return found
     whole = sample.with_missing()
-    missing = (*events.shape[:-1], sample.missing.size)
     as_none, as_all = (
-        _probability(whole, np.concatenate([events, np.full(missing, happened)], axis=-1))
+        _probability(whole, sample.events_with_missing(events, happened=happened))
         for happened in (False, True)
     )
     note = texts.MISSING_RUNS.format(runs=sample.missing.size)

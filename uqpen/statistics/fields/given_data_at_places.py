@@ -207,7 +207,7 @@ class _FieldRegressions:
         distances = replace(self.field.runs, values=np.sqrt(sums.squares))
         regressions = self.regressions
         # Where curves end, the bins of places differ, and the noise of pairs is counted twice.
-        noise = 0.0 if self.has_ends else regressions.bins[column].pair_noise(sums.products)
+        noise = 0.0 if self.has_ends else regressions.bins(column).pair_noise(sums.products)
         variable = _Distances(distances, has_ends=self.has_ends)
         found = regressions.estimates(
             variable, sums.parts(noise), lambda _: np.array([self._halved_share(column)])

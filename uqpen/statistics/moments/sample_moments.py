@@ -18,7 +18,7 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sample_shape import SampleShape, shape_of
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 from uqpen.statistics.weights import effective_sizes
 
@@ -66,7 +66,7 @@ def sample_moments(
     if quantity.output.categories:
         return
     title = quantity.output.title
-    shape = SampleShape(sample)
+    shape = shape_of(sample)
     # Each is computed on demand, since some callers need the mean alone.
     for statistic, estimated, long_name in (
         ("mean", partial(_mean, sample, shape), "mean"),

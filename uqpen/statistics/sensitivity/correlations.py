@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -15,20 +15,33 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity.correlated_pair import (
+    CorrelatedPair,
+    PairOfArrays,
+    standardized,
+)
 from uqpen.statistics.sensitivity.input_measures import (
     input_array,
-    mean_ranks,
     reason_without_measure,
 )
+from uqpen.statistics.sensitivity.residual_weights import ResidualWeights
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["correlations"]
+__all__ = ["CORRELATIONS", "FEWEST_RUNS", "correlation_array", "correlations", "shape_reason"]
 
 
-_FEWEST_RUNS = 30
+FEWEST_RUNS = 30
+# The statistics: whether of ranks, whether partial, and what they are.
+CORRELATIONS = {
+    "pearson": (False, False, "Pearson correlations"),
+    "spearman": (True, False, "Spearman rank correlations"),
+    "partial": (False, True, "partial correlations"),
+    "partial_rank": (True, True, "partial rank correlations"),
+}
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
 
@@ -48,21 +61,33 @@ def correlations(
     """
     if quantity.output.categories or not sample.inputs:
         return
-    title = quantity.output.title
-    values = _CorrelatedColumns(sample, is_ranked=False)
-    ranks = _CorrelatedColumns(sample, is_ranked=True)
-    for statistic, columns, is_partial, adjective in (
-        ("pearson", values, False, "Pearson correlations"),
-        ("spearman", ranks, False, "Spearman rank correlations"),
-        ("partial", values, True, "partial correlations"),
-        ("partial_rank", ranks, True, "partial rank correlations"),
-    ):
-        long_name = f"{adjective} of {title} with the inputs"
-        if sample.dependence and not is_partial:
-            long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-        inputs = range(len(sample.inputs))
+    of_values = _CorrelatedColumns(sample, is_ranked=False)
+    of_ranks = _CorrelatedColumns(sample, is_ranked=True)
+    for statistic, (is_ranked, is_partial, _) in CORRELATIONS.items():
+        columns, inputs = of_ranks if is_ranked else of_values, range(len(sample.inputs))
         estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
-        yield statistic, input_array(estimates, sample.inputs, long_name, level=sample.level)
+        yield statistic, correlation_array(statistic, estimates, sample, quantity)
+
+
+def correlation_array(
+    statistic: str, estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
+) -> xr.DataArray:
+    """Return correlations, one for each input, as an estimate array."""
+    _, is_partial, adjective = CORRELATIONS[statistic]
+    long_name = f"{adjective} of {quantity.output.title} with the inputs"
+    if sample.dependence and not is_partial:
+        long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
+    return input_array(estimates, sample.inputs, long_name, level=sample.level)
+
+
+def shape_reason(shape: SampleShape) -> str:
+    """Reason why no interval of a correlation of values is reliable; empty where one is."""
+    if shape.hidden_tail:
+        return f"{shape.hidden_tail}; {texts.SEE_RANKS}"
+    if shape.is_heavy:
+        heavy = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+        return f"{heavy}; {texts.SEE_RANKS}"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -77,24 +102,24 @@ class _CorrelatedColumns:
         return SampleShape(self.sample)
 
     @cached_property
-    def levels(self) -> list[IntArray]:
-        """Level of each run's value among the ascending values of each column, the output last."""
-        columns = chain(self._inputs, [self.sample.values])
-        return [np.unique(column, return_inverse=True)[1] for column in columns]
+    def orderings(self) -> list[Ordering]:
+        """The order of each column, the output last."""
+        inputs = self.sample.run_inputs
+        return [*map(inputs.ordering, range(len(inputs.columns.names))), self.sample.ordering]
 
     @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         if self.is_ranked:
-            return np.stack([_standardized(mean_ranks(level)) for level in self.levels])
+            return np.stack([standardized(each.mean_ranks) for each in self.orderings])
         columns = chain(self._inputs, [self.shape.deviations])
-        return np.stack([_standardized(column) for column in columns])
+        return np.stack([standardized(column) for column in columns])
 
     @property
     def _inputs(self) -> Iterator[FloatArray]:
         """Each input over the completed runs."""
-        columns, used = self.sample.columns, self.sample.used
-        return (columns[number][used] for number in range(len(columns.names)))
+        inputs = self.sample.run_inputs
+        return (inputs[number] for number in range(len(inputs.columns.names)))
 
     @cached_property
     def _varying(self) -> IntArray:
@@ -103,74 +128,56 @@ class _CorrelatedColumns:
     @cached_property
     def _products(self) -> FloatArray:
         """Mean products of the columns that vary: how they correlate."""
-        columns = self.standardized[self._varying]
+        varying = self._varying
+        is_whole = len(varying) == len(self.standardized)
+        columns = self.standardized if is_whole else self.standardized[varying]
         # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
         return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
         """Estimate the correlation of the output with input `i`."""
-        if reason := reason_without_measure(self.sample, i, _FEWEST_RUNS):
+        if reason := reason_without_measure(self.sample, i, FEWEST_RUNS):
             return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
             return Estimate.without_bounds(math.nan, texts.LINEARLY_DEPENDENT)
-        one, other = (_standardized(self._combined(weight)) for weight in weights)
-        value = float((one * other).mean())
+        pair = self._pair(self.standardized, np.stack(weights), self._orderings_of_ranks)
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
-            return Estimate.without_bounds(value, reason)
-        return self._with_bounds(value, self._influence(one, other, weights))
+            return Estimate.without_bounds(pair.value, reason)
+        return self._with_bounds(pair.value, pair.influence)
+
+    @cached_property
+    def _pair(self) -> Callable[..., CorrelatedPair]:
+        """The type of pair by the number of values."""
+        if not self.sample.run_inputs.are_many:
+            return PairOfArrays
+        from uqpen.statistics.sensitivity.compiled_pair import CompiledPair
+
+        return CompiledPair
+
+    @property
+    def _orderings_of_ranks(self) -> list[Ordering]:
+        return self.orderings if self.is_ranked else []
 
     def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
         unit = np.eye(len(self.standardized))
         return unit[i], unit[-1]
 
+    @cached_property
+    def _residual_weights(self) -> ResidualWeights | None:
+        """Weights of the columns that vary in their residuals; None where some are dependent."""
+        if np.linalg.cond(self._products) > 1 / _ROUNDING:
+            return None
+        return ResidualWeights.of(self._products)
+
     def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
         """Weights of the columns in the residuals of input and output over the other inputs."""
-        kept, matrix = self._varying, self._products
-        if np.linalg.cond(matrix) > 1 / _ROUNDING:
+        if self._residual_weights is None:
             return None
-        mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1
-        rest = [k for k in range(last) if k != mine]
         weights = np.zeros((2, len(self.standardized)))
-        for row, target in enumerate((mine, last)):
-            weights[row, kept[target]] = 1
-            if rest:
-                slope = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, target])
-                weights[row, kept[rest]] = -slope
+        mine = int(np.searchsorted(self._varying, i))
+        weights[:, self._varying] = self._residual_weights.without(mine)
         return weights[0], weights[1]
-
-    def _combined(self, weights: FloatArray) -> FloatArray:
-        """Return the weighted sum of the columns, added one after the other."""
-        combined = np.zeros(self.sample.size)
-        for k in np.flatnonzero(weights):
-            combined += weights[k] * self.standardized[k]
-        return combined
-
-    def _influence(
-        self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
-    ) -> FloatArray:
-        """Return each run's influence on the correlation of two combinations of the columns."""
-        value = float((one * other).mean())
-        influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
-        if not self.is_ranked:
-            return influence
-        # A run moves the ranks of all others too.
-        scales = [float(self._combined(weight).std()) for weight in weights]
-        for target, weight, scale in (
-            (other - value * one, weights[0], scales[0]),
-            (one - value * other, weights[1], scales[1]),
-        ):
-            for k in np.flatnonzero(weight):
-                influence += weight[k] / scale * self._rank_influence(int(k), target)
-        return influence
-
-    def _rank_influence(self, k: int, target: FloatArray) -> FloatArray:
-        """Influence of each run on a column's mean product with `target` by others' ranks."""
-        level = self.levels[k]
-        at = np.bincount(level, target)
-        above = np.cumsum(at[::-1])[::-1] - at
-        # Of equal values, half count as above.
-        return (above + at / 2)[level] / mean_ranks(level).std()
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
@@ -192,20 +199,4 @@ class _CorrelatedColumns:
 
     @property
     def _reason_without_bounds(self) -> str:
-        if self.is_ranked:
-            return ""
-        if self.shape.hidden_tail:
-            return f"{self.shape.hidden_tail}; {texts.SEE_RANKS}"
-        if self.shape.is_heavy:
-            heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
-            return f"{heavy}; {texts.SEE_RANKS}"
-        return ""
-
-
-def _standardized(values: FloatArray) -> FloatArray:
-    centred = values - values.mean()
-    largest = np.abs(centred).max(initial=0.0)
-    if not np.ptp(values) > 0:
-        return np.zeros(len(values))
-    scaled: FloatArray = centred / largest
-    return scaled / float(np.sqrt((scaled**2).mean()))
+        return "" if self.is_ranked else shape_reason(self.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
@@ -13,21 +13,30 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (
     input_array,
-    mean_ranks,
     reason_without_measure,
 )
 
-__all__ = ["delta"]
+__all__ = [
+    "FEWEST_RUNS",
+    "SCORE_CELLS",
+    "class_count",
+    "delta",
+    "delta_array",
+    "delta_of_counts",
+    "score_cells",
+]
 
 
-_FEWEST_RUNS = 48
+FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
 _FARTHEST_SCORE = 4.0
-_CELLS = 80
+# Cells of the normal scores.
+SCORE_CELLS = _CELLS = 80
 _RESAMPLES = 30
 _MOST_CLASSES = 48
 
@@ -49,84 +58,106 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     """
     if quantity.output.categories or not sample.inputs:
         return
-    title = quantity.output.title
-    long_name = f"delta of {title}: how far knowing an input moves its distribution"
+    cells = score_cells(_empirical_cdf(sample.ordering))
+    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
+    yield delta_array(estimates, sample, quantity)
+
+
+def delta_array(
+    estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
+) -> tuple[str, xr.DataArray]:
+    """Return estimates of delta, one for each input, as an estimate array with its name."""
+    long_name = f"delta of {quantity.output.title}: how far knowing an input moves its distribution"
     if sample.dependence:
         long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-    cells = _cells(sample.values)
-    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
-    yield "delta", input_array(estimates, sample.inputs, long_name)
+    return "delta", input_array(estimates, sample.inputs, long_name)
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
-    if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
+    if reason := reason_without_measure(sample, column, FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
-    counts = _counts(sample.columns[column][sample.used], cells)
-    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
-    resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
-    value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))
+    value = delta_of_counts(_counts(sample.run_inputs.ordering(column), cells))
     reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
     return Estimate.without_bounds(value, reason)
 
 
-def _cells(values: FloatArray) -> IntArray:
-    """Return the cell of each value's normal score.
+def delta_of_counts(counts: FloatArray) -> float:
+    """Return delta from the runs in each score cell, a row for each class of the input."""
+    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
+    resampled = _distances(_resampled(counts)).mean()
+    return float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
+
+
+def score_cells(shares: FloatArray) -> IntArray:
+    """Return the cell of a value's normal score, from the share of the runs below it.
 
     Delta does not depend on the scale that the output is measured on; on that of normal scores a
     heavy tail is as well resolved as the bulk.
     """
-    scores = special.ndtri(_empirical_cdf(values))
+    scores = special.ndtri(shares)
     cells = np.floor((scores / _FARTHEST_SCORE + 1) / 2 * _CELLS).astype(np.int64)
     return np.clip(cells, 0, _CELLS - 1)
 
 
-def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
+def _counts(ordering: Ordering, cells: IntArray) -> FloatArray:
     """Count the runs in each cell, a row for each class of the input's ranks."""
-    runs = len(values)
-    # The number of classes by Plischke et al.
-    exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
-    classes = min(math.ceil(runs**exponent), _MOST_CLASSES)
-    which = np.floor(_empirical_cdf(values) * classes).astype(np.int64)
+    classes = class_count(len(cells))
+    which = np.floor(_empirical_cdf(ordering) * classes).astype(np.int64)
     # Equal values are in one class, so that some may be empty.
     counts = np.bincount(which * _CELLS + cells, minlength=classes * _CELLS)
     table = counts.reshape(classes, _CELLS).astype(np.float64)
     return table[table.sum(axis=1) > 0]
 
 
-def _empirical_cdf(values: FloatArray) -> FloatArray:
+def class_count(runs: int) -> int:
+    """Return the number of classes of an input (Plischke et al.)."""
+    exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
+    return min(math.ceil(runs**exponent), _MOST_CLASSES)
+
+
+def _empirical_cdf(ordering: Ordering) -> FloatArray:
     """Share of the runs below each value, where a run itself counts half."""
-    level = np.unique(values, return_inverse=True)[1]
-    return (mean_ranks(level) - 0.5) / max(len(values), 1)
+    shares: FloatArray = (ordering.mean_ranks - 0.5) / max(len(ordering.order), 1)
+    return shares
 
 
-def _resampled(counts: FloatArray) -> Iterator[FloatArray]:
-    """Counts of runs drawn again with replacement, as many in each class."""
+def _resampled(counts: FloatArray) -> FloatArray:
+    """Counts of runs drawn again with replacement, as many in each class, shape (draw, ...)."""
     generator = Stream(0, "analyses", "delta").generator()
     sizes = counts.sum(axis=1)
-    shares = counts / sizes[:, None]
-    for _ in range(_RESAMPLES):
-        yield generator.multinomial(sizes.astype(np.int64), shares).astype(np.float64)
+    draws = (_RESAMPLES, len(sizes))
+    drawn = generator.multinomial(sizes.astype(np.int64), counts / sizes[:, None], draws)
+    return drawn.astype(np.float64)
 
 
-def _distance(counts: FloatArray) -> float:
+def _distances(counts: FloatArray) -> FloatArray:
     """Mean over the classes of half the area between their density and that of all runs.
 
     Both are smoothed by one Gaussian kernel, of Scott's bandwidth for the class: two kernels would
     set apart what is equal.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (..., class, cell)
+
+    Returns
+    -------
+    ndarray, shape (...)
     """
-    sizes = counts.sum(axis=1)
-    shares = counts / sizes[:, None]
+    sizes = counts.sum(axis=-1)
+    shares = counts / sizes[..., None]
     width = 2 * _FARTHEST_SCORE / _CELLS
     centres = (np.arange(_CELLS) + 0.5) * width - _FARTHEST_SCORE
-    mean = (shares * centres).sum(axis=1)
-    spread = np.sqrt(np.maximum((shares * centres**2).sum(axis=1) - mean**2, 0.0))
+    mean = (shares * centres).sum(axis=-1)
+    spread = np.sqrt(np.maximum((shares * centres**2).sum(axis=-1) - mean**2, 0.0))
     bandwidth = spread * sizes**-0.2
     # Smoothing is damping of frequencies. The function is continued evenly beyond both ends, so
     # that its integral stays the same.
-    difference = shares - counts.sum(axis=0) / sizes.sum()
-    mirrored = np.concatenate([difference, difference[:, ::-1]], axis=1)
+    whole = counts.sum(axis=-2, keepdims=True) / sizes.sum(axis=-1)[..., None, None]
+    difference = shares - whole
+    mirrored = np.concatenate([difference, difference[..., ::-1]], axis=-1)
     frequency = np.pi * np.arange(_CELLS + 1) / _CELLS / width
-    damping = np.exp(-((bandwidth[:, None] * frequency) ** 2) / 2)
-    smoothed = np.fft.irfft(np.fft.rfft(mirrored, axis=1) * damping, 2 * _CELLS, axis=1)
-    distances = np.abs(smoothed[:, :_CELLS]).sum(axis=1) / 2
-    return float((sizes * distances).sum() / sizes.sum())
+    damping = np.exp(-((bandwidth[..., None] * frequency) ** 2) / 2)
+    smoothed = np.fft.irfft(np.fft.rfft(mirrored, axis=-1) * damping, 2 * _CELLS, axis=-1)
+    distances = np.abs(smoothed[..., :_CELLS]).sum(axis=-1) / 2
+    return np.asarray((sizes * distances).sum(axis=-1) / sizes.sum(axis=-1))

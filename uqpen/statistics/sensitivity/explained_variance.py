@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import reason_of_input
-from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
+from uqpen.statistics.sensitivity.local_regression import Lines, RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["LocalRegressions", "SampledVariable", "VarianceParts"]
@@ -82,6 +83,11 @@ class SampledVariable:
         """Deviations from the mean, of variance 1; 0 where it is constant."""
         std = self.shape.deviations.std(axis=-1)
         return self.shape.deviations / np.where(std > 0, std, 1.0)[..., np.newaxis]
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Squares of `standardized`."""
+        return self.standardized**2
 
     @cached_property
     def variance(self) -> FloatArray:
@@ -168,10 +174,11 @@ class VarianceParts:
     pair_noise: FloatArray
 
     @classmethod
-    def about(cls, lines: ResidualVariance, variable: SampledVariable) -> VarianceParts:
+    def about(cls, lines: Lines, variable: SampledVariable) -> VarianceParts:
         """Return the parts about the lines through a variable."""
-        squares = variable.standardized**2
-        return cls(variable.variance, lines.variance, squares, lines.influence, lines.pair_noise)
+        return cls(
+            variable.variance, lines.variance, variable.squares, lines.influence, lines.pair_noise
+        )
 
     def estimates(self, variable: SampledVariable) -> EstimateVector:
         """Return the share of the variance that the input explains, with its bounds."""
@@ -181,7 +188,14 @@ class VarianceParts:
         return variable.estimates(1 - ratio, errors, freedom, self.pair_noise / self.total)
 
 
-# Hears an input's number, the lines of the input's bins, and the parts about them.
+class SharedVariance(Protocol):
+    """The share of a variable's variance that an input explains, and its error."""
+
+    def estimates(self, variable: SampledVariable) -> EstimateVector:
+        """Return the share with its bounds."""
+
+
+# Hears an input's number, the lines of the bins through a field, and the parts about them.
 Listener = Callable[[int, ResidualVariance, VarianceParts], None]
 
 
@@ -199,15 +213,12 @@ class LocalRegressions:
         """The inputs, by their numbers."""
         return range(len(self.sample.inputs))
 
-    @cached_property
-    def bins(self) -> list[RegressionBins]:
-        """The bins of each input."""
-        return [RegressionBins.from_sample(self.sample, column) for column in self.inputs]
-
-    @cached_property
-    def _halved_bins(self) -> dict[int, RegressionBins]:
-        """Bins of inputs, each cut into two, as far as they were needed."""
-        return {}
+    def bins(self, column: int, *, halved: bool = False) -> RegressionBins:
+        """Return the bins of an input, or these cut into two; all outputs have them in common."""
+        return self.sample.run_inputs.once(
+            ("bins", self.sample.error_model, column, halved),
+            lambda: RegressionBins.from_sample(self.sample, column, halved=halved),
+        )
 
     def indices(
         self, variable: SampledVariable, listener: Listener | None = None
@@ -237,9 +248,9 @@ class LocalRegressions:
         if reason := reason_of_input(self.sample, column):
             unknown = EstimateVector.without_bounds(nothing, reason)
             return unknown.replace_at(variable.sample.is_constant, none)
-        lines = ResidualVariance(self.bins[column], variable.standardized)
+        lines = self._lines(column, variable.standardized)
         parts = VarianceParts.about(lines, variable)
-        if listener:
+        if listener and isinstance(lines, ResidualVariance):
             listener(column, lines, parts)
         found = self.estimates(
             variable, parts, lambda rows: self.halved_shares(variable, column, rows)
@@ -248,11 +259,22 @@ class LocalRegressions:
 
     def halved_shares(self, variable: SampledVariable, column: int, rows: BoolArray) -> FloatArray:
         """Return the shares that bins of half the size explain, at some places."""
-        if column not in self._halved_bins:
-            bins = RegressionBins.from_sample(self.sample, column, halved=True)
-            self._halved_bins[column] = bins
-        lines = ResidualVariance(self._halved_bins[column], variable.standardized[rows])
-        return 1 - lines.variance / variable.variance[rows]
+        values = variable.standardized
+        lines = self._lines(column, values if values.ndim == 1 else values[rows], halved=True)
+        return np.atleast_1d(1 - lines.variance / variable.variance[rows])
+
+    def _lines(self, column: int, values: FloatArray, *, halved: bool = False) -> Lines:
+        """Return the lines of an input's bins through variables, shape (..., run)."""
+        inputs = self.sample.run_inputs
+        if values.ndim > 1 or not inputs.are_many:
+            return ResidualVariance(self.bins(column, halved=halved), values)
+        from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
+
+        bins = inputs.once(
+            ("sorted bins", self.sample.error_model, column, halved),
+            lambda: SortedBins.of(RegressionBins.from_sample(self.sample, column, halved=halved)),
+        )
+        return CompiledVariance.about(bins, values)
 
     def estimates(
         self,

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
@@ -18,7 +17,6 @@ __all__ = [
     "event_array",
     "input_array",
     "input_coordinate",
-    "mean_ranks",
     "reason_of_input",
     "reason_of_output",
     "reason_without_measure",
@@ -102,17 +100,4 @@ def reason_of_output(sample: Sample, fewest: int, constant: str = texts.CONSTANT
 
 def reason_of_input(sample: Sample, column: int) -> str:
     """Reason why an input has no measure; empty if it may. See `reason_without_measure`."""
-    varies = np.ptp(sample.columns[column][sample.used]) > 0
-    return "" if varies else texts.CONSTANT_INPUT
-
-
-def mean_ranks(level: IntArray) -> FloatArray:
-    """Ranks from 1; equal values share the mean of theirs.
-
-    Parameters
-    ----------
-    level : ndarray of int, shape (run,)
-        Number of each run's value among the ascending distinct values.
-    """
-    count = np.bincount(level)
-    return (np.cumsum(count) - (count - 1) / 2)[level]
+    return "" if sample.run_inputs.varies(column) else texts.CONSTANT_INPUT

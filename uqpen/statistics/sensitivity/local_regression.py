@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["RegressionBins", "ResidualVariance"]
+__all__ = ["FEWEST_RUNS_FOR_A_SLOPE", "Lines", "RegressionBins", "ResidualVariance"]
 
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
 _RUNS_IN_A_BIN = 16
+# Of more independent runs than this, bins grow with the root of their number. There are bins enough
+# for a curve, whose bias falls with the fourth power of their number; noise grows with its root.
+# Strata of a low-discrepancy set are not put together: intervals then covered in 53 % of the seeds.
+_RUNS_FOR_SMALL_BINS = 2**14
 # Pairs of runs in larger bins add less than 3 % to the error of a field's index.
 _MOST_RUNS_FOR_PAIRS = 256
 # The pairs of so many bins stand for those of all.
 _BINS_FOR_PAIRS = 128
 # With fewer the mean takes the place of a straight line.
-_FEWEST_RUNS_FOR_A_SLOPE = 4
+FEWEST_RUNS_FOR_A_SLOPE = 4
 
 
 @dataclass(frozen=True)
@@ -57,23 +64,25 @@ class RegressionBins:
         halved : bool
             True to cut the bins into two, where each half has runs enough for a line.
         """
-        values = sample.columns[column]
-        rank = _ranks(values)
+        values, ordering = sample.columns[column], sample.columns.ordering(column)
+        rank = _ranks(values, ordering)
         if sample.error_model is ErrorModel.REPLICATED:
             replicates = int(sample.replicates.max()) + 1
             pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
-            if halved and replicates >= 2 * pieces * _FEWEST_RUNS_FOR_A_SLOPE:
+            if halved and replicates >= 2 * pieces * FEWEST_RUNS_FOR_A_SLOPE:
                 pieces *= 2
             in_a_bin = replicates / pieces
             # Whole strata are cut, so that no bin lies across the border of two.
             block = rank * pieces // replicates
         else:
-            in_a_bin, block = _RUNS_IN_A_BIN / (2 if halved else 1), rank
+            in_a_bin, block = _runs_in_a_bin(sample) / (2 if halved else 1), rank
         count = np.bincount(block[sample.used], minlength=len(rank))
         # Failed runs leave gaps in strata, so these are merged until they fill a bin.
         full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
         label = full[block[sample.used]]
-        label = _separate_atoms(label, values[sample.used], in_a_bin)
+        # A value without an equal fills no bin by itself.
+        is_tied = ordering.is_above is not None
+        label = _separate_atoms(label, values[sample.used], in_a_bin) if is_tied else _dense(label)
         return cls(label, _positions_in_bin(label, rank[sample.used].astype(np.float64)))
 
     @cached_property
@@ -84,7 +93,7 @@ class RegressionBins:
     @cached_property
     def freedom(self) -> FloatArray:
         """Degrees of freedom of the residuals in each bin."""
-        return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
+        return self.size - 1 - np.where(self.size >= FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -145,6 +154,22 @@ class RegressionBins:
         """Residuals of variables from the lines of the bins, shape (..., run)."""
         centred = values - (self.total(values) / self.size)[..., self.label]
         return centred - self.place * self.total(self.place * centred)[..., self.label]
+
+
+class Lines(Protocol):
+    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
+
+    @property
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines."""
+
+    @property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+
+    @property
+    def pair_noise(self) -> FloatArray:
+        """The part of its standard error from pairs of runs."""
 
 
 @dataclass(frozen=True)
@@ -222,14 +247,29 @@ class ResidualVariance:
         return np.einsum("vbj,vbk->bjk", left_out, left_out)
 
 
-def _ranks(values: FloatArray) -> IntArray:
+def _runs_in_a_bin(sample: Sample) -> float:
+    """Return the number of runs in a bin of a sample without replicates."""
+    if sample.error_model is not ErrorModel.INDEPENDENT:
+        return _RUNS_IN_A_BIN
+    return _RUNS_IN_A_BIN * math.sqrt(max(len(sample.replicates) / _RUNS_FOR_SMALL_BINS, 1.0))
+
+
+def _ranks(values: FloatArray, ordering: Ordering) -> IntArray:
     """Ranks from 0; among equal values in random order."""
+    if ordering.is_above is None:
+        return ordering.level.astype(np.int64)
     # A table may list runs in an order of the other inputs, and neighbours must be alike in none.
     tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
     order = np.lexsort((tie_breaker, values))
     rank = np.empty(len(values), dtype=np.int64)
     rank[order] = np.arange(len(values))
     return rank
+
+
+def _dense(label: IntArray) -> IntArray:
+    """Labels numbered through those that are not empty."""
+    is_there = np.bincount(label) > 0
+    return label if is_there.all() else (np.cumsum(is_there) - 1)[label]
 
 
 def _separate_atoms(label: IntArray, values: FloatArray, in_a_bin: float) -> IntArray:
@@ -244,5 +284,5 @@ def _positions_in_bin(label: IntArray, rank: FloatArray) -> FloatArray:
     size = np.bincount(label)
     place = rank - (np.bincount(label, rank) / size)[label]
     spread = np.sqrt(np.bincount(label, place**2))
-    has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
+    has_slope = size >= FEWEST_RUNS_FOR_A_SLOPE
     return np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)

@@ -14,23 +14,24 @@ Song, E., Nelson, B. L. & Staum, J. (2016). SIAM/ASA J. Uncertain. Quantif. 4, 1
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.status import Status
+from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator
+from uqpen.statistics.surrogate.conditional_draws import ConditionalDraws, ConditionalSample
 
 __all__ = [
     "MOST_INPUTS_FOR_ALL_SETS",
     "PickFreezePairs",
     "VarianceShares",
     "draw_pick_freeze_pairs",
+    "paired_outputs",
 ]
 
 
@@ -42,9 +43,6 @@ _EVALUATIONS = 2**20
 _REPLICATES = 16
 # With more inputs than this, only sets of one input and of all but one are drawn.
 MOST_INPUTS_FOR_ALL_SETS = 10
-
-# Number of redraws after which a pair whose second draw is still inadmissible is left out.
-_MOST_REDRAWS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +138,25 @@ class PickFreezePairs:
         replicates = tuple(VarianceShares(self.dimension, shares) for shares in each)
         return VarianceShares(self.dimension, explained, replicates)
 
+    def explained(
+        self, output: str, function: Callable[[FloatArray], FloatArray], subset: int
+    ) -> FloatArray:
+        """Return Var E[function(Y) | X_J] from each replicate, of a set J as bits."""
+        first, second, unrelated = (
+            function(each[output]) for each in (self.first, self.second[subset], self.second[0])
+        )
+        centred = first - np.nanmean(first)
+        share = _replicate_means(centred * (second - unrelated))
+        rest = _replicate_means(centred**2) - self.left(output, function, subset)
+        return share if share.std() < rest.std() else rest
+
+    def left(
+        self, output: str, function: Callable[[FloatArray], FloatArray], subset: int
+    ) -> FloatArray:
+        """Return E Var(function(Y) | X_J) from each replicate."""
+        first, second = (function(each[output]) for each in (self.first, self.second[subset]))
+        return _replicate_means((first - second) ** 2) / 2
+
 
 def _replicate_means(values: FloatArray) -> FloatArray:
     """Means over the pairs of each replicate, without those that were left out."""
@@ -160,20 +177,55 @@ def draw_pick_freeze_pairs(
         Values of fixed inputs that replace those of the joint distribution.
     stream : Stream
     """
-    draws = _ConditionalDraws(evaluator, joint, given, stream)
-    dimension = len(joint.random)
-    subsets = _input_subsets(dimension)
-    pairs = min(max(_EVALUATIONS // (len(subsets) + 1), _FEWEST_PAIRS), _MOST_PAIRS)
-    pairs = 1 << pairs.bit_length() - 1
-    generators = [stream.generator("pairs", i) for i in range(_REPLICATES)]
-    size = pairs // _REPLICATES
+    draws = ConditionalDraws(evaluator, joint, given, stream)
+    (found,) = paired_outputs(draws, [evaluator], _input_subsets(len(joint.random)))
+    return found
+
+
+def paired_outputs(
+    draws: ConditionalDraws, evaluators: Sequence[Evaluator], subsets: Sequence[int]
+) -> list[PickFreezePairs]:
+    """Evaluate several models at the same pairs of draws.
+
+    Parameters
+    ----------
+    draws : ConditionalDraws
+    evaluators : sequence of Evaluator
+        Their outputs are NaN at draws that never become admissible.
+    subsets : sequence of int
+        Sets of the inputs that pairs share, as bits; 0, that of none, is one of them.
+    """
+    dimension = len(draws.joint.random)
+    evaluations = len(evaluators) * (len(subsets) + 1)
+    pairs = min(max(_EVALUATIONS // evaluations, _FEWEST_PAIRS), _MOST_PAIRS)
+    size = (1 << pairs.bit_length() - 1) // _REPLICATES
+    generators = [draws.stream.generator("pairs", i) for i in range(_REPLICATES)]
     unit = np.concatenate([sobol_points(each, size, 2 * dimension) for each in generators])
-    points, first = draws.draw_admissible(unit[:, :dimension], {}, "first")
-    second = {}
+    first = draws.draw(unit[:, :dimension], {}, "first")
+    points = _shared_points(draws, first, unit[:, dimension:])
+    second: list[dict[int, Mapping[str, FloatArray]]] = [{} for _ in evaluators]
     for subset in subsets:
         shared = {i: points[:, i] for i in range(dimension) if subset >> i & 1}
-        _, second[subset] = draws.draw_admissible(unit[:, dimension:], shared, f"second {subset}")
-    return PickFreezePairs(dimension, first, second)
+        found = draws.draw(unit[:, dimension:], shared, f"second {subset}")
+        for each, evaluator in zip(second, evaluators, strict=True):
+            each[subset] = evaluator(found.inputs).outputs
+    return [
+        PickFreezePairs(dimension, evaluator(first.inputs).outputs, each)
+        for evaluator, each in zip(evaluators, second, strict=True)
+    ]
+
+
+def _shared_points(
+    draws: ConditionalDraws, first: ConditionalSample, unit: FloatArray
+) -> FloatArray:
+    """Return the probabilities of draws as others share them: the value of a discrete input alone.
+
+    Where inputs depend on each other, the place within its step says more than the value does.
+    """
+    is_discrete = [entry.distribution.is_discrete for entry in draws.joint.random]
+    if draws.joint.is_independent or not any(is_discrete):
+        return first.points
+    return np.where(is_discrete, draws.probabilities(first.inputs, unit), first.points)
 
 
 def _input_subsets(dimension: int) -> list[int]:
@@ -183,43 +235,3 @@ def _input_subsets(dimension: int) -> list[int]:
         return list(range(whole))
     single = [1 << i for i in range(dimension)]
     return [0, *single, *(whole ^ one for one in single)]
-
-
-@dataclass(frozen=True)
-class _ConditionalDraws:
-    """Draws from a joint distribution, conditional on some inputs and on being admissible."""
-
-    evaluator: Evaluator
-    joint: JointDistribution
-    given: Mapping[str, float]
-    stream: Stream
-
-    def draw_admissible(
-        self, unit: FloatArray, shared: Mapping[int, FloatArray], purpose: str
-    ) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return the draws, as probabilities, and the outputs there.
-
-        An inadmissible draw is drawn again from the distribution conditional on the shared inputs,
-        until it is admissible (rejection sampling). The result is a draw conditional on both.
-        Outputs of draws that never become admissible are NaN.
-        """
-        points = self.joint.conditional_probabilities(unit, shared)
-        outputs, is_open = self._outputs(points)
-        for number in range(_MOST_REDRAWS):
-            rows = np.flatnonzero(is_open)
-            if not rows.size:
-                break
-            fresh = self.stream.generator(purpose, number).random((rows.size, unit.shape[1]))
-            some = {i: column[rows] for i, column in shared.items()}
-            points[rows] = self.joint.conditional_probabilities(fresh, some)
-            found, is_open[rows] = self._outputs(points[rows])
-            for name, values in found.items():
-                outputs[name][rows] = values
-        return points, outputs
-
-    def _outputs(self, points: FloatArray) -> tuple[dict[str, FloatArray], BoolArray]:
-        fixed = {entry.variable.name: entry.value for entry in self.joint.fixed} | {**self.given}
-        columns = {name: np.full(len(points), value) for name, value in fixed.items()}
-        results = self.evaluator(columns | self.joint.ppf(points))
-        outputs = {name: np.array(values) for name, values in results.outputs.items()}
-        return outputs, results.status == Status.INADMISSIBLE

@@ -44,8 +44,8 @@ class CorrectedCdf:
 
     def at(self, values: FloatArray) -> CorrectedProbability:
         """Return the distribution function with pointwise bounds at ascending values."""
-        counts = self._counts(values)
-        return self._bounded(values, counts, counts.uses_surrogate(self.runs))
+        counts, drawn = self._counts(values), self._shares_by_set(values)
+        return self._bounded(drawn, counts, counts.uses_surrogate(self.runs))
 
     def _counts(self, values: FloatArray) -> FoldCounts:
         runs, folds = self.runs, len(self.runs.draws)
@@ -62,11 +62,11 @@ class CorrectedCdf:
         return FoldCounts.weighted(runs, counts)
 
     def _bounded(
-        self, values: FloatArray, counts: FoldCounts, is_used: BoolArray
+        self, drawn: FloatArray, counts: FoldCounts, is_used: BoolArray
     ) -> CorrectedProbability:
-        """Return bounds at values, where each fold uses its fit or not."""
+        """Return bounds from shares of draws and counts of runs; each fold uses its fit or not."""
         weights = self.runs.shares[:, None] * is_used
-        by_set = np.einsum("kv,ksv->sv", weights, self._shares_by_set(values))
+        by_set = np.einsum("kv,ksv->sv", weights, drawn)
         error = by_set.std(axis=0, ddof=1) / np.sqrt(len(by_set))
         return with_bounds(self.runs, self._pooled(by_set), counts, is_used, error)
 
@@ -76,15 +76,21 @@ class CorrectedCdf:
         return np.asarray(np.bincount(draws) @ by_set / len(draws))
 
     def _shares_by_set(self, values: FloatArray) -> FloatArray:
-        """Return the distribution function of each fit in each set of draws, at some values."""
+        """Return the distribution function of each fit in each set of draws, at ascending values.
+
+        Its shape is (fold, set, value).
+        """
         runs, sets = self.runs, self.runs.draw_replicates
-        drawn = (
-            np.searchsorted(np.sort(row[runs.draw_replicate == number]), values, side="right")
-            for row in runs.draws
-            for number in range(sets)
-        )
-        counts = np.array(list(drawn)).reshape(len(runs.draws), sets, len(values))
-        return counts / np.bincount(runs.draw_replicate)[:, None]
+        shares = np.empty((len(runs.draws), sets, len(values)))
+        for share, row in zip(shares, runs.draws, strict=True):
+            # A draw counts from the first value on that is not below it.
+            first = np.searchsorted(values, row)
+            at = np.bincount(
+                runs.draw_replicate * (len(values) + 1) + first,
+                minlength=sets * (len(values) + 1),
+            )
+            np.cumsum(at.reshape(sets, -1)[:, :-1], axis=1, out=share)
+        return shares / np.bincount(runs.draw_replicate)[:, None]
 
     def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds: all values whose interval has the probability.
@@ -99,11 +105,11 @@ class CorrectedCdf:
         found = np.empty((3, len(probability)))
         # Minus infinity comes first: there, no run is below.
         grid = np.concatenate([[-np.inf], self._grid])
-        counts = self._counts(grid)
+        counts, drawn = self._counts(grid), self._shares_by_set(grid)
         for number, choice in enumerate(choices):
             chosen = choice_of.ravel() == number
             is_used = np.broadcast_to(choice[:, None], (len(choice), len(grid)))
-            bounded = self._bounded(grid, counts, is_used)
+            bounded = self._bounded(drawn, counts, is_used)
             found[:, chosen] = _inverted(self._grid, bounded, probability[chosen])
         return found[0], found[1], found[2]
 

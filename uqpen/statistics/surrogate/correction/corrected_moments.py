@@ -92,13 +92,18 @@ class CorrectedMoments:
         return Estimate(value, value / factor, value * factor, method, "conservative", note)
 
     @cached_property
+    def kurtosis(self) -> float:
+        """The largest kurtosis of the runs and of the fits."""
+        runs = self.runs
+        return max(_kurtosis(runs.values, runs.weights), *map(_kurtosis, runs.draws))
+
+    @cached_property
     def heavy_tail(self) -> str:
         """Reason why no interval of a spread is reliable for its tail; empty where one is.
 
         Such intervals covered in 20 to 83 % where the runs or the surrogate show a heavy tail.
         """
-        runs = self.runs
-        kurtosis = max(_kurtosis(runs.values, runs.weights), *map(_kurtosis, runs.draws))
+        runs, kurtosis = self.runs, self.kurtosis
         if kurtosis <= DOUBTFUL_KURTOSIS or runs.size >= FEWEST_EFFECTIVE_RUNS * kurtosis:
             return ""
         tail = texts.HEAVY_TAIL_OF_SURROGATE.format(kurtosis=kurtosis)

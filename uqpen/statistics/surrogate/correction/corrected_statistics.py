@@ -15,6 +15,7 @@ from uqpen.core.labels import (
     BOUND,
     EQUIVALENT_RUNS,
     ESTIMATOR,
+    INPUT,
     INTERVAL_LEVEL,
     NOTE,
     RANK,
@@ -27,7 +28,10 @@ from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.statistics.surrogate.correction.correction_evidence import CorrectionEvidence
-from uqpen.statistics.surrogate.correction.output_correction import OutputCorrection
+from uqpen.statistics.surrogate.correction.output_correction import (
+    OutputCorrection,
+    is_index,
+)
 
 __all__ = ["correct_statistics"]
 
@@ -70,12 +74,14 @@ def _corrected(
     output = quantity.output.name
     if reason := evidence.reasons.get(output, ""):
         return {name: _uncorrected(name, array, reason) for name, array in statistics.items()}
-    correction = OutputCorrection(evidence.runs[output], evidence.parts[output], quantity)
+    correction = OutputCorrection(evidence.runs[output], evidence.indexed[output], quantity)
     plain = evidence.plain[output]
     found = {}
     for name, array in statistics.items():
         if RANK in array.dims:
             found[name] = _at_ranks(name, array, correction, plain.get(name))
+        elif is_index(name):
+            found[name] = _at_inputs(name, array, correction, plain.get(name))
         elif reason := correction.problem(name):
             found[name] = _uncorrected(name, array, reason)
         else:
@@ -106,18 +112,46 @@ def _at_ranks(
     return _with_estimates(array, estimates, share, correction, plain)
 
 
+def _at_inputs(
+    name: str, array: xr.DataArray, correction: OutputCorrection, plain: xr.DataArray | None
+) -> xr.DataArray:
+    """Return the indices of one variable, or of several, each corrected if that is possible."""
+    found = correction.indices(name)
+    inputs = array.sizes[INPUT]
+    estimates: list[Estimate] = []
+    for start, indices in zip(range(0, array.size, inputs), found, strict=False):
+        reason = indices if isinstance(indices, str) else ""
+        own = _own_estimates(name, array, reason)[start : start + inputs]
+        if isinstance(indices, str):
+            estimates += own
+        else:
+            estimates += [
+                each.with_note(each.note, old.note) for each, old in zip(indices, own, strict=True)
+            ]
+    own_values = array.values[..., 0]
+    if all(isinstance(each, str) for each in found):
+        return _corrected_array(array, estimates, own_values, np.full(own_values.shape, math.nan))
+    return _with_estimates(array, estimates, own_values, correction, plain)
+
+
 def _uncorrected(name: str, array: xr.DataArray, reason: str) -> xr.DataArray:
     """Return the surrogate's own figures without bounds; what is no number keeps its reason."""
     if BOUND not in array.dims:
         return array
+    own = array.values[..., 0]
+    found = _own_estimates(name, array, reason)
+    return _corrected_array(array, found, own, np.full(own.shape, math.nan))
+
+
+def _own_estimates(name: str, array: xr.DataArray, reason: str) -> list[Estimate]:
+    """Return the surrogate's own figures as estimates without bounds."""
     keeps_note = name in CATALOGUE and CATALOGUE[name].note_is_of_estimate
     found = []
     for at in np.ndindex(array.shape[:-1]):
         value, note = float(array.values[at][0]), str(array.coords[NOTE].values[at])
         reasons = (note,) if math.isnan(value) else (reason, note if keeps_note else "")
         found.append(Estimate.without_bounds(value, *reasons))
-    own = array.values[..., 0]
-    return _corrected_array(array, found, own, np.full(own.shape, math.nan))
+    return found
 
 
 def _with_estimates(

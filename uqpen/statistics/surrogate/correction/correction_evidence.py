@@ -25,14 +25,21 @@ from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.correction.corrected_indices import IndexParts, InputParts
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.fold_fit import FoldFit
+from uqpen.statistics.surrogate.correction.indexed_variables import (
+    IndexedVariable,
+    IndexedVariables,
+)
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
-from uqpen.surrogates.fitted_surrogate import ClosedForms, FittedSurrogate
+from uqpen.surrogates.fitted_surrogate import ClosedForms
 
-__all__ = ["CorrectionEvidence", "correction_evidence"]
+__all__ = ["CorrectionEvidence", "Indexed", "correction_evidence"]
+
+# By the beginning of the names of their indices: those of exceedance are one for each threshold.
+Indexed = Mapping[str, tuple[IndexedVariable, ...]]
 
 # The first of each set of the surrogate's quasi-random draws: every fold's fit is evaluated there,
 # and the error that they leave is a part of the interval.
@@ -52,8 +59,8 @@ class CorrectionEvidence:
         By scalar output.
     reasons : mapping of str to str
         The reason why nothing corrects each other output.
-    parts : mapping of str to IndexParts
-        By output, what indices follow from.
+    indexed : mapping of str to mapping of str to tuple of IndexedVariable
+        By output and by the beginning of their names, what indices follow from.
     plain : mapping of str to mapping of str to DataArray
         Estimates of the runs of one design alone, before a surrogate placed any, for comparison.
     has_own_number : bool
@@ -62,7 +69,7 @@ class CorrectionEvidence:
 
     runs: Mapping[str, CorrectionRuns]
     reasons: Mapping[str, str]
-    parts: Mapping[str, IndexParts] = field(default_factory=dict)
+    indexed: Mapping[str, Indexed] = field(default_factory=dict)
     plain: Mapping[str, OutputStatistics] = field(default_factory=dict)
     has_own_number: bool = False
 
@@ -90,16 +97,17 @@ def correction_evidence(
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
     used = [training] if folds.models else []
     parts = [
-        _Fold.of(fit, training.isel({RUN: np.flatnonzero(folds.fold == number)}))
+        FoldFit.of(fit, training.isel({RUN: np.flatnonzero(folds.fold == number)}))
         for number, fit in enumerate(folds.models)
     ]
     if check is not None and _is_drawn(check):
         used.append(check)
-        parts.append(_Fold.of(draws.model, check))
+        parts.append(FoldFit.of(draws.model, check))
     if not used or not wanted:
         reason = folds.reason or texts.NO_CORRECTING_RUN
         return CorrectionEvidence({}, {each.output.name: reason for each in wanted})
-    collected = _Collected(replace(draws, model=_scalars(draws.model)), parts)
+    scalars = draws.model.scalars if isinstance(draws.model, FieldSurrogate) else draws.model
+    collected = _Collected(replace(draws, model=scalars), parts)
     reasons = {each.output.name: collected.problem(each.output.name) for each in wanted}
     runs = {
         each.output.name: collected.runs(each) for each in wanted if not reasons[each.output.name]
@@ -107,7 +115,11 @@ def correction_evidence(
     return CorrectionEvidence(
         runs,
         {name: reason for name, reason in reasons.items() if reason},
-        {name: collected.parts(name) for name in runs},
+        {
+            name: collected.variables.of_output(each, runs[name])
+            for each in wanted
+            if (name := each.output.name) in runs
+        },
         analyze(_first_draws(used[0]), wanted),
         any(STOPPING_STATISTICS in each.attrs for each in used),
     )
@@ -128,48 +140,12 @@ def _first_draws(runs: xr.Dataset) -> xr.Dataset:
     return runs.isel({RUN: first}).drop_vars([WEIGHT, ROUND])
 
 
-def _scalars(model: FittedSurrogate) -> FittedSurrogate:
-    return model.scalars if isinstance(model, FieldSurrogate) else model
-
-
-@dataclass(frozen=True, eq=False)
-class _Fold:
-    """A fit, and the completed and the missing runs that it has not seen."""
-
-    model: FittedSurrogate
-    completed: xr.Dataset
-    missing: xr.Dataset
-
-    @classmethod
-    def of(cls, model: FittedSurrogate, runs: xr.Dataset) -> _Fold:
-        """Divide runs into completed and missing ones; inadmissible ones are neither."""
-        status = runs[STATUS].values
-        is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)
-        return cls(
-            _scalars(model),
-            runs.isel({RUN: np.flatnonzero(status == Status.OK)}),
-            runs.isel({RUN: np.flatnonzero(is_missing)}),
-        )
-
-    def inputs(self, runs: xr.Dataset) -> dict[str, FloatArray]:
-        """Return the random inputs of some runs."""
-        size, names = runs.sizes[RUN], self.model.random_inputs
-        return {name: np.broadcast_to(runs[name].values, size) for name in names}
-
-    def predictions(self, runs: xr.Dataset) -> dict[str, FloatArray]:
-        """Return predictions at some runs, by output."""
-        if not self.model.outputs:
-            return {}
-        found = self.model.predict(self.inputs(runs))
-        return {name: np.asarray(each.mean, dtype=np.float64) for name, each in found.items()}
-
-
 @dataclass(frozen=True)
 class _Collected:
     """Folds of real runs, with draws of the input distribution given admissible."""
 
     draws: SurrogateDraws
-    folds: Sequence[_Fold]
+    folds: Sequence[FoldFit]
 
     @cached_property
     def _points(self) -> xr.Dataset:
@@ -181,15 +157,15 @@ class _Collected:
         return runs.isel({RUN: np.flatnonzero(is_admissible & (position < _DRAWS_OF_SET))})
 
     @cached_property
-    def _at_runs(self) -> list[dict[str, FloatArray]]:
+    def _at_runs(self) -> list[Mapping[str, FloatArray]]:
         return [fold.predictions(fold.completed) for fold in self.folds]
 
     @cached_property
-    def _at_missing(self) -> list[dict[str, FloatArray]]:
+    def _at_missing(self) -> list[Mapping[str, FloatArray]]:
         return [fold.predictions(fold.missing) for fold in self.folds]
 
     @cached_property
-    def _at_draws(self) -> list[dict[str, FloatArray]]:
+    def _at_draws(self) -> list[Mapping[str, FloatArray]]:
         return [fold.predictions(self._points) for fold in self.folds]
 
     def problem(self, output: str) -> str:
@@ -198,7 +174,7 @@ class _Collected:
             if output not in {each.name for each in fold.model.outputs}:
                 reason = fold.model.reasons.get(output, "")
                 return texts.NOT_FITTED_WITHOUT.format(reason=reason)
-        runs = sum(fold.completed.sizes[RUN] for fold in self.folds)
+        runs = sum(fold.size for fold in self.folds)
         if runs < _FEWEST_RUNS:
             return texts.FEW_CORRECTING_RUNS.format(runs=runs)
         if np.unique(self._points[REPLICATE].values).size < 2:
@@ -212,7 +188,7 @@ class _Collected:
     def runs(self, quantity: QuantityOfInterest) -> CorrectionRuns:
         """Return the runs that correct an output."""
         name = quantity.output.name
-        sizes = [fold.completed.sizes[RUN] for fold in self.folds]
+        sizes = [fold.size for fold in self.folds]
         values = [fold.completed[name].values.astype(np.float64) for fold in self.folds]
         _, replicate = np.unique(self._points[REPLICATE].values, return_inverse=True)
         return CorrectionRuns(
@@ -249,38 +225,12 @@ class _Collected:
         ]
         return np.array(found) if len(found) == len(models) else None
 
-    def parts(self, output: str) -> IndexParts:
-        """Return what the inputs have of an output by each fit, or why that is not known."""
-        if not self.draws.joint.is_independent:
-            return IndexParts.without(texts.DEPENDENT_INPUTS)
-        if not self.draws.all_are_admissible:
-            return IndexParts.without(texts.NO_CORRECTION_IF_INADMISSIBLE)
-        if output in self.draws.model.logarithms:
-            return IndexParts.without(texts.NO_CORRECTION_OF_LOGARITHM)
-        found = [_fold_parts(fold, output) for fold in self.folds]
-        known = [each for each in found if each is not None]
-        if len(known) < len(found):
-            return IndexParts.without(texts.NO_CORRECTION_WITHOUT_TERMS)
-        alone, in_all, first, total = zip(*known, strict=True)
-        return IndexParts(
-            InputParts(np.concatenate(alone), np.array(first)),
-            InputParts(np.concatenate(in_all), np.array(total)),
-        )
+    @cached_property
+    def variables(self) -> IndexedVariables:
+        """The variables whose indices they correct."""
+        return IndexedVariables(self.draws, self.folds)
 
 
 def _weights_of(runs: xr.Dataset) -> FloatArray:
     weights = runs[WEIGHT].values if WEIGHT in runs.coords else np.ones(runs.sizes[RUN])
     return np.asarray(weights, dtype=np.float64)
-
-
-def _fold_parts(fold: _Fold, output: str) -> tuple[FloatArray, ...] | None:
-    """Return the parts of the inputs at the runs of a fold, and their mean squares."""
-    forms = fold.model
-    if not isinstance(forms, ClosedForms) or not forms.has_closed_form(output):
-        return None
-    found = forms.closed_form_parts(output, fold.inputs(fold.completed))
-    if found is None:
-        return None
-    _, std = forms.closed_form_moments(output)
-    shares = forms.closed_form_indices(output)
-    return *found, shares.first * std**2, shares.total * std**2

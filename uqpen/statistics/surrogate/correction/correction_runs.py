@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,6 +55,17 @@ class CorrectionRuns:
     level: float = LEVEL
     weights: FloatArray | None = None
     missing_weights: FloatArray | None = None
+
+    def of(self, function: Callable[[FloatArray], FloatArray]) -> CorrectionRuns:
+        """Return the runs of a function of the output."""
+        return replace(
+            self,
+            values=function(self.values),
+            predictions=function(self.predictions),
+            draws=function(self.draws),
+            missing_predictions=function(self.missing_predictions),
+            exact_moments=None,
+        )
 
     @property
     def size(self) -> int:

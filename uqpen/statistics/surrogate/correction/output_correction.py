@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,8 +18,7 @@ from uqpen.statistics.surrogate.correction.corrected_cdf import (
     corrected_half_spread,
 )
 from uqpen.statistics.surrogate.correction.corrected_indices import (
-    IndexParts,
-    InputParts,
+    corrected_event_indices,
     corrected_indices,
 )
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
@@ -28,12 +27,25 @@ from uqpen.statistics.surrogate.correction.disagreements import (
     CorrectedProbability,
     corrected_probability,
 )
+from uqpen.statistics.surrogate.correction.indexed_variables import (
+    FIRST_ORDER,
+    TOTAL_ORDER,
+    IndexedVariable,
+)
 
-__all__ = ["OutputCorrection"]
+__all__ = ["FEWEST_ON_A_SIDE", "OutputCorrection", "is_index"]
 
-_INDICES = ("first_order", "total_order")
 _PERCENTILES = ("percentile", "quantile")
-_KNOWN = ("mean", "std", "half_spread", "exceedance", "below", "cdf", *_PERCENTILES, *_INDICES)
+_KNOWN = ("mean", "std", "half_spread", "exceedance", "below", "cdf", *_PERCENTILES)
+# The beginning of their names, and their kind.
+_INDICES = {
+    f"{prefix}{kind}": (prefix, kind)
+    for prefix in ("", "log_", "exceedance_")
+    for kind in (FIRST_ORDER, TOTAL_ORDER)
+}
+
+# With fewer runs on a side, an event has no interval of its variance.
+FEWEST_ON_A_SIDE = 10
 
 
 @dataclass(frozen=True)
@@ -43,20 +55,17 @@ class OutputCorrection:
     Parameters
     ----------
     runs : CorrectionRuns
-    parts : IndexParts
+    indexed : mapping of str to tuple of IndexedVariable
+        By the beginning of the names of their indices.
     quantity : QuantityOfInterest
     """
 
     runs: CorrectionRuns
-    parts: IndexParts
+    indexed: Mapping[str, tuple[IndexedVariable, ...]]
     quantity: QuantityOfInterest
 
     def problem(self, name: str) -> str:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
-        if name in _INDICES:
-            reason = self.parts.reason or self._moments.heavy_tail
-            has_variance = self._moments.variance.value > 0
-            return reason or ("" if has_variance else texts.NO_VARIANCE_LEFT)
         return "" if name in _KNOWN else texts.NO_CORRECTION
 
     def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
@@ -65,11 +74,21 @@ class OutputCorrection:
         Parameters
         ----------
         name : str
-            One without a `problem`.
+            One without a `problem`, and none of indices.
         along : ndarray
             The probabilities of quantiles, or the values of a distribution function.
         """
-        found = self._estimates(name, along)
+        return self._with_notes(self._estimates(name, along))
+
+    def indices(self, name: str) -> list[list[Estimate] | str]:
+        """Return the corrected indices of each variable that a name has, or why there are none."""
+        prefix, kind = _INDICES[name]
+        return [
+            self._index_problem(each, kind) or self._with_notes(self._indices(each, kind))
+            for each in self.indexed[prefix]
+        ]
+
+    def _with_notes(self, found: list[Estimate]) -> list[Estimate]:
         notes = [*self._notes()]
         return [
             each if each.label == "none" else each.with_note(each.note, *notes) for each in found
@@ -94,10 +113,6 @@ class OutputCorrection:
                 return [self._exceedance(each.value) for each in self.quantity.thresholds]
             case "below":
                 return [self._below(each.value) for each in self.quantity.lower_thresholds]
-            case "first_order":
-                return self._indices(self.parts.first)
-            case "total_order":
-                return self._indices(self.parts.total)
             case "cdf":
                 return _probabilities(self.cdf.at(along))
         return self._quantiles(along)
@@ -143,10 +158,30 @@ class OutputCorrection:
         method = texts.CORRECTED_WOODRUFF
         return Estimate(value, lower, upper, method, "discrete", note.format(too_few=too_few))
 
-    def _indices(self, parts: InputParts | None) -> list[Estimate]:
-        if parts is None:
-            return []
-        return list(corrected_indices(self.runs, parts, self._moments.variance))
+    def _index_problem(self, variable: IndexedVariable, kind: str) -> str:
+        """Return why the indices of a variable keep the surrogate's own figures; empty if not."""
+        if reason := variable.reasons.get(kind, ""):
+            return reason
+        if variable.is_event:
+            on_a_side = min((variable.runs.values == side).sum() for side in (0, 1))
+            return "" if on_a_side >= FEWEST_ON_A_SIDE else texts.TOO_ONE_SIDED
+        moments = self._moments_of(variable)
+        has_variance = moments.variance.value > 0
+        return moments.heavy_tail or ("" if has_variance else texts.NO_VARIANCE_LEFT)
+
+    def _indices(self, variable: IndexedVariable, kind: str) -> list[Estimate]:
+        runs, parts = variable.runs, variable.parts[kind]
+        if variable.is_event:
+            return list(corrected_event_indices(runs, parts))
+        return list(corrected_indices(runs, parts, self._moments_of(variable).variance))
+
+    def _moments_of(self, variable: IndexedVariable) -> CorrectedMoments:
+        return self._moments if variable.runs is self.runs else CorrectedMoments(variable.runs)
+
+
+def is_index(name: str) -> bool:
+    """Check whether runs may correct a statistic as indices of one or of several variables."""
+    return name in _INDICES
 
 
 def _probabilities(found: CorrectedProbability) -> list[Estimate]:

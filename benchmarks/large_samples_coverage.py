@@ -1,0 +1,140 @@
+"""Coverage and width of first-order indices from many runs, whose bins grow with these.
+
+    python benchmarks/large_samples_coverage.py --seeds 400
+
+Independent draws of functions whose indices are known. For each function and number of runs it
+prints the coverage of each input's interval in per cent, the standard deviation of the estimates
+over the seeds, and the mean half-width, each beside that with bins of 16 runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.model import Input, Output
+from uqpen.core.sampling import Sampling
+from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.distributions.continuous import Uniform
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity import local_regression
+from uqpen.statistics.sensitivity.given_data import first_order
+
+FloatArray = npt.NDArray[np.float64]
+
+NAMES = ("x1", "x2", "x3")
+QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
+
+
+def ishigami(x: FloatArray) -> FloatArray:
+    angle = math.pi * (2 * x - 1)
+    y: FloatArray = np.sin(angle[:, 0]) * (1 + 0.1 * angle[:, 2] ** 4)
+    return y + 7 * np.sin(angle[:, 1]) ** 2
+
+
+def jump(x: FloatArray) -> FloatArray:
+    return 3.0 * (x[:, 0] > 0.713) + x[:, 1]
+
+
+def waves(x: FloatArray) -> FloatArray:
+    """Forty periods along an input, and noise by another."""
+    return np.asarray(np.sin(80 * math.pi * x[:, 0]) + x[:, 1])
+
+
+def spike(x: FloatArray) -> FloatArray:
+    """Large at one end of an input: a steep pole there."""
+    return np.asarray((x[:, 0] + 0.01) ** -0.5 * (0.5 + x[:, 1]))
+
+
+_JUMP = 9 * 0.713 * 0.287
+_MEAN = 2 * (math.sqrt(1.01) - math.sqrt(0.01))
+_SQUARE = math.log(1.01 / 0.01)
+_SPIKE = _SQUARE * (1 + 1 / 12) - _MEAN**2
+PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]] = {
+    "ishigami": (ishigami, (0.31390519114781146, 0.4424111447900409, 0.0)),
+    "jump": (jump, (_JUMP / (_JUMP + 1 / 12), 1 / 12 / (_JUMP + 1 / 12), 0.0)),
+    "waves": (waves, (0.5 / (0.5 + 1 / 12), 1 / 12 / (0.5 + 1 / 12), 0.0)),
+    "spike": (spike, ((_SQUARE - _MEAN**2) / _SPIKE, _MEAN**2 / 12 / _SPIKE, 0.0)),
+}
+
+
+def drawn(runs: int, seed: int) -> Sample:
+    variables = tuple(Input(name, "1") for name in NAMES)
+    law = Uniform(0.0, 1.0)
+    joint = JointDistribution(tuple(RandomInput(each, law, "1") for each in variables), variables)
+    made = points_in_memory(next(MonteCarlo(runs=runs).rounds(joint, Stream(seed))))
+    points = np.column_stack([made[name].values for name in NAMES])
+    everything = np.arange(len(points))
+    columns = InputColumns.from_matrix(NAMES, points)
+    empty = everything[:0]
+    values = np.zeros(len(points))
+    return Sample(values, everything, empty, columns, everything * 0, Sampling.INDEPENDENT)
+
+
+@contextmanager
+def small_bins() -> Iterator[None]:
+    """Bins of 16 runs for any number of runs."""
+    kept = local_regression._RUNS_FOR_SMALL_BINS
+    local_regression._RUNS_FOR_SMALL_BINS = 2**62
+    try:
+        yield
+    finally:
+        local_regression._RUNS_FOR_SMALL_BINS = kept
+
+
+def estimates(sample: Sample, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    # Other bins are those of other inputs, which an array of its own stands for.
+    own = replace(sample, values=function(sample.points), used=sample.used.copy())
+    found = dict(first_order(own, QUANTITY))["first_order"].values
+    return np.asarray(found)
+
+
+def measured(function: Callable[[FloatArray], FloatArray], samples: Iterator[Sample]) -> FloatArray:
+    """Estimates with bounds, shape (way, seed, input, bound), first with bins that grow."""
+    both: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+    for sample in samples:
+        both[0].append(estimates(sample, function))
+        with small_bins():
+            both[1].append(estimates(sample, function))
+    return np.array(both)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=400)
+    parser.add_argument("--runs", type=int, nargs="+", default=[30_000, 100_000])
+    parser.add_argument("--problems", nargs="+", default=[*PROBLEMS], choices=[*PROBLEMS])
+    chosen = parser.parse_args()
+    print("runs, problem, input: coverage | 16; sd | 16; half-width | 16", flush=True)
+    for runs in chosen.runs:
+        for problem in chosen.problems:
+            function, exact = PROBLEMS[problem]
+            samples = (drawn(runs, seed) for seed in range(chosen.seeds))
+            report(f"{runs} {problem}", measured(function, samples), np.array(exact))
+
+
+def report(case: str, found: FloatArray, exact: FloatArray) -> None:
+    value, lower, upper = np.moveaxis(found, -1, 0)
+    covered = ((lower <= exact) & (exact <= upper)).mean(axis=1) * 100
+    spread, half = value.std(axis=1), ((upper - lower) / 2).mean(axis=1)
+    for i, name in enumerate(NAMES):
+        shares = " | ".join(f"{each:.1f}" for each in covered[:, i])
+        widths = "; ".join(
+            " | ".join(f"{each:.5f}" for each in row[:, i]) for row in (spread, half)
+        )
+        print(f"{case} {name}: {shares}; {widths}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

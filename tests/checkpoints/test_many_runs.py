@@ -1,0 +1,272 @@
+"""Designs of more runs than are in memory: their runs go block by block through files."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.content import group_hashes
+from uqpen.archive.file_variables import is_in_memory
+from uqpen.archive.netcdf import read_groups, write_tree
+from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
+from uqpen.checkpoints.make_archive import make_archive
+from uqpen.core.blocks import LoadedDataset
+from uqpen.core.errors import CheckpointError
+from uqpen.core.streams import Stream
+from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
+from uqpen.execution import Map, Progress
+from uqpen.execution.processes import processes
+from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.study import ONLY_MODEL
+from uqpen.verification.runs_diff import diff_runs
+from uqpen.workflow import run_design
+
+pytestmark = pytest.mark.processor
+
+# Some runs fail, some have no value of a derived output.
+MODEL = """\
+import numpy as np
+def simulate(x, y):
+    return {"z": np.where(x > 2.2, np.nan, x * y)}
+"""
+STUDY = """\
+title = "Many runs"
+seed = 11
+[model]
+python = "model.py:simulate"
+vectorized = true
+inputs = { x = "1", y = "m", length = "m" }
+outputs = { z = "m" }
+[inputs]
+x = "0 ± 1"
+y = "(0 ± 1) m"
+length = "2 m"
+[designs.one]
+kind = "monte-carlo"
+runs = 4_500
+"""
+BLOCK = 1_500
+LIMIT = 2_000
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make blocks small, where they are no matter of random streams."""
+    for module in (
+        "archive.file_variables",
+        "core.blocks",
+        "execution.open_blocks",
+        "designs.rounds",
+        "checkpoints.round_checkpoint",
+    ):
+        monkeypatch.setattr(f"uqpen.{module}.BLOCK", BLOCK)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "model.py").write_text(MODEL.replace("(x, y)", "(x, y, length)"))
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def make(folder: Path, limit: int = LIMIT, **options: Any) -> bytes:
+    """Make the archive of the study, and return its bytes."""
+    study = uqpen.load_study(folder / "study.toml")
+    make_archive(study, folder / "study.nc", runs_in_memory=limit, reuse=None, **options)
+    return (folder / "study.nc").read_bytes()
+
+
+def runs(
+    folder: Path,
+    limit: int = LIMIT,
+    progress: Progress | None = None,
+    map: Map = map,
+    *,
+    lost_again: bool = False,
+) -> xr.Dataset:
+    """Make the runs of the design alone, with a checkpoint."""
+    study = uqpen.load_study(folder / "study.toml")
+    fingerprints = {(ONLY_MODEL, "one"): run_fingerprint(study, ONLY_MODEL, "one")}
+    progress = progress or Progress()
+    kept = CheckpointFolder(folder / "parts", fingerprints, progress, limit)
+    kept.check_compatibility()
+    if lost_again:
+        kept.discard_failed()
+    made = run_design(
+        study,
+        study.designs["one"],
+        Stream(study.seed, "designs", "one"),
+        map=map,
+        progress=progress,
+        round_checkpoint=partial(kept.checkpoint, "one"),
+    )
+    return made[ONLY_MODEL]
+
+
+def assert_same(found: xr.Dataset, expected: xr.Dataset) -> None:
+    assert list(found.variables) == list(expected.variables)
+    for name, variable in expected.variables.items():
+        assert found.variables[name].to_base_variable().identical(variable.to_base_variable())
+
+
+class Interrupted(Progress):
+    """Stops, as Ctrl-C would, after a number of batches; notes what it is told."""
+
+    def __init__(self, batches: int = 0) -> None:
+        self.left = batches
+        self.restored: list[int] = []
+        self.warnings: list[str] = []
+        self.made = 0
+
+    def count_restored(self, runs: int) -> None:
+        self.restored.append(runs)
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.made += runs
+        self.left -= 1
+        if not self.left:
+            raise KeyboardInterrupt
+
+
+def killed_after(folder: Path, batches: int) -> Path:
+    """Stop after a number of batches, as a kill would; return the folder of what is kept."""
+    with pytest.raises(KeyboardInterrupt):
+        runs(folder, progress=Interrupted(batches))
+    return folder / "parts" / "runs" / "one"
+
+
+@pytest.fixture
+def expected(folder: Path) -> xr.Dataset:
+    """The runs in memory."""
+    (folder / "memory").mkdir()
+    for name in ("model.py", "study.toml"):
+        (folder / "memory" / name).write_bytes((folder / name).read_bytes())
+    return runs(folder / "memory", limit=10**6)
+
+
+def test_the_archive_has_the_same_bytes_as_from_memory(folder: Path) -> None:
+    by_blocks = make(folder)
+    assert not (folder / "study.nc.parts").exists()
+    assert make(folder, limit=10**6, fresh=True) == by_blocks
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_runs_are_those_in_memory(folder: Path, expected: xr.Dataset, workers: int) -> None:
+    with processes(workers) as pool:
+        found = runs(folder, map=pool)
+    assert not is_in_memory(found.variables["z"])
+    assert_same(found, expected)
+
+
+def test_a_kill_costs_one_block_at_the_most(folder: Path, expected: xr.Dataset) -> None:
+    kept = killed_after(folder, 4)  # 4 096 runs: two blocks, and a part of the last
+    names = ["0_blocks.jsonl", "0_blocks.nc", "made_of.json"]
+    assert sorted(file.name for file in kept.iterdir()) == names
+    again = Interrupted()
+    assert_same(runs(folder, progress=again), expected)
+    assert again.restored == [2 * BLOCK]
+
+
+def test_a_block_that_was_being_written_is_made_again(folder: Path, expected: xr.Dataset) -> None:
+    kept = killed_after(folder, 4)
+    with (kept / "0_blocks.jsonl").open("ab") as record:
+        record.write(b'{"start": 3000, "ru')
+    assert_same(runs(folder), expected)
+    assert_same(runs(folder), expected)  # from the record, which is whole again
+
+
+def test_a_damaged_block_is_found_and_made_again(folder: Path, expected: xr.Dataset) -> None:
+    kept = killed_after(folder, 4)
+    first, second = (kept / "0_blocks.jsonl").read_text().splitlines()
+    wrong = {**json.loads(second), "crc32": 0}
+    (kept / "0_blocks.jsonl").write_text(f"{first}\n{json.dumps(wrong)}\n")
+    again = Interrupted()
+    assert_same(runs(folder, progress=again), expected)
+    assert any(
+        "0_blocks.nc: is damaged; its runs are made again" in each for each in again.warnings
+    )
+
+
+def test_failed_runs_of_blocks_are_made_again_where_asked(
+    folder: Path, expected: xr.Dataset
+) -> None:
+    killed_after(folder, 4)
+    again = Interrupted()
+    assert_same(runs(folder, progress=again, lost_again=True), expected)
+    assert 0 < again.restored[0] < 2 * BLOCK
+
+
+def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder: Path) -> None:
+    killed_after(folder, 4)
+    (folder / "study.toml").write_text(STUDY.replace("4_500", "5_000"))
+    with pytest.raises(CheckpointError, match="runs"):
+        runs(folder)
+
+
+def test_a_model_without_known_versions_keeps_runs_for_one_start_alone(
+    folder: Path, expected: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CheckpointFolder, "checkpoint", CheckpointFolder.scratch)
+    killed_after(folder, 4)
+    again = Interrupted()
+    assert_same(runs(folder, progress=again), expected)
+    assert (again.restored, again.made) == ([], 4_500)
+
+
+@pytest.mark.parametrize("design", [SobolSequence(runs=2**18), Halton(runs=200_001, replicates=3)])
+def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(
+    design: SobolSequence | Halton,
+) -> None:
+    size = 2**17 if isinstance(design, SobolSequence) else 70_001
+    whole = design.draw(np.random.default_rng(3), size, 2)
+    between = design.points_between(np.random.default_rng(3), size, 2)
+    for start, stop in ((0, 65_536), (65_536, 70_000), (69_000, size), (7, 9)):
+        np.testing.assert_array_equal(between(start, stop), whole[start:stop])
+
+
+@pytest.fixture
+def large(folder: Path, expected: xr.Dataset) -> xr.Dataset:
+    """The runs of an archive, read as one whose runs do not fit the memory."""
+    import netCDF4
+
+    write_tree(xr.DataTree.from_dict({"/runs/one": expected}), folder / "runs.nc")
+    with netCDF4.Dataset(folder / "runs.nc") as root:
+        return read_groups(root, LIMIT)["runs/one"].to_dataset(inherit=False)
+
+
+def test_runs_stay_in_the_file_until_they_are_needed(large: xr.Dataset) -> None:
+    lazy = {str(name) for name, each in large.variables.items() if not is_in_memory(each)}
+    assert lazy == {"run", "x", "y", "z", "status"}
+
+
+def test_parts_of_runs_are_those_of_the_whole(large: xr.Dataset, expected: xr.Dataset) -> None:
+    rng = np.random.default_rng(3)
+    for part in (slice(1_400, 1_600), rng.permutation(4_500)[:300], rng.random(4_500) < 0.3):
+        for name in ("run", "x", "z", "status"):
+            found = large.variables[name][part].values
+            np.testing.assert_array_equal(found, expected.variables[name][part].values)
+    blocks = [LoadedDataset(each).read(1_500, 3_000) for each in (large, expected)]
+    assert_same(blocks[0][[*blocks[1].variables]], blocks[1])
+
+
+def test_hashes_do_not_tell_a_file_from_memory(large: xr.Dataset, expected: xr.Dataset) -> None:
+    both = [group_hashes(xr.DataTree.from_dict({"/": each})) for each in (large, expected)]
+    assert both[0] == both[1]
+
+
+def test_a_difference_of_one_run_among_many_is_found(large: xr.Dataset) -> None:
+    other = large.compute()
+    other["z"].values[3_700] = 5.0
+    (line,) = diff_runs(large, other).outputs
+    assert line.startswith("z of run 3700: ")
+    assert line.endswith("and 5.0; 1 run differs")

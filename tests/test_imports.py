@@ -1,0 +1,74 @@
+"""Packages that a command loads: what a user waits for before anything happens, counted."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# Each takes 10 to 300 ms of a processor to load.
+HEAVY = (
+    *("chaospy", "distributed", "jinja2", "matplotlib", "netCDF4", "numba", "pandas", "rich"),
+    *("SALib", "scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.ndimage"),
+    *("scipy.optimize", "scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats", "xarray"),
+)
+TABLES = {"numpy", "pandas", "rich", "xarray"}
+
+# xarray loads Dask with half of SciPy wherever it is installed, which a plain installation is not.
+PROBE = f"""
+import sys
+sys.modules["dask"] = None
+sys.argv[0] = "uqpen"
+from uqpen.__main__ import main
+try:
+    main()
+except SystemExit as left:
+    assert not left.code, left.code
+print(*(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
+"""
+
+STUDY = """\
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = "0 ± 1"
+x2 = "0 ± 1"
+x3 = "0 ± 1"
+[designs.plain]
+kind = "monte-carlo"
+runs = 64
+"""
+
+
+def loaded(folder: Path, *arguments: str) -> set[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE, *arguments], cwd=folder, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stderr.splitlines()[-1].split())
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("imports")
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    allowed = {*TABLES, "netCDF4", "scipy.special"}
+    assert loaded(folder, "study", "study.toml", "-o", "archive.nc") <= allowed
+    return folder / "archive.nc"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "allowed"),
+    [
+        (("--help",), set()),
+        (("check", "study.toml"), {*TABLES, "scipy.special"}),
+        (("show", "archive.nc"), {*TABLES, "netCDF4"}),
+        (("report", "archive.nc"), {*TABLES, "jinja2", "netCDF4", "scipy.special"}),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_a_command_loads_what_it_needs(
+    archive: Path, arguments: tuple[str, ...], allowed: set[str]
+) -> None:
+    assert loaded(archive.parent, *arguments) <= allowed

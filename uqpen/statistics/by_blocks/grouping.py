@@ -1,0 +1,137 @@
+"""Groups of runs: parts that are samples by themselves, and batches whose scatter shows errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.arrays import IntArray
+from uqpen.core.blocks import BlockedRuns, block_ranges
+from uqpen.core.labels import REPLICATE, SAMPLING
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.convergence import part_sizes
+
+__all__ = ["Grouping", "Stretch"]
+
+# Batches of independent draws: Student's t with so many is 2 % wider than the normal.
+_BATCHES = 64
+
+
+class Stretch(NamedTuple):
+    """Runs of one group and one batch, by their places in a block."""
+
+    group: int
+    batch: int
+    rows: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Grouping:
+    """How the runs of a design are divided.
+
+    A group is a replicate; of other designs, the runs from one end of a growing part to the next.
+    So each growing part is the first groups. A batch is a replicate, or one of equal stretches.
+
+    Parameters
+    ----------
+    points : int
+        Number of runs of the design.
+    sampling : Sampling
+    replicates : ndarray of int, shape (replicate,)
+        Numbers of the replicates, ascending; empty where the design has one at the most.
+    sizes : ndarray of int, shape (replicate,)
+        Points of each.
+    """
+
+    points: int
+    sampling: Sampling
+    replicates: IntArray
+    sizes: IntArray
+
+    @classmethod
+    def of_runs(cls, runs: BlockedRuns) -> Grouping:
+        """Return the grouping of a design's runs."""
+        sampling, counts = Sampling(runs.attrs[SAMPLING]), np.zeros(0, dtype=np.int64)
+        if sampling is Sampling.STRATIFIED and REPLICATE in runs.template.coords:
+            for start, stop in block_ranges(runs.size):
+                more = np.bincount(runs.part(start, stop, [REPLICATE])[REPLICATE])
+                longer = max(len(counts), len(more))
+                counts = np.pad(counts, (0, longer - len(counts)))
+                counts[: len(more)] += more
+        numbers = np.flatnonzero(counts)
+        if numbers.size < 2:
+            numbers = numbers[:0]
+        return cls(runs.size, sampling, numbers, counts[numbers])
+
+    @property
+    def is_replicated(self) -> bool:
+        """True if the groups are replicates."""
+        return self.replicates.size > 0
+
+    @cached_property
+    def parts(self) -> list[int]:
+        """Number of groups in each growing part; the last is the whole."""
+        if self.is_replicated:
+            return part_sizes(self.points, self.replicates.size)
+        return list(range(1, self._group_ends.size + 1))
+
+    @cached_property
+    def part_points(self) -> list[int]:
+        """Number of points of each growing part."""
+        if self.is_replicated:
+            return [int(self.sizes[:groups].sum()) for groups in self.parts]
+        return [int(end) for end in self._group_ends]
+
+    @property
+    def groups(self) -> int:
+        """Number of groups."""
+        return self.parts[-1]
+
+    @property
+    def batches(self) -> int:
+        """Number of batches."""
+        return self.replicates.size if self.is_replicated else self._batch_ends.size
+
+    def stretches(
+        self, start: int, stop: int, replicate: npt.NDArray[Any] | None
+    ) -> Iterator[Stretch]:
+        """Yield the stretches of the runs from one number to another.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first run, and the one after the last.
+        replicate : ndarray of int, shape (run,), optional
+            Their replicates.
+        """
+        if self.is_replicated and replicate is not None:
+            for number in np.flatnonzero(np.bincount(replicate)):
+                group = int(np.searchsorted(self.replicates, number))
+                rows = np.flatnonzero(replicate == number)
+                yield Stretch(group, group, slice(None) if rows.size == stop - start else rows)
+            return
+        origin = first = start
+        ends = np.unique(np.concatenate([self._group_ends, self._batch_ends, [stop]]))
+        for end in ends[(ends > start) & (ends <= stop)].tolist():
+            group, batch = (
+                int(np.searchsorted(own, end)) for own in (self._group_ends, self._batch_ends)
+            )
+            yield Stretch(group, batch, slice(first - origin, end - origin))
+            first = end
+
+    @cached_property
+    def _group_ends(self) -> IntArray:
+        return np.array(part_sizes(self.points, 0) if self._has_parts else [self.points])
+
+    @property
+    def _has_parts(self) -> bool:
+        return self.sampling is Sampling.INDEPENDENT
+
+    @cached_property
+    def _batch_ends(self) -> IntArray:
+        return np.unique(np.arange(1, _BATCHES + 1) * self.points // _BATCHES)

@@ -1,0 +1,104 @@
+"""Statistics of a sample of more runs than go through memory together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.blocks import BlockedRuns, LoadedDataset, join_blocks
+from uqpen.core.labels import BOUND, NOTE, REPLICATE, RUN, WEIGHT
+from uqpen.statistics import texts
+from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
+from uqpen.statistics.by_blocks.grouping import Grouping
+from uqpen.statistics.by_blocks.tabulated import status_sample
+from uqpen.statistics.distribution_function.probabilities import probabilities_of_statuses
+from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+
+__all__ = ["LargeSample"]
+
+_Statistics = dict[str, xr.DataArray]
+# Analyses of runs in memory: takes these, quantities, keys of analyses, and analyses from outside.
+AnalyzeWhole = Callable[..., Mapping[str, _Statistics]]
+
+
+@dataclass(frozen=True, eq=False)
+class LargeSample:
+    """A sample whose statistics go by blocks, or take a part of the runs.
+
+    Parameters
+    ----------
+    runs : BlockedRuns
+    in_memory : int
+        Number of runs of that part.
+    analyze_whole : callable
+        Analyses runs in memory.
+    """
+
+    runs: BlockedRuns
+    in_memory: int
+    analyze_whole: AnalyzeWhole
+
+    def statistics(
+        self,
+        quantities: Sequence[QuantityOfInterest],
+        only: Collection[str] | None,
+        outside: Sequence[OutsideAnalysis],
+    ) -> Iterator[tuple[str, _Statistics, int]]:
+        """Yield arrays of an output by statistic, and the runs used; -1 where arrays state them."""
+        is_weighted = WEIGHT in self.runs.template.coords
+        scalars = [quantity for quantity in quantities if not quantity.output.dims]
+        fields = [quantity for quantity in quantities if quantity.output.dims]
+        if is_weighted:
+            yield from self._of_part(scalars, only, outside, texts.WEIGHTS_IN_MEMORY)
+        else:
+            yield from BlockedAnalysis(self.runs, only).statistics(scalars)
+            if outside:
+                yield from self._of_part(scalars, (), outside, texts.OUTSIDE_IN_MEMORY)
+        if fields:
+            yield from self._of_part(fields, only, (), texts.FIELD_IN_MEMORY)
+
+    def _of_part(
+        self,
+        quantities: Sequence[QuantityOfInterest],
+        only: Collection[str] | None,
+        outside: Sequence[OutsideAnalysis],
+        reason: str,
+    ) -> Iterator[tuple[str, _Statistics, int]]:
+        found = self.analyze_whole(self.part, quantities, only, outside)
+        for name, statistics in found.items():
+            yield name, self.with_note(statistics, reason), -1
+
+    def with_note(self, statistics: _Statistics, reason: str) -> _Statistics:
+        """Return statistics of the part, with a note that says so at each estimate."""
+        return {name: self._with_note(array, reason) for name, array in statistics.items()}
+
+    def status_probabilities(
+        self, level: float, attributes: Mapping[str, int | str]
+    ) -> xr.DataArray:
+        """Return the probability of each status but ok, of all runs, with some attributes."""
+        sample = status_sample(self.runs, level)
+        return probabilities_of_statuses(sample).assign_attrs(attributes)
+
+    def _with_note(self, array: xr.DataArray, reason: str) -> xr.DataArray:
+        if BOUND not in array.dims:
+            return array
+        own = array.coords[NOTE]
+        added = texts.OF_PART.format(part=self.part.size, of=self.runs.size, reason=reason)
+        join = np.frompyfunc(lambda note: "; ".join(filter(None, (note, added))), 1, 1)
+        return array.assign_coords({NOTE: (own.dims, np.asarray(join(own.values), dtype=object))})
+
+    @cached_property
+    def part(self) -> LoadedDataset:
+        """The first runs, or the first ones of each replicate: equal parts of these are alike."""
+        grouping = Grouping.of_runs(self.runs)
+        each = self.in_memory // max(grouping.replicates.size, 1)
+        starts = (np.cumsum(grouping.sizes) - grouping.sizes).tolist()
+        parts = [self.runs.read(start, start + each) for start in starts]
+        if not parts or any(np.ptp(part[REPLICATE].values) for part in parts):
+            return LoadedDataset(self.runs.read(0, self.in_memory))
+        return LoadedDataset(join_blocks(parts, sum(part.sizes[RUN] for part in parts)))
