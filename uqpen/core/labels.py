@@ -26,6 +26,8 @@ QUADRATURE_WEIGHT = "quadrature_weight"
 # Coordinate of a design whose draws are of another distribution than the study's inputs. It is no
 # reserved name, as an input may well be a weight: a coordinate is neither input nor output.
 WEIGHT = "weight"
+# Of the runs of a design: the surrogate that has placed those after the first round.
+REFINED_FOR = "refined_for"
 INPUT = "input"
 SOURCE = "source"
 PAIR = "pair"
