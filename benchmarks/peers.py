@@ -252,7 +252,7 @@ def _rows(
             name,
             f"{median(seconds):.2f}",
             "1" if name == OURS else f"{_short(median(ratios))} ({_range(ratios)})",
-            "–" if work.task in ("start", "expansion") else f"{_short(beyond)}",
+            "–" if work.task in ("start", "expansion") else _beyond_noise(beyond),
             f"{median([_error(each.figures) for each in found]):.1g}",
             _half_width(found[0].figures),
         ]
@@ -312,6 +312,10 @@ def _children_seconds() -> float:
 
 def _last_line(text: str) -> str:
     return (text.strip().splitlines() or ["no message"])[-1]
+
+
+def _beyond_noise(micros: float) -> str:
+    return _short(micros) if micros > 0 else "in the noise"
 
 
 def _short(value: float) -> str:
