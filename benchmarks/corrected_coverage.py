@@ -67,8 +67,6 @@ EXCEEDED = (0.14, 0.05, 0.01)
 SIZES = (100, 200, 500)
 # Sets of quasi-random draws at which the fits are evaluated, and points of each.
 SETS, POINTS = 16, 256
-# Seeds take turns with this many families of draws.
-_FAMILIES = 2
 _CHUNK = 5
 _TRUTH_POINTS = 20
 _COLUMNS = ("function", "design", "runs", "statistic", "seeds", "covers", "intervals", "width")
@@ -257,12 +255,11 @@ class Problem:
         columns = _scores(points) if self.function.is_normal else points
         return basis.matrix(dict(zip(basis.names, columns.T, strict=True)), indices)
 
-    @cache  # noqa: B019
-    def draws(self, runs: int, family: int) -> tuple[FloatArray, IntArray]:
-        """Return the terms at a family of draws, and the set of each draw."""
+    def draws(self, runs: int, seed: int) -> tuple[FloatArray, IntArray]:
+        """Return the terms at the draws of a seed, and the set of each draw."""
         function, inputs = self.function, self.function.inputs
         drawn = [
-            qmc.Sobol(inputs, seed=1000 * family + number).random_base2(POINTS.bit_length() - 1)
+            qmc.Sobol(inputs, seed=1000 * seed + number).random_base2(POINTS.bit_length() - 1)
             for number in range(10, 10 + SETS)
         ]
         points = function.points(np.concatenate(drawn))
@@ -295,7 +292,7 @@ def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
     unit = whole.replicates if design.replicates else np.arange(len(points))
     fold = (rng.permutation(int(unit.max()) + 1) % FOLDS)[unit]
     matrix = problem.matrix(runs, points)
-    at_draws, draw_set = problem.draws(runs, seed % _FAMILIES)
+    at_draws, draw_set = problem.draws(runs, seed)
     fits = [
         _fit(matrix[completed & (fold != k)], values[completed & (fold != k)], function)
         for k in range(FOLDS)

@@ -303,8 +303,9 @@ in per cent, and their mean width over that of the plain interval of the same ru
 one: "coverage / width". *None* is a statistic that is refused; a dash one that there is not, or
 that is still to be measured. The last rows count all intervals. A surrogate is a sparse polynomial
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
-"P" is a probability of exceeding a value, of the true size. The standard deviation has a note in
-all cells, as that of plain runs has below 1 000, and plain runs have none below 200.
+"P" is a probability of exceeding a value, of the true size. Means and standard deviations have
+the sentence on tails in all cells, as those of few plain runs have; plain runs have no standard
+deviation below 200. A mean of Pareto's variable from 500 runs shows why.
 `benchmarks/corrected_coverage.py` makes these tables.
 """
 

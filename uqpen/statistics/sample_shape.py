@@ -14,6 +14,7 @@ from uqpen.statistics.weights import effective_sizes
 
 __all__ = [
     "DOUBTFUL_KURTOSIS",
+    "ENOUGH_RUNS_FOR_MEANS",
     "ENOUGH_RUNS_FOR_TAILS",
     "FEWEST_EFFECTIVE_RUNS",
     "FEWEST_RUNS_FOR_TAILS",
@@ -29,6 +30,8 @@ _HEAVY_KURTOSIS = 6.0
 FEWEST_EFFECTIVE_RUNS = 1000.0
 FEWEST_RUNS_FOR_TAILS = 200
 ENOUGH_RUNS_FOR_TAILS = 1000
+# With fewer runs, a tail that no run has met may be long enough to move any mean.
+ENOUGH_RUNS_FOR_MEANS = 2000
 # A distribution with a heavier tail may give a sample below the former limit, seldom below this.
 DOUBTFUL_KURTOSIS = 4.5
 

@@ -31,6 +31,7 @@ from uqpen.statistics.control_variates.linear_estimate import linear_estimate
 from uqpen.statistics.control_variates.matched_threshold import MatchedThresholds
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample_shape import ENOUGH_RUNS_FOR_MEANS
 
 __all__ = ["control_variate_statistics"]
 
@@ -39,8 +40,6 @@ _FEWEST_COMMON = 20
 # With a larger kurtosis of the model or of its closest stand-in, intervals of a standard deviation
 # cover too seldom. Fewer runs may hide a heavy tail, which a stand-in as close as this would show.
 _HEAVY_KURTOSIS, _ENOUGH_FOR_TAILS, _CLOSE = 4.5, 200, 0.9
-# Fewer runs of the model may have missed a tail that moves its mean.
-_ENOUGH_FOR_MEANS = 2000
 
 
 def control_variate_statistics(
@@ -109,7 +108,7 @@ class _Estimators:
         found = linear_estimate(self.groups)
         below, above = found.margins(self.level)
         ends = found.value - float(below), found.value + float(above)
-        note = texts.DOUBTFUL_TAIL if self._own_runs < _ENOUGH_FOR_MEANS else ""
+        note = texts.DOUBTFUL_TAIL if self._own_runs < ENOUGH_RUNS_FOR_MEANS else ""
         yield Estimate(found.value, *ends, self._text(texts.CONTROL_VARIATES), "conservative", note)
 
     def standard_deviation(self, plain: xr.DataArray) -> Iterator[Estimate]:
@@ -132,7 +131,7 @@ class _Estimators:
             return
         factors = [math.exp(float(each) / (2 * variance)) for each in found.margins(self.level)]
         method = self._text(texts.CONTROL_VARIATES_OF_LOGARITHM)
-        note = texts.DOUBTFUL_TAIL if self._own_runs < _ENOUGH_FOR_MEANS else ""
+        note = texts.DOUBTFUL_TAIL if self._own_runs < ENOUGH_RUNS_FOR_MEANS else ""
         yield Estimate(value, value / factors[0], value * factors[1], method, "conservative", note)
 
     def quantiles(self, plain: xr.DataArray) -> Iterator[Estimate]:

@@ -18,15 +18,13 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import SampleShape, shape_of
+from uqpen.statistics.sample_shape import ENOUGH_RUNS_FOR_MEANS, SampleShape, shape_of
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 from uqpen.statistics.weights import effective_sizes
 
 __all__ = ["sample_moments"]
 
 
-# With fewer runs, a tail that no run has met may be long enough to move any mean.
-_ENOUGH_RUNS_FOR_MEANS = 2000
 # Where still fewer effective runs than this decide the variance, there may be no mean.
 _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN = 3
 # Below this number of effective runs, intervals of the standard deviation of weighted draws
@@ -98,7 +96,7 @@ def _mean(sample: Sample, shape: SampleShape) -> EstimateVector:
     if reason := sample.reason_without_intervals:
         return EstimateVector.without_bounds(shape.mean, reason)
     error, _ = standard_error(sample, shape.deviations)
-    is_small = sample.effective_size < _ENOUGH_RUNS_FOR_MEANS
+    is_small = sample.effective_size < ENOUGH_RUNS_FOR_MEANS
     margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
     ends = shape.mean - margins.below * shape.scale, shape.mean + margins.above * shape.scale
     # The note depends on the number of runs alone: a note on samples that look heavy would leave

@@ -13,6 +13,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.sample_shape import (
     DOUBTFUL_KURTOSIS,
+    ENOUGH_RUNS_FOR_MEANS,
     ENOUGH_RUNS_FOR_TAILS,
     FEWEST_EFFECTIVE_RUNS,
     FEWEST_RUNS_FOR_TAILS,
@@ -71,7 +72,8 @@ class CorrectedMoments:
         allowance = tail_allowance(runs)
         lower, upper = found.value - half - allowance.below, found.value + half + allowance.above
         method = texts.CORRECTED_STUDENT
-        return Estimate(found.value, float(lower), float(upper), method, "conservative")
+        note = texts.DOUBTFUL_TAIL if runs.size < ENOUGH_RUNS_FOR_MEANS else ""
+        return Estimate(found.value, float(lower), float(upper), method, "conservative", note)
 
     def std(self) -> Estimate:
         """Estimate the standard deviation, by the delta method on its logarithm."""
