@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     from uqpen.execution.failures import FailurePolicy
     from uqpen.figures.page import figure
     from uqpen.library import make_archive, run, verify
+    from uqpen.models.alekseevskii_tate import AlekseevskiiTate
     from uqpen.models.campbell import Campbell
+    from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
     from uqpen.models.ishigami import Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration
     from uqpen.models.walker_anderson import WalkerAnderson
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
+    "AlekseevskiiTate",
     "Archive",
     "ArchiveError",
     "Beta",
@@ -76,6 +79,7 @@ __all__ = [
     "Gumbel",
     "GumbelCopula",
     "Halton",
+    "HydrodynamicLimit",
     "Ishigami",
     "JoeCopula",
     "LatinHypercube",
@@ -155,7 +159,9 @@ _HOMES = {
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
+    "uqpen.models.alekseevskii_tate": ("AlekseevskiiTate",),
     "uqpen.models.campbell": ("Campbell",),
+    "uqpen.models.hydrodynamic_limit": ("HydrodynamicLimit",),
     "uqpen.models.ishigami": ("Ishigami",),
     "uqpen.models.rigid_penetration": ("RigidPenetration",),
     "uqpen.models.walker_anderson": ("WalkerAnderson",),

@@ -13,6 +13,8 @@ MODELS = {
     "rigid-penetration-trajectory": (
         "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
     ),
+    "alekseevskii-tate": "uqpen.models.alekseevskii_tate:AlekseevskiiTate",
+    "hydrodynamic-limit": "uqpen.models.hydrodynamic_limit:HydrodynamicLimit",
     "ishigami": "uqpen.models.ishigami:Ishigami",
     "campbell-1d": "uqpen.models.campbell:Campbell",
 }
