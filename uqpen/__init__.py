@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from uqpen.models.ishigami import Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration
     from uqpen.models.walker_anderson import WalkerAnderson
+    from uqpen.models.walker_anderson_drucker_prager import WalkerAndersonDruckerPrager
     from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
     from uqpen.report.page import write_report
     from uqpen.results.archive import Archive, open_archive
@@ -107,6 +108,7 @@ __all__ = [
     "Uniform",
     "UqpenError",
     "WalkerAnderson",
+    "WalkerAndersonDruckerPrager",
     "WalkerAndersonTrajectory",
     "Weibull",
     "compare",
@@ -165,6 +167,7 @@ _HOMES = {
     "uqpen.models.ishigami": ("Ishigami",),
     "uqpen.models.rigid_penetration": ("RigidPenetration",),
     "uqpen.models.walker_anderson": ("WalkerAnderson",),
+    "uqpen.models.walker_anderson_drucker_prager": ("WalkerAndersonDruckerPrager",),
     "uqpen.models.walker_anderson_trajectory": ("WalkerAndersonTrajectory",),
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),

@@ -9,6 +9,9 @@ MODELS = {
     "walker-anderson-trajectory": (
         "uqpen.models.walker_anderson_trajectory:WalkerAndersonTrajectory"
     ),
+    "walker-anderson-drucker-prager": (
+        "uqpen.models.walker_anderson_drucker_prager:WalkerAndersonDruckerPrager"
+    ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
     "rigid-penetration-trajectory": (
         "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
