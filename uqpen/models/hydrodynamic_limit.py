@@ -16,8 +16,8 @@ __all__ = ["HydrodynamicLimit"]
 class HydrodynamicLimit(BuiltInModel):
     """Depth L0 √(ρp/ρt) of a fast rod that erodes wholly, where neither side's strength matters.
 
-    It takes the inputs of `walker-anderson`, of which the length and the two densities have an
-    effect. It gives its outputs but for `termination`: erosion ends where no rod is left.
+    It takes the inputs of `walker-anderson`; the length and the two densities alone have an effect.
+    It gives its outputs but for `termination`: erosion ends where no rod is left.
 
     References
     ----------
