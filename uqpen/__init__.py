@@ -43,10 +43,13 @@ if TYPE_CHECKING:
     from uqpen.execution.failures import FailurePolicy
     from uqpen.figures.page import figure
     from uqpen.library import make_archive, run, verify
+    from uqpen.models.alekseevskii_tate import AlekseevskiiTate
     from uqpen.models.campbell import Campbell
+    from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
     from uqpen.models.ishigami import Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration
     from uqpen.models.walker_anderson import WalkerAnderson
+    from uqpen.models.walker_anderson_drucker_prager import WalkerAndersonDruckerPrager
     from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
     from uqpen.report.page import write_report
     from uqpen.results.archive import Archive, open_archive
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
+    "AlekseevskiiTate",
     "Archive",
     "ArchiveError",
     "Beta",
@@ -76,6 +80,7 @@ __all__ = [
     "Gumbel",
     "GumbelCopula",
     "Halton",
+    "HydrodynamicLimit",
     "Ishigami",
     "JoeCopula",
     "LatinHypercube",
@@ -103,6 +108,7 @@ __all__ = [
     "Uniform",
     "UqpenError",
     "WalkerAnderson",
+    "WalkerAndersonDruckerPrager",
     "WalkerAndersonTrajectory",
     "Weibull",
     "compare",
@@ -155,10 +161,13 @@ _HOMES = {
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
+    "uqpen.models.alekseevskii_tate": ("AlekseevskiiTate",),
     "uqpen.models.campbell": ("Campbell",),
+    "uqpen.models.hydrodynamic_limit": ("HydrodynamicLimit",),
     "uqpen.models.ishigami": ("Ishigami",),
     "uqpen.models.rigid_penetration": ("RigidPenetration",),
     "uqpen.models.walker_anderson": ("WalkerAnderson",),
+    "uqpen.models.walker_anderson_drucker_prager": ("WalkerAndersonDruckerPrager",),
     "uqpen.models.walker_anderson_trajectory": ("WalkerAndersonTrajectory",),
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),

@@ -12,7 +12,9 @@ from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
 from uqpen.models import MODELS, rod_lanes
+from uqpen.models.alekseevskii_tate import AlekseevskiiTate
 from uqpen.models.campbell import Campbell
+from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
@@ -31,7 +33,12 @@ ROD = {
     "crater_radius": 0.017,
     "smoothing": 0.0,
 }
-ROD_MODELS: list[Model] = [WalkerAnderson(), RigidPenetration()]
+ROD_MODELS: list[Model] = [
+    WalkerAnderson(),
+    RigidPenetration(),
+    AlekseevskiiTate(),
+    HydrodynamicLimit(),
+]
 
 
 def results(model: Model, **changes: float | list[float]) -> Results:

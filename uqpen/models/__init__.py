@@ -9,10 +9,15 @@ MODELS = {
     "walker-anderson-trajectory": (
         "uqpen.models.walker_anderson_trajectory:WalkerAndersonTrajectory"
     ),
+    "walker-anderson-drucker-prager": (
+        "uqpen.models.walker_anderson_drucker_prager:WalkerAndersonDruckerPrager"
+    ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
     "rigid-penetration-trajectory": (
         "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
     ),
+    "alekseevskii-tate": "uqpen.models.alekseevskii_tate:AlekseevskiiTate",
+    "hydrodynamic-limit": "uqpen.models.hydrodynamic_limit:HydrodynamicLimit",
     "ishigami": "uqpen.models.ishigami:Ishigami",
     "campbell-1d": "uqpen.models.campbell:Campbell",
 }

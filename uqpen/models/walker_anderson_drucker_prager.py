@@ -1,0 +1,119 @@
+"""The Walker-Anderson model in a target whose yield limit depends on pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import special
+
+from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Input, Results
+from uqpen.core.settings import number, validate
+from uqpen.models import rod_and_target
+from uqpen.models.drucker_prager import effective_yield_limit, plastic_extent
+from uqpen.models.source import BuiltInModel
+from uqpen.models.walker_anderson import WalkerAnderson
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["WalkerAndersonDruckerPrager"]
+
+_TARGET = (
+    Input(
+        "zero_pressure_yield_limit",
+        "Pa",
+        "yield limit of the target at zero pressure",
+        bounds=POSITIVE,
+        display_unit="MPa",
+    ),
+    Input(
+        "yield_limit_slope",
+        "1",
+        "rise of the target's yield limit per pressure",
+        bounds=Bounds(0.0, np.inf, lower_included=True),
+    ),
+    Input(
+        "target_shear_modulus",
+        "Pa",
+        "shear modulus of the target",
+        bounds=POSITIVE,
+        display_unit="GPa",
+    ),
+)
+_OWN = tuple(each.name for each in _TARGET)
+
+
+@dataclass(frozen=True)
+class WalkerAndersonDruckerPrager(BuiltInModel):
+    """An eroding rod in a target whose yield limit rises with pressure to a plateau.
+
+    The limit is `zero_pressure_yield_limit` plus `yield_limit_slope` times the pressure, and at
+    most `target_yield_limit`. Where a shear modulus is given, a spherical cavity expansion gives
+    the extent of plastic flow, and a `plasticity_radius` has no effect.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative error allowed to a step of the integration; see `WalkerAnderson`.
+
+    References
+    ----------
+    Walker, J. D. & Anderson, C. E. (1995). Int. J. Impact Engng 16, 19-48.
+    Drucker, D. C. & Prager, W. (1952). Quart. Appl. Math. 10, 157-165.
+    Bishop, R. F., Hill, R. & Mott, N. F. (1945). Proc. Phys. Soc. 57, 147-159.
+    """
+
+    tolerance: float = number(above=0, below=1e-2, default=1e-6)
+
+    name = "walker-anderson-drucker-prager"
+    inputs = (*rod_and_target.INPUTS, *_TARGET)
+    outputs = rod_and_target.OUTPUTS
+    alternatives = (*rod_and_target.ALTERNATIVES, ("target_shear_modulus", "plasticity_radius"))
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        lowest = inputs["zero_pressure_yield_limit"]
+        rises = lowest <= inputs["target_yield_limit"]
+        yield rises, "zero_pressure_yield_limit <= target_yield_limit"
+        if "target_shear_modulus" in inputs:
+            is_elastic = lowest < 6 * inputs["target_shear_modulus"]
+            yield is_elastic, "zero_pressure_yield_limit < 6 target_shear_modulus"
+        yield from rod_and_target.conditions(_constant_target(inputs))
+
+    def prepare(self) -> None:
+        self._rod.prepare()
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        return self._rod.evaluate(_constant_target(inputs))
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
+        """The course of one run against depth, as that of `walker-anderson`."""
+        arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
+        target = _constant_target(arrays)
+        return self._rod.trajectory({name: value.item() for name, value in target.items()})
+
+    @property
+    def _rod(self) -> WalkerAnderson:
+        return WalkerAnderson(self.tolerance)
+
+
+def _constant_target(inputs: Arrays) -> Arrays:
+    """Return the inputs of `walker-anderson` whose target resists as much."""
+    R, lowest = inputs["crater_radius"], inputs["zero_pressure_yield_limit"]
+    if "target_shear_modulus" in inputs:
+        S = plastic_extent(R, lowest, inputs["target_shear_modulus"])
+    else:
+        S = inputs["plasticity_radius"]
+    Y = effective_yield_limit(
+        special.log1p((S - R) / R),
+        lowest,
+        inputs["target_yield_limit"],
+        inputs["yield_limit_slope"],
+    )
+    kept = {name: value for name, value in inputs.items() if name not in _OWN}
+    return {**kept, "plasticity_radius": S, "target_yield_limit": Y}
