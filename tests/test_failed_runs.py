@@ -110,7 +110,7 @@ def test_every_estimator_copes_with_what_is_lost(kind: str, tree_of: TreeOf) -> 
     view = SourceStatistics(tree)
     statistics, failures = view.statistics("it", "y"), view.failures("it")
     assert statistics
-    for name, array in (statistics | failures).items():
+    for name, array in {**statistics, **failures}.items():
         # The sample within pick-freeze blocks may be whole where the blocks are not.
         if kind != "saltelli" and "runs" in array.attrs:
             assert array.attrs["runs_used"] < array.attrs["runs"]

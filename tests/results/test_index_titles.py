@@ -58,18 +58,35 @@ def test_dependent_inputs_have_no_shares(tree: xr.DataTree) -> None:
     assert "shares" not in panel.title
 
 
-def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate(tree: xr.DataTree) -> None:
+def test_indices_of_a_surrogate_with_intervals_stand_alone(tree: xr.DataTree) -> None:
     (chart,) = find_charts(sensitivity(ArchiveView(tree, "")))
-    names = [trace["name"] for trace in chart.traces if not trace["name"].endswith("refused")]
+    assert _drawn(chart) == ["Shapley effect by chaos", "first order by chaos"]
+    assert "First-order indices by plain samples are in the table only." in chart.notes
+
+
+def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
+    tree: xr.DataTree,
+) -> None:
+    without = tree.copy(deep=True)
+    without["statistics/chaos/y/first_order"][:, 1:] = np.nan
+    (chart,) = find_charts(sensitivity(ArchiveView(without, "")))
     # Of the plain samples the largest is drawn.
-    assert names == ["Shapley effect by chaos", "first order by large", "first order by chaos"]
+    assert _drawn(chart) == [
+        "Shapley effect by chaos",
+        "first order by large",
+        "first order by chaos",
+    ]
     (drawn,) = [trace for trace in chart.traces if trace["name"] == "first order by large"]
     assert set(drawn["marker"]["symbol"]) == {"circle"}
     told = tree["statistics/large/y/first_order"].values
     assert np.isfinite(told).all()
     assert "First-order indices by other plain samples are in the table only." in chart.notes
-    (table,) = [each for each in output_tables(tree) if "its variance" in each.title]
+    (table,) = [each for each in output_tables(without) if "its variance" in each.title]
     assert "first order\nlarge" in table.columns
+
+
+def _drawn(chart: Any) -> list[str]:
+    return [trace["name"] for trace in chart.traces if not trace["name"].endswith("refused")]
 
 
 def test_shapley_effects_decide_the_order_of_the_inputs(study_of: Callable[..., Any]) -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -27,6 +28,7 @@ from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
+    CorrectedProbability,
     bonett_price,
     corrected_probability,
 )
@@ -288,3 +290,33 @@ def test_check_runs_that_do_not_vary_leave_no_spread(study_of: MakeStudy) -> Non
 def _labels(statistics: Mapping[str, xr.DataArray]) -> list[str]:
     arrays = [each for each in statistics.values() if "interval_label" in each.coords]
     return [str(label) for each in arrays for label in np.ravel(each["interval_label"].values)]
+
+
+@given(st.integers(0, 10**6))
+def test_equal_weights_are_none(seed: int) -> None:
+    runs = runs_of(seed, missing=2)
+    weighted = replace(runs, weights=np.ones(runs.size), missing_weights=np.ones(runs.missing))
+    for one, other in zip(*(_moments(each) for each in (runs, weighted)), strict=True):
+        assert other == pytest.approx(one, nan_ok=True)
+    centre, half = bonett_price(3, 2, 40, 0.95)
+    assert bonett_price(3, 2, 40, 0.95, squares=5) == (centre, pytest.approx(half))
+
+
+def _moments(runs: CorrectionRuns) -> tuple[float, ...]:
+    return (*CorrectedMoments(runs).mean().bounds, *CorrectedMoments(runs).std().bounds)
+
+
+def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
+    runs = in_one_fold(runs_of(7))
+    happens = runs.values > 0.5
+
+    def probability(weights: FloatArray) -> CorrectedProbability:
+        weighted = replace(runs, weights=weights, missing_weights=weights[:0])
+        none = np.zeros(0, dtype=np.bool_)
+        at_draws = np.zeros(runs.draws.shape, dtype=np.bool_)
+        return corrected_probability(weighted, happens, ~happens & False, at_draws, none)
+
+    even, heavy = probability(np.ones(40)), probability(np.where(happens, 0.5, 1.5))
+    assert even.value == pytest.approx(happens.mean())
+    assert heavy.value == pytest.approx(happens.mean() / 2)
+    assert probability(np.where(happens, 1.5, 0.5)).upper > even.upper

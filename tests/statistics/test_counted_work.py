@@ -42,11 +42,14 @@ def test_each_column_is_ordered_once(failed: int, monkeypatch: pytest.MonkeyPatc
         counted["ordered"] += 1
         return ascending_order(values)
 
+    runs = runs_of(700, failed=failed)
+    columns = [runs[name].values[failed:] for name in (*INPUTS, *OUTPUTS)]
+
     def searched(values: Any, **options: Any) -> Any:
-        counted["searched for distinct values"] += np.size(values) > 100
+        is_column = any(np.array_equal(np.sort(values), np.sort(each)) for each in columns)
+        counted["searched for distinct values"] += is_column
         return unique(values, **options)
 
-    runs = runs_of(700, failed=failed)
     monkeypatch.setattr(ordering, "ascending_order", ordered)
     monkeypatch.setattr(np, "unique", searched)
     analyze(runs, QUANTITIES, only=["moments", "quantiles", "cdfs", "sensitivity"])

@@ -108,8 +108,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def uqpen(made: Path, command_line: Command, tmp_path: Path) -> Command:
     """The command line beside copies of the archives."""
-    for file in made.iterdir():
-        shutil.copy(file, tmp_path)
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
 
     def call(*arguments: str) -> Any:
         done = command_line(*arguments)

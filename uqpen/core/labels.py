@@ -33,6 +33,8 @@ RARE_EVENT = "rare_event"
 SUBSET_LEVEL = "subset_level"
 CHAIN_PARENT = "chain_parent"
 LEVEL_THRESHOLD = "level_threshold"
+# Of the runs of a design: the surrogate that has placed those after the first round.
+REFINED_FOR = "refined_for"
 INPUT = "input"
 SOURCE = "source"
 PAIR = "pair"

@@ -37,8 +37,7 @@ def inlined(function: Function) -> Function:
 _WIDEST = '"prefer-vector-width"="512"'
 
 
-@intrinsic
-def use_widest_vectors(_: Any) -> tuple[Signature, Any]:
+def _widest_vectors(_: Any) -> tuple[Signature, Any]:
     """Vectorise the loops of the calling function by the full width of the processor's vectors.
 
     It does nothing on processors without vectors of 512 bits.
@@ -50,3 +49,7 @@ def use_widest_vectors(_: Any) -> tuple[Signature, Any]:
         return context.get_dummy_value()
 
     return numba.types.void(), add_attribute
+
+
+# Numba passes the first argument itself.
+use_widest_vectors = cast(Callable[[], None], intrinsic(_widest_vectors))

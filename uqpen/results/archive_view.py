@@ -51,7 +51,7 @@ class ArchiveView:
     output: str | None = None
     source: str | None = None
 
-    @property
+    @cached_property
     def tree(self) -> xr.DataTree:
         """The groups of the model."""
         return model_trees(self.archive)[self.model]
@@ -106,12 +106,16 @@ class ArchiveView:
         """Return the conversion of a statistic from SI to the unit that is shown."""
         return conversion(statistic, self.scale(output))
 
-    @property
+    @cached_property
+    def _first_runs(self) -> xr.Dataset:
+        return first_runs(self.tree)
+
+    @cached_property
     def outputs(self) -> list[str]:
         """The outputs of the model."""
-        return output_names(first_runs(self.tree))
+        return output_names(self._first_runs)
 
-    @property
+    @cached_property
     def numeric_outputs(self) -> list[str]:
         """The outputs that are numbers; only the selected one, if any.
 
@@ -125,7 +129,7 @@ class ArchiveView:
             and not self._lacks_values(name)
         ]
 
-    @property
+    @cached_property
     def categorical_outputs(self) -> list[str]:
         """The categorical outputs; only the selected one, if any."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
@@ -137,10 +141,10 @@ class ArchiveView:
         completed = [design for design in self.designs if self.has_completed_runs(design)]
         return any(not self.completed_values(design, name).size for design in completed)
 
-    @property
+    @cached_property
     def fields(self) -> list[str]:
         """The outputs with dimensions; only the selected one, if any."""
-        known = field_names(first_runs(self.tree))
+        known = field_names(self._first_runs)
         return [name for name in known if self.output in (None, name)]
 
     @property
@@ -149,7 +153,7 @@ class ArchiveView:
 
     def attributes(self, name: str) -> dict[Any, Any]:
         """Return the attributes of an input or output."""
-        return dict(first_runs(self.tree)[name].attrs)
+        return dict(self._first_runs.variables[name].attrs)
 
     def unit(self, name: str) -> str:
         """The unit that an input or output is shown in."""

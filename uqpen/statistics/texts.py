@@ -212,6 +212,7 @@ FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
 NO_PAIRS = "none: inputs cannot be drawn given others"
 CORRECTED_BY = "{estimator}; corrected by {runs} runs"
+PLACED_AMONG = ", {placed} of them placed where the surrogate expected to err"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 
 # Estimates of a surrogate that runs cannot correct.
@@ -228,6 +229,11 @@ NOT_FITTED_WITHOUT = "not fitted without a fold of its training runs: {reason}"
 NO_CORRECTING_RUN = "no run corrects it"
 FEW_CORRECTING_RUNS = "{runs} runs are too few to correct it"
 NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
+NO_INDICES_OF_PLACED = (
+    "no interval of indices is known with {placed} placed runs, which have weights"
+)
+# Until `benchmarks/refined_coverage.py` has been run over 1 000 seeds.
+OF_PLACED_RUNS = "not certified: the coverage with {placed} placed runs is known from few seeds"
 OF_ALL_ADMISSIBLE = (
     "of all admissible inputs: {missing} runs failed, and the interval allows for what they may "
     "have given"

@@ -15,6 +15,7 @@ from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
 from uqpen.study.outside_members import outside_members
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
     "flatten_tables",
@@ -38,6 +39,9 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     tables = {name: content[name] for name in _TABLES if name in content}
     if "designs" in content:
         tables["designs"] = {design: content["designs"][design]}
+    if isinstance(refined := study.designs[design], RefinedDesign):
+        tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
+        tables["outputs"] = content.get("outputs", {})
     if model:
         tables["models"] = {model: content["models"][model]}
     else:

@@ -38,6 +38,7 @@ from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_stand_ins, check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
+from uqpen.study.refinement_section import refined_designs
 from uqpen.study.run_plan import FEWEST_RUNS
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
@@ -166,6 +167,9 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     if are_models_whole:
         check_outputs(tables["designs"], designs, quantities)
         check_models(tables["designs"], designs, models)
+    refined = refined_designs(
+        tables["surrogates"], surrogates, designs, models, quantities, tuple(constraints)
+    )
     if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)
@@ -179,7 +183,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         joint=joint,
         constraints=constraints,
         quantities_of_interest=quantities,
-        designs=designs,
+        designs=refined,
         text=plan.text,
         surrogates=surrogates,
         published=published,

@@ -14,6 +14,7 @@ from uqpen.models.data.data_model import DataModel
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
     "design_rows",
@@ -78,7 +79,10 @@ def design_rows(study: ValidatedStudy) -> Rows:
     """Return the name of each design with its kind and its number of runs."""
     rows: Rows = []
     for name, design in study.designs.items():
-        kind = family_name(DESIGNS, design) or type(design).__name__
+        first = design.initial if isinstance(design, RefinedDesign) else design
+        kind = family_name(DESIGNS, first) or type(first).__name__
+        if isinstance(design, RefinedDesign):
+            kind = f"{kind}, refined by {design.name}"
         runs = f"{_at_most(design.ends_early)}{design.run_count(study.joint)}"
         rows.append((name, kind, runs))
     return rows

@@ -15,6 +15,7 @@ from uqpen.study.outside_members import SURROGATE, installed_names, is_reference
 from uqpen.study.study import SurrogateOrigin
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.refinement.refinement import Refinement
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
 
@@ -94,6 +95,7 @@ def _read_surrogate(table: TableReader) -> tuple[Surrogate | None, SurrogateOrig
     """Return a surrogate and, of one from outside the package, its origin."""
     if OBJECT in table and "kind" not in table:
         return _read_object(table)
+    table.settings(Refinement)  # of any kind; read again where the designs are known
     kind = str(table.content.get("kind"))
     if is_reference(kind) and not table.trust:
         return _unloaded(table, kind), SurrogateOrigin(kind)

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import IntArray
-from uqpen.core.labels import REPLICATE, RUN, SAMPLING, WEIGHT
+from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, WEIGHT
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
@@ -109,7 +109,7 @@ def _reason_without_folds(runs: xr.Dataset) -> str:
         return _UNKNOWN
     if sampling is Sampling.PICK_FREEZE:
         return _BLOCKS
-    if WEIGHT in runs.coords:
+    if WEIGHT in runs.coords and REFINED_FOR not in runs.attrs:
         return _WEIGHTED
     size = runs.sizes[RUN]
     return _FEW.format(runs=size, folds=FOLDS) if size < _FEWEST_RUNS else ""

@@ -51,7 +51,12 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
     design = leading_design(view)
     if design is None:
         return
-    found = {each: _numeric_blocks(view, each, design) for each in view.numeric_outputs}
+    # The main results have the histogram of the first main output.
+    pictured = "" if view.model else next(iter(main_outputs(view)), "")
+    found = {
+        each: _numeric_blocks(view, each, design, is_pictured=each == pictured)
+        for each in view.numeric_outputs
+    }
     found |= {each: _category_blocks(view, each, design) for each in view.categorical_outputs}
     yield from output_blocks(view, found)
 
@@ -62,14 +67,14 @@ def _category_blocks(view: ArchiveView, output: str, design: str) -> Iterator[Bl
         yield shares(view, output, design, probabilities)
 
 
-def _numeric_blocks(view: ArchiveView, output: str, design: str) -> Iterator[Block]:
+def _numeric_blocks(
+    view: ArchiveView, output: str, design: str, *, is_pictured: bool
+) -> Iterator[Block]:
     # The function of the leading design comes first.
     found = distribution_curves(view, output)
     curves = sorted(found, key=lambda curve: curve.name != design)
     if not curves:
         return
-    # The main results have the histogram of the first main output.
-    is_pictured = output == next(iter(main_outputs(view)), "") and not view.model
     bins = () if is_pictured else (histogram(view, output, design),)
     tail = exceedance(view, output, curves[0])
     yield Charts((_cdf(view, output, curves[:1]), *bins, *tail))

@@ -61,9 +61,11 @@ class CellCounts:
         """Return the counts of no runs."""
         return cls(splitters, np.zeros((groups, splitters.cells), dtype=np.int64))
 
-    def add(self, group: int, cells: npt.NDArray[np.int32]) -> None:
-        """Add runs to a group, in place, by their cells."""
-        self.counts[group] += np.bincount(cells, minlength=self.counts.shape[1])
+    def add(self, group: int, cells: npt.NDArray[np.int32]) -> IntArray:
+        """Add runs to a group, in place, by their cells; return how many each cell has of them."""
+        added: IntArray = np.bincount(cells, minlength=self.counts.shape[1])
+        self.counts[group] += added
+        return added
 
     def value_at(self, position: int, groups: int, below: IntArray) -> float:
         """Return an order statistic of the first groups; NaN where its cell has to be collected.

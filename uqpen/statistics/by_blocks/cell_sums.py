@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.by_blocks.locate import Cells
+from uqpen.statistics.by_blocks.sums_by_cell import sums_by_cell
 
 __all__ = ["INPUT_SPLITTERS", "CellSums", "Totals", "sum_neighbours"]
 
@@ -74,15 +76,17 @@ class CellSums:
             np.zeros((batches, variables, bins)),
         )
 
-    def add(self, batch: int, cells: npt.NDArray[np.int32], variables: FloatArray) -> None:
-        """Add runs to a batch, in place; their variables are rows."""
-        count, bins = np.bincount(cells, minlength=self.counts.size), self.batch_counts.shape[1]
+    def add(self, batch: int, cells: Cells, count: IntArray, variables: FloatArray) -> None:
+        """Add runs to a batch, in place, by their cells; their variables are rows.
+
+        `count` is how many of them each cell has.
+        """
+        bins = self.batch_counts.shape[1]
         self.counts[:] += count
         self.batch_counts[batch] += sum_neighbours(count, bins)
-        for row, values in enumerate(variables):
-            added = np.bincount(cells, values, self.counts.size)
-            self.sums[row] += added
-            self.batch_sums[batch, row] += sum_neighbours(added, bins)
+        added = sums_by_cell(cells, variables, self.counts.size)
+        self.sums[:] += added.T
+        self.batch_sums[batch] += sum_neighbours(added, bins).T
 
     def shares(self, totals: Totals, joined: int = 1) -> FloatArray:
         """Share of the variance of each variable that the cells explain, shape (variable,).
@@ -124,10 +128,10 @@ def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
 
 
 def sum_neighbours(by_cell: _Numbers, bins: int) -> _Numbers:
-    """Return the sums of the cells in each of as many bins, of as many cells each."""
-    if bins == by_cell.size:
+    """Return the sums of the cells, which are rows, in each of as many bins, of as many each."""
+    if bins == len(by_cell):
         return by_cell
-    found: _Numbers = np.add.reduceat(by_cell, np.arange(bins) * by_cell.size // bins)
+    found: _Numbers = np.add.reduceat(by_cell, np.arange(bins) * len(by_cell) // bins)
     return found
 
 

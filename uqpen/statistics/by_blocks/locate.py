@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.compiled import compiled
 
 __all__ = ["Cells", "locate"]
 
 Cells = npt.NDArray[np.int32]
 
 
-def _locate(
+@compiled
+def locate(
     values: FloatArray,
     splitters: FloatArray,
     origin: float,
@@ -43,10 +42,3 @@ def _locate(
                 high = middle
         at_splitter = low < splitters.size and splitters[low] == value
         found[k] = 2 * low + (1 if at_splitter else 0)
-
-
-_options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-try:
-    locate = numba.njit(_locate, cache=True, **_options)
-except RuntimeError:  # no directory that Numba can write to
-    locate = numba.njit(_locate, **_options)

@@ -143,8 +143,8 @@ class OutputSet:
         for each in self.variables:
             values = chunk.columns[each.output]
             cells = self.splitters[each.output].locate(values)
-            self.cells[each.output].add(chunk.group, cells)
-            self._batch_counts[each.output][chunk.batch] += self._coarse(each.output, cells)
+            count = self.cells[each.output].add(chunk.group, cells)
+            self._batch_counts[each.output][chunk.batch] += _coarse(count)
             self.powers[each.output].add(chunk.group, values)
             if each.has_logarithm:
                 self.powers[each.log_name].add(chunk.group, each.logarithm(values))
@@ -158,9 +158,9 @@ class OutputSet:
         self.products.add(chunk.batch, (columns - centre) / scale)
         for name in self.inputs:
             cells = self.splitters[name].locate(chunk.columns[name])
-            self.cells[name].add(chunk.group, cells)
-            self._batch_counts[name][chunk.batch] += self._coarse(name, cells)
-            self.sums[name].add(chunk.batch, cells, variables)
+            count = self.cells[name].add(chunk.group, cells)
+            self._batch_counts[name][chunk.batch] += _coarse(count)
+            self.sums[name].add(chunk.batch, cells, count, variables)
 
     @cached_property
     def _batch_counts(self) -> dict[str, IntArray]:
@@ -170,12 +170,6 @@ class OutputSet:
             name: np.zeros((batches, self.splitters[name].cells // _CELLS_OF_A_BATCH + 1), np.int64)
             for name in self.names
         }
-
-    def _coarse(self, name: str, cells: _Cells) -> IntArray:
-        counts = np.bincount(
-            cells // _CELLS_OF_A_BATCH, minlength=self._batch_counts[name].shape[1]
-        )
-        return counts.astype(np.int64, copy=False)
 
     def second_pass(self) -> None:
         """Read all columns again: add products of ranks, and collect the values asked for."""
@@ -236,3 +230,9 @@ class OutputSet:
         shares = {name: self._scores[name] + 0.5 for name in self.names}
         used = int(self.cells[self.names[-1]].counts.sum())
         return ScoreTables.empty(shares, self.inputs, self.table.outputs, used)
+
+
+def _coarse(count: IntArray) -> IntArray:
+    """Return the runs of coarse cells from those of cells."""
+    found: IntArray = np.add.reduceat(count, np.arange(0, count.size, _CELLS_OF_A_BATCH))
+    return found

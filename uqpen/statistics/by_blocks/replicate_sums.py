@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics.by_blocks.cell_sums import Totals, sum_neighbours
+from uqpen.statistics.by_blocks.locate import Cells
+from uqpen.statistics.by_blocks.sums_by_cell import sums_by_cell
 
 __all__ = ["ReplicateSums"]
 
@@ -43,13 +44,12 @@ class ReplicateSums:
         shape = (replicates, variables, bins)
         return cls(cells, np.zeros((replicates, bins), dtype=np.int64), np.zeros(shape))
 
-    def add(self, batch: int, cells: npt.NDArray[np.int32], variables: FloatArray) -> None:
-        """Add runs to a replicate, in place; their variables are rows."""
+    def add(self, batch: int, cells: Cells, count: IntArray, variables: FloatArray) -> None:
+        """Add runs to a replicate, in place; see `CellSums.add`."""
         bins = self.counts.shape[1]
-        self.counts[batch] += sum_neighbours(np.bincount(cells, minlength=self.cells), bins)
-        for row, values in enumerate(variables):
-            added = np.bincount(cells, values, self.cells)
-            self.sums[batch, row] += sum_neighbours(added, bins)
+        self.counts[batch] += sum_neighbours(count, bins)
+        added = sums_by_cell(cells, variables, self.cells)
+        self.sums[batch] += sum_neighbours(added, bins).T
 
     def shares(self, totals: Totals, joined: int = 1) -> FloatArray:
         """Share of the variance of each variable that the bins explain; see `CellSums.shares`."""

@@ -5,13 +5,10 @@ Sums are added in one order, and no operation is fused or reordered: the same bi
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.compiled import compiled
 from uqpen.statistics.ordering import Numbers
 
 __all__ = [
@@ -22,22 +19,11 @@ __all__ = [
     "residuals_in_bins",
 ]
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 # Terms that are added before their sum is added to the others: the rounding of a long sum.
 _TOGETHER = 512
 
 
-def _compiled(function: Function) -> Function:
-    """Compile on the first call; kept on disk where Numba finds a directory it can write to."""
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    try:
-        return cast(Function, numba.njit(function, cache=True, **options))
-    except RuntimeError:
-        return cast(Function, numba.njit(function, **options))
-
-
-@_compiled
+@compiled
 def residuals_in_bins(
     runs: Numbers,
     first: IntArray,
@@ -104,7 +90,7 @@ def residuals_in_bins(
     return left + part, all_pairs + pairs_part
 
 
-@_compiled
+@compiled
 def pair_sums(columns: FloatArray, summed: IntArray, weights: FloatArray) -> FloatArray:
     """Add up two weighted sums of columns, shape (2, run), a block of runs after the other.
 
@@ -128,7 +114,7 @@ def pair_sums(columns: FloatArray, summed: IntArray, weights: FloatArray) -> Flo
     return sums
 
 
-@_compiled
+@compiled
 def pair_products(sums: FloatArray) -> tuple[float, float, float]:
     """Mean squares of two rows, shape (2, run), and their mean product."""
     runs = sums.shape[1]
@@ -146,7 +132,7 @@ def pair_products(sums: FloatArray) -> tuple[float, float, float]:
     return square / runs, other_square / runs, product / runs
 
 
-@_compiled
+@compiled
 def pair_influence(
     sums: FloatArray, stds: FloatArray, value: float, targets: FloatArray, influence: FloatArray
 ) -> None:
@@ -161,7 +147,7 @@ def pair_influence(
         targets[r, 1] = one - value * other
 
 
-@_compiled
+@compiled
 def add_sums_above(
     order: Numbers,
     is_above: BoolArray,

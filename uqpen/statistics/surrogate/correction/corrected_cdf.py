@@ -16,6 +16,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
     CorrectedProbability,
+    Counts,
     FoldCounts,
     with_bounds,
 )
@@ -47,13 +48,18 @@ class CorrectedCdf:
         return self._bounded(drawn, counts, counts.uses_surrogate(self.runs))
 
     def _counts(self, values: FloatArray) -> FoldCounts:
-        runs = self.runs
-        return FoldCounts(
-            _counts(runs.values, runs.fold, runs, values),
-            _counts(runs.predictions, runs.fold, runs, values),
-            _counts(np.maximum(runs.values, runs.predictions), runs.fold, runs, values),
-            _counts(runs.missing_predictions, runs.missing_fold, runs, values),
-        )
+        runs, folds = self.runs, len(self.runs.draws)
+        both = np.maximum(runs.values, runs.predictions)
+
+        def counts(weights: FloatArray | None, missing_weights: FloatArray | None) -> FoldCounts:
+            by_model, by_fit, by_both = (
+                _counts(outputs, runs.fold, weights, folds, values)
+                for outputs in (runs.values, runs.predictions, both)
+            )
+            missing = runs.missing_predictions, runs.missing_fold, missing_weights
+            return FoldCounts(by_model, by_fit, by_both, _counts(*missing, folds, values))
+
+        return FoldCounts.weighted(runs, counts)
 
     def _bounded(
         self, drawn: FloatArray, counts: FoldCounts, is_used: BoolArray
@@ -156,11 +162,22 @@ def _inverted(
 
 
 def _counts(
-    outputs: FloatArray, fold: IntArray, runs: CorrectionRuns, values: FloatArray
-) -> IntArray:
-    """Return how many outputs of each fold are at most each value, shape (fold, value)."""
-    below = (
-        np.searchsorted(np.sort(outputs[fold == number]), values, side="right")
-        for number in range(len(runs.draws))
-    )
-    return np.array(list(below), dtype=np.int64)
+    outputs: FloatArray,
+    fold: IntArray,
+    weights: FloatArray | None,
+    folds: int,
+    values: FloatArray,
+) -> Counts:
+    """Return how many outputs of each fold are at most each value, or what these weigh.
+
+    The shape is (fold, value).
+    """
+    found = []
+    for number in range(folds):
+        own = fold == number
+        order = np.argsort(outputs[own])
+        below = np.searchsorted(outputs[own][order], values, side="right")
+        if weights is not None:
+            below = np.concatenate([[0.0], np.cumsum(weights[own][order])])[below]
+        found.append(below)
+    return np.array(found)

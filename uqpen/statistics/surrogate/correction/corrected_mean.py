@@ -90,6 +90,11 @@ def corrected_mean(
         means = draws.mean(axis=1)
         error, _ = ratio_error(runs.pooled(draws), runs.draw_replicate, runs.draw_replicates)
         draws_variance = float(error) ** 2
+    if runs.weights is not None:
+        # Weights are on average 1: about the mean, they scale deviations only.
+        centre = float(runs.shares @ means)
+        values = centre + runs.weights * (values - centre)
+        predictions = centre + runs.weights * (predictions - centre)
     centred = predictions - means[runs.fold]
     deviations = centred - centred.mean()
     scatter = float((deviations**2).mean()) + runs.size * draws_variance
@@ -123,12 +128,25 @@ def upper_allowance(runs: CorrectionRuns, values: FloatArray, draws: FloatArray)
         The function of the predictions at the draws.
     """
     beyond = runs.pooled(np.maximum(draws - values.max(), 0.0)).mean()
-    return spacing(values) + 2 * float(beyond)
+    return spacing(values, runs.weights) + 2 * float(beyond)
 
 
-def spacing(values: FloatArray) -> float:
-    """Return the gap below the largest value to the one with a tenth of the runs above, over n."""
+def spacing(values: FloatArray, weights: FloatArray | None = None) -> float:
+    """Return the gap below the largest value to the one with a tenth of the runs above, over n.
+
+    With weights, a tenth of the weight is above, and each run there has its part of that.
+    """
+    if weights is not None:
+        return _weighted_spacing(values, weights)
     size = len(values)
     ranks = min(max(_FEWEST_SPACED, size // _SPACING_SHARE), size - 1)
     ascending = np.sort(values)
     return float(ascending[-1] - ascending[-1 - ranks]) / size
+
+
+def _weighted_spacing(values: FloatArray, weights: FloatArray) -> float:
+    order = np.argsort(-values)
+    above = np.cumsum(weights[order]) / len(values)
+    ranks = int(np.searchsorted(above, 1 / _SPACING_SHARE)) + 1
+    ranks = min(max(_FEWEST_SPACED, ranks), len(values) - 1)
+    return float((values[order[0]] - values[order[ranks]]) * above[ranks - 1] / ranks)

@@ -83,7 +83,7 @@ class CorrectedMoments:
         if reason := self.heavy_tail or self.hidden_tail:
             return Estimate.without_bounds(value, reason, texts.SEE_QUANTILES)
         squares, of_draws = ((each - self._mean.value) ** 2 for each in (runs.values, runs.draws))
-        allowance = spacing(squares) + upper_allowance(runs, squares, of_draws)
+        allowance = spacing(squares, runs.weights) + upper_allowance(runs, squares, of_draws)
         margin = found.half_width(runs.level) + allowance + found.missing_margin(runs)
         exponent = margin / (2 * total)
         factor = math.exp(exponent) if exponent < _LARGEST_EXPONENT else math.inf
@@ -94,7 +94,8 @@ class CorrectedMoments:
     @cached_property
     def kurtosis(self) -> float:
         """The largest kurtosis of the runs and of the fits."""
-        return max(_kurtosis(self.runs.values), *map(_kurtosis, self.runs.draws))
+        runs = self.runs
+        return max(_kurtosis(runs.values, runs.weights), *map(_kurtosis, runs.draws))
 
     @cached_property
     def heavy_tail(self) -> str:
@@ -117,11 +118,22 @@ class CorrectedMoments:
         return "; ".join([texts.HIDDEN_TAIL.format(runs=FEWEST_RUNS_FOR_TAILS), explained])
 
 
-def _kurtosis(values: FloatArray) -> float:
+def _kurtosis(values: FloatArray, weights: FloatArray | None = None) -> float:
     """Return the fourth standardized moment: 3 for a normal distribution, 0 for a constant."""
+    if weights is not None:
+        return _weighted_kurtosis(values, weights)
     deviations = values - values.mean()
     scale = float(np.abs(deviations).max())
     if not scale > 0:
         return 0.0
     squares = (deviations / scale) ** 2
     return float((squares**2).mean() / squares.mean() ** 2)
+
+
+def _weighted_kurtosis(values: FloatArray, weights: FloatArray) -> float:
+    """Return the fourth standardized moment of weighted values; 0 for a constant."""
+    squares = (values - np.average(values, weights=weights)) ** 2
+    if not (scale := float(squares.max())) > 0:
+        return 0.0
+    second, fourth = (np.average((squares / scale) ** power, weights=weights) for power in (1, 2))
+    return float(fourth / second**2)

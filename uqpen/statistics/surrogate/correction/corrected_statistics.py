@@ -162,8 +162,10 @@ def _with_estimates(
     plain: xr.DataArray | None,
 ) -> xr.DataArray:
     """Return corrected estimates as the estimate array of a statistic."""
-    runs = correction.runs.size
+    runs, placed = correction.runs.size, correction.runs.placed
     estimator = texts.CORRECTED_BY.format(estimator=array.attrs[ESTIMATOR], runs=runs)
+    if placed:
+        estimator += texts.PLACED_AMONG.format(placed=placed)
     found = array.assign_attrs({ESTIMATOR: estimator})
     return _corrected_array(found, estimates, own, _equivalent_runs(estimates, plain))
 

@@ -10,7 +10,16 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import REPLICATE, RUN, SAMPLING, STATUS, STOPPING_STATISTICS, WEIGHT
+from uqpen.core.labels import (
+    REFINED_FOR,
+    REPLICATE,
+    ROUND,
+    RUN,
+    SAMPLING,
+    STATUS,
+    STOPPING_STATISTICS,
+    WEIGHT,
+)
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.statistics import texts
@@ -53,7 +62,7 @@ class CorrectionEvidence:
     indexed : mapping of str to mapping of str to tuple of IndexedVariable
         By output and by the beginning of their names, what indices follow from.
     plain : mapping of str to mapping of str to DataArray
-        Estimates of the runs of one design alone, for comparison.
+        Estimates of the runs of one design alone, before a surrogate placed any, for comparison.
     has_own_number : bool
         True if runs decided their own number.
     """
@@ -111,7 +120,7 @@ def correction_evidence(
             for each in wanted
             if (name := each.output.name) in runs
         },
-        analyze(used[0], wanted),
+        analyze(_first_draws(used[0]), wanted),
         any(STOPPING_STATISTICS in each.attrs for each in used),
     )
 
@@ -121,6 +130,14 @@ def _is_drawn(runs: xr.Dataset) -> bool:
     sampling = Sampling(runs.attrs[SAMPLING])
     is_drawn = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
     return is_drawn and WEIGHT not in runs.coords
+
+
+def _first_draws(runs: xr.Dataset) -> xr.Dataset:
+    """Return the runs before a surrogate placed any."""
+    if REFINED_FOR not in runs.attrs or ROUND not in runs.coords:
+        return runs
+    first = np.flatnonzero(runs[ROUND].values == 0)
+    return runs.isel({RUN: first}).drop_vars([WEIGHT, ROUND])
 
 
 @dataclass(frozen=True)
@@ -184,7 +201,17 @@ class _Collected:
             np.repeat(np.arange(len(sizes)), [each.missing.sizes[RUN] for each in self.folds]),
             self._exact_moments(name),
             quantity.confidence_level,
+            *self._weights(),
         )
+
+    def _weights(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return the weights of completed and of missing runs; None where all are 1."""
+        completed, missing = (
+            np.concatenate([_weights_of(part) for part in parts])
+            for parts in zip(*((each.completed, each.missing) for each in self.folds), strict=True)
+        )
+        is_weighted = (completed != 1).any() or (missing != 1).any()
+        return (completed, missing) if is_weighted else (None, None)
 
     def _exact_moments(self, output: str) -> FloatArray | None:
         """Return the moments of each fit where all are known without draws."""
@@ -202,3 +229,8 @@ class _Collected:
     def variables(self) -> IndexedVariables:
         """The variables whose indices they correct."""
         return IndexedVariables(self.draws, self.folds)
+
+
+def _weights_of(runs: xr.Dataset) -> FloatArray:
+    weights = runs[WEIGHT].values if WEIGHT in runs.coords else np.ones(runs.sizes[RUN])
+    return np.asarray(weights, dtype=np.float64)

@@ -39,6 +39,9 @@ class CorrectionRuns:
         Mean and standard deviation of each fold's fit, where they are known without draws.
     level : float
         Confidence level of the intervals.
+    weights, missing_weights : ndarray, shape (run,) and (missing,), optional
+        Of completed and of missing runs that were placed by another density: that of the input
+        distribution over that of their placement. Without them, all are 1.
     """
 
     values: FloatArray
@@ -50,6 +53,8 @@ class CorrectionRuns:
     missing_fold: IntArray
     exact_moments: FloatArray | None = None
     level: float = LEVEL
+    weights: FloatArray | None = None
+    missing_weights: FloatArray | None = None
 
     def of(self, function: Callable[[FloatArray], FloatArray]) -> CorrectionRuns:
         """Return the runs of a function of the output."""
@@ -73,9 +78,17 @@ class CorrectionRuns:
         return len(self.missing_predictions)
 
     @property
+    def placed(self) -> int:
+        """Number of real runs that were not placed as the inputs are distributed."""
+        return 0 if self.weights is None else int((self.weights != 1).sum())
+
+    @property
     def share_missing(self) -> float:
-        """Share of the runs that are missing."""
-        return self.missing / (self.missing + self.size)
+        """Share of the runs, or of their weights, that are missing."""
+        if self.weights is None or self.missing_weights is None:
+            return self.missing / (self.missing + self.size)
+        missing = float(self.missing_weights.sum())
+        return missing / (missing + float(self.weights.sum()))
 
     @cached_property
     def shares(self) -> FloatArray:

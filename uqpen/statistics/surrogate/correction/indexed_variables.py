@@ -101,6 +101,9 @@ class IndexedVariables:
     ) -> IndexedVariable:
         """Return a function of an output, which may be the variable that was fitted."""
         variable = runs if function is _itself else runs.of(function)
+        if runs.placed:
+            reason = texts.NO_INDICES_OF_PLACED.format(placed=runs.placed)
+            return IndexedVariable.without(variable, reason)
         if not np.isfinite(variable.draws).all():
             return IndexedVariable.without(runs, texts.NOT_FINITE_PREDICTIONS)
         if is_fitted and (terms := self._from_terms(output, variable)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -78,22 +78,28 @@ class OutputCorrection:
         along : ndarray
             The probabilities of quantiles, or the values of a distribution function.
         """
-        return self._with_missing(self._estimates(name, along))
+        return self._with_notes(self._estimates(name, along))
 
     def indices(self, name: str) -> list[list[Estimate] | str]:
         """Return the corrected indices of each variable that a name has, or why there are none."""
         prefix, kind = _INDICES[name]
         return [
-            self._index_problem(each, kind) or self._with_missing(self._indices(each, kind))
+            self._index_problem(each, kind) or self._with_notes(self._indices(each, kind))
             for each in self.indexed[prefix]
         ]
 
-    def _with_missing(self, found: list[Estimate]) -> list[Estimate]:
-        """Return estimates with the note on missing runs, where there are any."""
-        if not self.runs.missing:
-            return found
-        note = texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
-        return [each if each.label == "none" else each.with_note(each.note, note) for each in found]
+    def _with_notes(self, found: list[Estimate]) -> list[Estimate]:
+        notes = [*self._notes()]
+        return [
+            each if each.label == "none" else each.with_note(each.note, *notes) for each in found
+        ]
+
+    def _notes(self) -> Iterator[str]:
+        """Yield what holds of all intervals."""
+        if self.runs.missing:
+            yield texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
+        if self.runs.placed:
+            yield texts.OF_PLACED_RUNS.format(placed=self.runs.placed)
 
     def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
         match name:

@@ -1,0 +1,109 @@
+"""The tasks by OpenTURNS."""
+
+from __future__ import annotations
+
+import numpy as np
+import openturns as ot
+from shared import (
+    DIMENSION,
+    LOWER,
+    PROBABILITIES,
+    UPPER,
+    Figures,
+    fresh_points,
+    function,
+    main,
+    one_run,
+    unexplained,
+)
+
+BOOTSTRAPS = 100
+
+
+def joint() -> ot.JointDistribution:
+    return ot.JointDistribution([ot.Uniform(LOWER, UPPER)] * DIMENSION)
+
+
+def vectorized() -> ot.PythonFunction:
+    def sample(points: ot.Sample) -> object:
+        return function(np.asarray(points))[:, None]
+
+    return ot.PythonFunction(DIMENSION, 1, func_sample=sample)
+
+
+def figures(values: ot.Sample) -> Figures:
+    return {
+        "mean": values.computeMean()[0],
+        "std": values.computeStandardDeviation()[0],
+        "quantiles": [values.computeQuantilePerComponent(p)[0] for p in PROBABILITIES],
+    }
+
+
+def moments(runs: int, seed: int) -> Figures:
+    ot.RandomGenerator.SetSeed(seed)
+    return figures(vectorized()(joint().getSample(runs)))
+
+
+def one_by_one(runs: int, seed: int) -> Figures:
+    ot.RandomGenerator.SetSeed(seed)
+    model = ot.PythonFunction(DIMENSION, 1, lambda point: [one_run(*point)])
+    return figures(model(joint().getSample(runs)))
+
+
+def given_data(runs: int, seed: int) -> Figures:
+    ot.RandomGenerator.SetSeed(seed)
+    points = joint().getSample(runs)
+    algorithm = ot.RankSobolSensitivityAlgorithm(points, vectorized()(points))
+    algorithm.setBootstrapSize(BOOTSTRAPS)
+    return {
+        "first_order": list(algorithm.getFirstOrderIndices()),
+        "first_order_bounds": bounds(algorithm.getFirstOrderIndicesInterval()),
+    }
+
+
+def sobol(runs: int, seed: int) -> Figures:
+    ot.RandomGenerator.SetSeed(seed)
+    base = runs // (DIMENSION + 2)
+    points = ot.SobolIndicesExperiment(joint(), base).generate()
+    algorithm = ot.SaltelliSensitivityAlgorithm(points, vectorized()(points), base)
+    return {
+        "first_order": list(algorithm.getFirstOrderIndices()),
+        "first_order_bounds": bounds(algorithm.getFirstOrderIndicesInterval()),
+        "total_order": list(algorithm.getTotalOrderIndices()),
+        "total_order_bounds": bounds(algorithm.getTotalOrderIndicesInterval()),
+    }
+
+
+def bounds(interval: ot.Interval) -> list[list[float]]:
+    return list(map(list, zip(interval.getLowerBound(), interval.getUpperBound(), strict=True)))
+
+
+def expansion(runs: int, seed: int) -> Figures:
+    """Least angle regression by the corrected leave-one-out error, of total degree 12."""
+    ot.RandomGenerator.SetSeed(seed)
+    points = ot.LHSExperiment(joint(), runs).generate()
+    enumerate_terms = ot.LinearEnumerateFunction(DIMENSION)
+    polynomials = [ot.StandardDistributionPolynomialFactory(ot.Uniform(LOWER, UPPER))] * DIMENSION
+    basis = ot.OrthogonalProductPolynomialFactory(polynomials, enumerate_terms)
+    selection = ot.LeastSquaresMetaModelSelectionFactory(ot.LARS(), ot.CorrectedLeaveOneOut())
+    algorithm = ot.FunctionalChaosAlgorithm(
+        points,
+        vectorized()(points),
+        joint(),
+        ot.FixedStrategy(basis, enumerate_terms.getStrataCumulatedCardinal(12)),
+        ot.LeastSquaresStrategy(selection),
+    )
+    algorithm.run()
+    return unexplained(np.asarray(algorithm.getResult().getMetaModel()(fresh_points())))
+
+
+if __name__ == "__main__":
+    tasks = {
+        "start": moments,
+        "moments": moments,
+        "one-by-one": one_by_one,
+        "given-data": given_data,
+        "sobol": sobol,
+        "expansion": expansion,
+    }
+    main("openturns", tasks)

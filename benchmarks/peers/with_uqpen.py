@@ -1,0 +1,110 @@
+"""The tasks by uqpen: studies in Python, with whatever statistics a study has."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from shared import (
+    DIMENSION,
+    LOWER,
+    NAMES,
+    PROBABILITIES,
+    UPPER,
+    Figures,
+    FloatArray,
+    fresh_points,
+    function,
+    main,
+    one_run,
+    unexplained,
+)
+
+import uqpen
+
+
+def by_arrays(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> dict[str, FloatArray]:
+    return {"y": function(np.column_stack((x1, x2, x3)))}
+
+
+def by_numbers(x1: float, x2: float, x3: float) -> dict[str, float]:
+    return {"y": one_run(x1, x2, x3)}
+
+
+def archive_of(
+    design: Any, seed: int, *, vectorized: bool = True, **surrogates: Any
+) -> uqpen.Archive:
+    model = uqpen.PythonModel(
+        by_arrays if vectorized else by_numbers,
+        inputs=dict.fromkeys(NAMES, "1"),
+        outputs={"y": "1"},
+        vectorized=vectorized,
+    )
+    study = uqpen.Study(
+        model=model,
+        inputs=dict.fromkeys(NAMES, uqpen.Uniform(LOWER, UPPER)),
+        designs={"design": design},
+        surrogates=surrogates,
+        seed=seed,
+    )
+    return uqpen.run(study)
+
+
+def figures(archive: uqpen.Archive) -> Figures:
+    found = archive["statistics/design/y"]
+    given = found["quantile"].sel(bound="estimate").values
+    assert np.allclose(found["probability"], PROBABILITIES)
+    return {
+        "mean": float(found["mean"].sel(bound="estimate")),
+        "std": float(found["std"].sel(bound="estimate")),
+        "quantiles": given.tolist(),
+    }
+
+
+def indices(archive: uqpen.Archive, *names: str) -> Figures:
+    found = archive["statistics/design/y"]
+    result = {}
+    for name in names:
+        result[name] = found[name].sel(bound="estimate").values.tolist()
+        bounds = found[name].sel(bound=["lower", "upper"])
+        result[f"{name}_bounds"] = bounds.transpose("input", "bound").values.tolist()
+    return result
+
+
+def moments(runs: int, seed: int) -> Figures:
+    return figures(archive_of(uqpen.MonteCarlo(runs=runs), seed))
+
+
+def one_by_one(runs: int, seed: int) -> Figures:
+    return figures(archive_of(uqpen.MonteCarlo(runs=runs), seed, vectorized=False))
+
+
+def given_data(runs: int, seed: int) -> Figures:
+    return indices(archive_of(uqpen.MonteCarlo(runs=runs), seed), "first_order")
+
+
+def sobol(runs: int, seed: int) -> Figures:
+    design = uqpen.Saltelli(base=runs // (DIMENSION + 2))
+    return indices(archive_of(design, seed), "first_order", "total_order")
+
+
+def expansion(runs: int, seed: int) -> Figures:
+    chaos = uqpen.PolynomialChaos(design="design")
+    archive = archive_of(uqpen.LatinHypercube(runs=runs, replicates=1), seed, chaos=chaos)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqpen.ExtrapolationWarning)  # beyond the outermost run
+        predicted = archive.surrogate("chaos")(**dict(zip(NAMES, fresh_points().T, strict=True)))
+    return unexplained(predicted["y"].values)
+
+
+if __name__ == "__main__":
+    tasks = {
+        "start": moments,
+        "moments": moments,
+        "one-by-one": one_by_one,
+        "given-data": given_data,
+        "sobol": sobol,
+        "expansion": expansion,
+    }
+    main("uqpen", tasks)

@@ -1,0 +1,89 @@
+"""The tasks by UQpy. Its models are functions in files, so `shared` is one of them."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from shared import (
+    DIMENSION,
+    LOWER,
+    UPPER,
+    Figures,
+    FloatArray,
+    fresh_points,
+    function,
+    main,
+    unexplained,
+)
+from shared import moments as figures
+from UQpy.distributions import JointIndependent, Uniform
+from UQpy.run_model import PythonModel, RunModel
+from UQpy.sampling import LatinHypercubeSampling, MonteCarloSampling
+from UQpy.sensitivity import SobolSensitivity
+from UQpy.surrogates import (
+    LeastAngleRegression,
+    LeastSquareRegression,
+    PolynomialChaosExpansion,
+    TotalDegreeBasis,
+)
+
+INPUTS = [Uniform(LOWER, UPPER - LOWER)] * DIMENSION
+
+
+def model() -> RunModel:
+    """The function one run after the other; UQpy looks for its file where it works."""
+    folder = tempfile.mkdtemp()
+    (Path(folder) / "ishigami.py").write_text(Path(__file__).with_name("shared.py").read_text())
+    os.chdir(folder)
+    return RunModel(PythonModel("ishigami.py", "function", delete_files=True))
+
+
+def moments(runs: int, seed: int) -> Figures:
+    points = MonteCarloSampling(INPUTS, nsamples=runs, random_state=seed).samples
+    return figures(function(points))
+
+
+def one_by_one(runs: int, seed: int) -> Figures:
+    points = MonteCarloSampling(INPUTS, nsamples=runs, random_state=seed).samples
+    runner = model()
+    runner.run(samples=points)
+    return figures(np.ravel(runner.qoi_list))
+
+
+def sobol(runs: int, seed: int) -> Figures:
+    analysis = SobolSensitivity(model(), JointIndependent(INPUTS), random_state=seed)
+    analysis.run(n_samples=runs // (DIMENSION + 2), n_bootstrap_samples=100, confidence_level=0.95)
+    return {
+        "first_order": np.ravel(analysis.first_order_indices).tolist(),
+        "first_order_bounds": bounds(analysis.first_order_confidence_interval),
+        "total_order": np.ravel(analysis.total_order_indices).tolist(),
+        "total_order_bounds": bounds(analysis.total_order_confidence_interval),
+    }
+
+
+def bounds(found: FloatArray) -> list[list[float]]:
+    return np.reshape(found, (DIMENSION, 2)).tolist()
+
+
+def expansion(runs: int, seed: int) -> Figures:
+    """Least angle regression, of total degree 12, by its own selection of terms."""
+    points = LatinHypercubeSampling(INPUTS, nsamples=runs, random_state=seed).samples
+    basis = TotalDegreeBasis(JointIndependent(INPUTS), 12)
+    chaos = PolynomialChaosExpansion(basis, LeastSquareRegression())
+    chaos.fit(points, function(points))
+    chosen = LeastAngleRegression.model_selection(chaos)
+    return unexplained(chosen.predict(fresh_points()))
+
+
+if __name__ == "__main__":
+    tasks = {
+        "start": moments,
+        "moments": moments,
+        "one-by-one": one_by_one,
+        "sobol": sobol,
+        "expansion": expansion,
+    }
+    main("UQpy", tasks)

@@ -1,0 +1,313 @@
+"""What refined designs bring: coverage and width of corrected estimates, beside plain draws.
+
+Run it as ``python benchmarks/refined_coverage.py --output FILE.csv``, with uqpen installed, and
+then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
+up. A file grows as seeds are done, so that a run may be stopped. Each seed has 300 runs: of plain
+draws, or 100 of them and 200 that a surrogate places, for the means or for the probabilities. A
+width is over that of the corrected interval of the 300 plain draws of the same seed.
+
+Surrogates are those of ``corrected_coverage.py``: sparse expansions of an order fixed beforehand,
+in five folds. True values are from a million points of a Sobol' sequence. A cell fails if its
+intervals cover in less than 92 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from corrected_coverage import FOLDS, FUNCTIONS, QUANTILES, Function, Problem, _fit, _predicted
+from coverage_table import REFINED
+from scipy import special
+
+from uqpen.core.labels import RUN, STATUS, WEIGHT
+from uqpen.core.model import Output
+from uqpen.core.run_results import Results
+from uqpen.core.status import Status
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.disagreements import corrected_probability
+from uqpen.surrogates.cross_fitting import CrossFit
+from uqpen.surrogates.refinement.placement import place
+from uqpen.surrogates.refinement.predicted_errors import RefinedOutput, predicted_errors
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+LOWEST, FEWEST = 0.92, 50
+PLAIN, MEAN, PROBABILITIES = "plain draws", "for the mean", "for probabilities"
+FIRST, ROUNDS = 100, (50, 75, 75)
+CANDIDATES = 64
+EXCEEDED = {"P 0.14": 0, "P 0.05": 1}
+_CHUNK = 5
+_COLUMNS = ("function", "runs", "statistic", "seeds", "intervals", "covers", "width", "ratio")
+_COLUMNS += ("placed",)
+
+
+def _two_modes(u: FloatArray) -> FloatArray:
+    """Two far regions of large values, with a kink between (a series system's two branches)."""
+    one, other = special.ndtri(u).T
+    return np.asarray(np.abs(one + other) / math.sqrt(2) - 0.1 * (one - other) ** 2)
+
+
+NAMES = ("step", "ishigami", "borehole", "rough", "concrete", "residue")
+STUDIED = {name: FUNCTIONS[name]._replace(has_indices=False) for name in NAMES}
+STUDIED["two modes"] = Function(
+    2, _two_modes, {100: 6, 200: 8, 500: 10}, "two modes", is_normal=True
+)
+
+
+class _Fold(NamedTuple):
+    """A fit without a fold, as the placement of runs needs it."""
+
+    problem: Problem
+    size: int
+    coefficients: FloatArray
+    outputs: tuple[Output, ...] = (Output("y", "1"),)
+
+    @property
+    def without_fields(self) -> _Fold:
+        return self
+
+    @property
+    def random_inputs(self) -> tuple[str, ...]:
+        return tuple(f"x{number}" for number in range(self.problem.function.inputs))
+
+    def values(self, points: FloatArray) -> FloatArray:
+        matrix = self.problem.matrix(self.size, points)
+        return _predicted(matrix, self.coefficients, self.problem.function)
+
+    def evaluate(self, columns: Mapping[str, FloatArray]) -> Results:
+        points = np.column_stack([columns[name] for name in self.random_inputs])
+        return Results({"y": self.values(points)}, np.zeros(len(points), dtype=np.int8))
+
+
+class _Runs(NamedTuple):
+    """Completed runs with their weights."""
+
+    points: FloatArray
+    values: FloatArray
+    weights: FloatArray
+
+    def with_more(self, other: _Runs) -> _Runs:
+        return _Runs(*map(np.concatenate, zip(self, other, strict=True)))
+
+    def cross_fit(self, problem: Problem, rng: np.random.Generator) -> CrossFit:
+        size = 100 if len(self.values) < 180 else 200
+        matrix = problem.matrix(size, self.points)
+        fold = rng.permutation(len(self.values)) % FOLDS
+        seen = ((matrix[fold != k], self.values[fold != k]) for k in range(FOLDS))
+        fits = (_Fold(problem, size, _fit(*each, problem.function)) for each in seen)
+        return CrossFit(fold, tuple(fits))  # type: ignore[arg-type] # all that placement needs
+
+    def dataset(self) -> xr.Dataset:
+        columns = {f"x{number}": (RUN, column) for number, column in enumerate(self.points.T)}
+        status = np.full(len(self.values), Status.OK)
+        columns |= {"y": (RUN, self.values), STATUS: (RUN, status)}
+        return xr.Dataset(columns, {WEIGHT: (RUN, self.weights)})
+
+
+def _made(problem: Problem, points: FloatArray, weights: FloatArray) -> _Runs:
+    values = problem.function.values(points)
+    is_admissible = ~np.isnan(values)
+    return _Runs(points[is_admissible], values[is_admissible], weights[is_admissible])
+
+
+def _refined(problem: Problem, target: RefinedOutput, rng: np.random.Generator) -> _Runs:
+    """Return the runs of a refined design."""
+    inputs = problem.function.inputs
+    runs = _made(problem, rng.random((FIRST, inputs)), np.ones(FIRST))
+    for size in ROUNDS:
+        candidates = rng.random((size * CANDIDATES, inputs))
+        columns = {f"x{number}": column for number, column in enumerate(candidates.T)}
+        folds = runs.cross_fit(problem, rng)
+        errors = list(predicted_errors(folds, runs.dataset(), columns, [target]))
+        placed = place(errors, size, CANDIDATES, float(runs.weights.max()), rng)
+        runs = runs.with_more(_made(problem, candidates[placed.candidates], placed.weights))
+    return runs
+
+
+def _evidence(
+    problem: Problem, runs: _Runs, rng: np.random.Generator, family: int
+) -> CorrectionRuns:
+    folds = runs.cross_fit(problem, rng)
+    size = folds.models[0].size  # type: ignore[attr-defined]
+    at_draws, draw_set = problem.draws(size, family)
+    predictions = np.empty(len(runs.values))
+    draws = []
+    for number, model in enumerate(folds.models):
+        own = folds.fold == number
+        predictions[own] = model.values(runs.points[own])  # type: ignore[attr-defined]
+        coefficients = model.coefficients  # type: ignore[attr-defined]
+        draws.append(_predicted(at_draws, coefficients, problem.function))
+    is_weighted = bool((runs.weights != 1).any())
+    return CorrectionRuns(
+        runs.values,
+        predictions,
+        folds.fold,
+        np.array(draws),
+        draw_set,
+        np.empty(0),
+        np.empty(0, dtype=np.int64),
+        weights=runs.weights if is_weighted else None,
+        missing_weights=np.empty(0) if is_weighted else None,
+    )
+
+
+def _estimates(runs: CorrectionRuns, thresholds: FloatArray) -> Iterator[tuple[str, Estimate]]:
+    moments = CorrectedMoments(runs)
+    yield "mean", moments.mean()
+    yield "std", moments.std()
+    for name, number in EXCEEDED.items():
+        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
+        found = corrected_probability(runs, *(each > thresholds[number] for each in of))
+        yield name, Estimate(found.value, found.lower, found.upper, "", "discrete")
+    ends = CorrectedCdf(runs).quantile(QUANTILES)
+    for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
+        yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
+
+
+def _designs(
+    problem: Problem, thresholds: FloatArray, seed: int
+) -> Iterator[tuple[str, _Runs, np.random.Generator]]:
+    streams = Stream(seed, "refined coverage")
+    rng = streams.generator(PLAIN)
+    count = FIRST + sum(ROUNDS)
+    drawn = rng.random((count, problem.function.inputs))
+    yield PLAIN, _made(problem, drawn, np.ones(count)), rng
+    limits = tuple(float(thresholds[number]) for number in EXCEEDED.values())
+    for name, target in ((MEAN, RefinedOutput("y")), (PROBABILITIES, RefinedOutput("y", limits))):
+        rng = streams.generator(name)
+        yield name, _refined(problem, target, rng), rng
+
+
+def _rows(name: str, problem: Problem, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
+    counts: dict[tuple[str, str], dict[str, float]] = defaultdict(
+        lambda: dict.fromkeys(_COLUMNS[3:], 0)
+    )
+    truth = problem.truth
+    for seed in seeds:
+        plain: dict[str, float] = {}
+        for design, runs, rng in _designs(problem, truth.thresholds, seed):
+            found = dict(_estimates(_evidence(problem, runs, rng, seed % 2), truth.thresholds))
+            for statistic, estimate in found.items():
+                count = counts[design, statistic]
+                count["seeds"] += 1
+                count["placed"] += float((runs.weights != 1).sum())
+                width = estimate.upper - estimate.lower
+                if math.isnan(width):
+                    continue
+                count["intervals"] += 1
+                count["covers"] += estimate.lower <= truth.values[statistic] <= estimate.upper
+                if design == PLAIN:
+                    plain[statistic] = width
+                if statistic in plain:
+                    count["width"] += 1
+                    count["ratio"] += math.log(width / plain[statistic])
+    for (design, statistic), count in counts.items():
+        yield {"function": name, "runs": design, "statistic": statistic, **count}
+
+
+class Cell(NamedTuple):
+    """Sums over the seeds of a cell."""
+
+    seeds: float = 0
+    intervals: float = 0
+    covers: float = 0
+    width: float = 0
+    ratio: float = 0
+    placed: float = 0
+
+    @property
+    def fails(self) -> bool:
+        """True if its intervals cover too seldom."""
+        return self.intervals >= FEWEST and self.covers < LOWEST * self.intervals
+
+    @property
+    def text(self) -> str:
+        """Coverage in per cent, and the geometric mean of the ratios of the widths."""
+        if self.intervals < self.seeds / 2:
+            return "none"
+        return f"{100 * self.covers / self.intervals:.0f} / {math.exp(self.ratio / self.width):.2f}"
+
+
+def main() -> int:
+    options = _options()
+    if not options.earlier:
+        _run(options)
+    cells: dict[tuple[str, str, str], Cell] = {}
+    for path in options.earlier or [options.output]:
+        with path.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                key = row["function"], row["runs"], row["statistic"]
+                before = cells.get(key, Cell())._asdict()
+                cells[key] = Cell(*(old + float(row[name]) for name, old in before.items()))
+    if options.markdown:
+        REFINED.fill(options.markdown, "\n".join(_page(cells)))
+    failing = [key for key, cell in cells.items() if cell.fails]
+    for key in failing:
+        print("FAILS", *key, cells[key])
+    return 1 if failing else 0
+
+
+def _page(cells: Mapping[tuple[str, str, str], Cell]) -> Iterator[str]:
+    statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
+    yield f"| function | runs | placed | {' | '.join(statistics)} |"
+    yield "|---" * (len(statistics) + 3) + "|"
+    for name, function in STUDIED.items():
+        for design in (PLAIN, MEAN, PROBABILITIES):
+            row = [cells.get((name, design, each)) for each in statistics]
+            if row[0]:
+                texts = (cell.text if cell else "–" for cell in row)
+                placed = f"{row[0].placed / row[0].seeds:.0f}"
+                yield f"| {function.title} | {design} | {placed} | {' | '.join(texts)} |"
+    seeds = [cell.seeds for cell in cells.values()]
+    error = 100 * math.sqrt(0.95 * 0.05 / min(seeds))
+    yield ""
+    yield f"{min(seeds):.0f} seeds or more; the standard error of a coverage is {error:.1f} points."
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
+    parser.add_argument("--seeds", type=int, default=1000)
+    parser.add_argument("--function", default="", help="the name of one")
+    parser.add_argument("--output", type=Path, default=Path("refined_coverage.csv"))
+    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    return parser.parse_args()
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Write the counts of each cell, some seeds of all cells after the other."""
+    problems = {
+        name: Problem(function)
+        for name, function in STUDIED.items()
+        if options.function in ("", name)
+    }
+    with options.output.open("w", newline="", encoding="utf-8") as file, one_blas_thread():
+        writer = csv.DictWriter(file, _COLUMNS)
+        writer.writeheader()
+        for first in range(options.first, options.first + options.seeds, _CHUNK):
+            seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
+            for name, problem in problems.items():
+                writer.writerows(_rows(name, problem, seeds))
+                file.flush()
+            print(f"seeds to {seeds[-1]} are done", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,33 @@
+"""What a view of an archive costs, counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from unittest.mock import Mock
+
+import pytest
+
+import uqpen
+from uqpen.results import archive_view
+from uqpen.results.archive_view import ArchiveView
+from uqpen.study.study import ValidatedStudy
+
+DESIGN = """
+[designs.mc]
+kind = "monte-carlo"
+runs = 20
+"""
+
+
+def test_a_view_lists_the_outputs_once(
+    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Many outputs cost their square where each of them looks for all.
+    tree = uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1)))
+    first_runs = Mock(wraps=archive_view.first_runs)
+    monkeypatch.setattr(archive_view, "first_runs", first_runs)
+    view = ArchiveView(tree, "")
+    for _ in range(3):
+        assert (view.numeric_outputs, view.fields, view.categorical_outputs) == (["y"], [], [])
+        assert view.unit("y") == "1"
+    assert first_runs.call_count == 1

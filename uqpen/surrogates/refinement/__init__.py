@@ -1,0 +1,1 @@
+"""Refinement: further runs of a surrogate's design, placed where they help the surrogate."""
