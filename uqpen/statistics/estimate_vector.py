@@ -43,8 +43,8 @@ class EstimateVector:
     @classmethod
     def of(cls, estimate: Estimate) -> EstimateVector:
         """Return one estimate as an array of shape ()."""
-        numbers = (np.asarray(each) for each in estimate.bounds)
-        return cls(*numbers, estimate.method, estimate.label, estimate.note)
+        value, lower, upper = (np.asarray(each) for each in estimate.bounds)
+        return cls(value, lower, upper, estimate.method, estimate.label, estimate.note)
 
     @classmethod
     def without_bounds(cls, value: FloatArray, *reasons: str) -> EstimateVector:
