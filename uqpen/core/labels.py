@@ -26,6 +26,13 @@ QUADRATURE_WEIGHT = "quadrature_weight"
 # Coordinate of a design whose draws are of another distribution than the study's inputs. It is no
 # reserved name, as an input may well be a weight: a coordinate is neither input nor output.
 WEIGHT = "weight"
+# Of a design for a rare event: the event, and what the analysis needs of each run. Of subset
+# simulation the level, the run that a candidate was moved from (-1 for none), and the performance
+# that it had to reach.
+RARE_EVENT = "rare_event"
+SUBSET_LEVEL = "subset_level"
+CHAIN_PARENT = "chain_parent"
+LEVEL_THRESHOLD = "level_threshold"
 # Of the runs of a design: the surrogate that has placed those after the first round.
 REFINED_FOR = "refined_for"
 INPUT = "input"
@@ -151,9 +158,19 @@ DIFFERENCES = "differences"
 # Names that the datasets of an archive use themselves.
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
 _OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
+_OF_RARE_EVENTS = (SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD)
 _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
 RESERVED = frozenset(
-    [*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK, PRINCIPAL_COMPONENT]
+    [
+        *_OF_RUNS,
+        *_OF_MOVES,
+        *_OF_RARE_EVENTS,
+        *_OF_FAILURES,
+        BOUND,
+        INPUT,
+        RANK,
+        PRINCIPAL_COMPONENT,
+    ]
 )
 
 # Of the fit to an output: what it predicts at the inputs of the failed training runs. Their number,

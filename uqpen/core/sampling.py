@@ -25,7 +25,15 @@ class Sampling(StrEnum):
     ONE_AT_A_TIME = "steps"
     """Inputs moved one at a time from the nominal point; no sample."""
 
+    TOWARDS_EVENT = "towards an event"
+    """Replicates of points that move towards a rare event, for its probability; no sample."""
+
     @property
     def is_sample(self) -> bool:
         """True if the points, or some of them, are a sample of the joint distribution."""
-        return self not in (Sampling.QUADRATURE, Sampling.TRAJECTORIES, Sampling.ONE_AT_A_TIME)
+        return self not in (
+            Sampling.QUADRATURE,
+            Sampling.TRAJECTORIES,
+            Sampling.ONE_AT_A_TIME,
+            Sampling.TOWARDS_EVENT,
+        )

@@ -15,6 +15,7 @@ DESIGNS = {
     "morris": "uqpen.designs.morris:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
+    "subset-simulation": "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import xarray as xr
 
 from uqpen.archive.read import group_names
 from uqpen.core.labels import JOINT_GROUP
 from uqpen.results.acceptance import Acceptance
-from uqpen.results.source_statistics import SourceStatistics, source_entries
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 
 __all__ = ["joint_tables"]
@@ -18,8 +18,8 @@ __all__ = ["joint_tables"]
 def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the table of a model's joint probabilities, if the study asks for any.
 
-    An event has a row, with its condition in a note, and a row of verdicts where the study has
-    acceptance limits.
+    An event has a row over all designs that know it, with its condition in a note, and a row of
+    verdicts where the study has acceptance limits.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
@@ -27,12 +27,25 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     if not arrays:
         return
     table = OutputTable("joint probabilities", list(arrays))
-    for event, entries in source_entries(arrays, "event"):
+    for event, entries in _events(arrays):
         first = next(iter(entries.values()))
         condition = str(first["event_condition"].values)
-        table.rows.append((f"P({event}){table.note_mark(condition)}", table.cells(entries)))
+        mark = "" if condition == event else table.note_mark(condition)
+        table.rows.append((f"P({event}){mark}", table.cells(entries)))
         verdicts = {name: Acceptance.from_array(each) for name, each in entries.items()}
         if accepted := next(filter(None, verdicts.values()), None):
-            cells = [str(each.verdict) if each else NOTHING for each in verdicts.values()]
+            shown = (verdicts.get(name) for name in arrays)
+            cells = [str(each.verdict) if each else NOTHING for each in shown]
             table.rows.append((f"accepted: {accepted}", cells))
     yield table
+
+
+def _events(
+    arrays: Mapping[str, xr.DataArray],
+) -> Iterator[tuple[str, dict[str, xr.DataArray]]]:
+    """Yield each event with its estimates by design: a design for a rare event has its own."""
+    entries: dict[str, dict[str, xr.DataArray]] = {}
+    for design, array in arrays.items():
+        for entry in array:
+            entries.setdefault(str(entry["event"].item()), {})[design] = entry
+    yield from entries.items()

@@ -41,6 +41,12 @@ class EstimateVector:
     note: Any = ""
 
     @classmethod
+    def of(cls, estimate: Estimate) -> EstimateVector:
+        """Return one estimate as an array of shape ()."""
+        value, lower, upper = (np.asarray(each) for each in estimate.bounds)
+        return cls(value, lower, upper, estimate.method, estimate.label, estimate.note)
+
+    @classmethod
     def without_bounds(cls, value: FloatArray, *reasons: str) -> EstimateVector:
         """Return estimates without bounds, with the reasons; empty ones are left out."""
         missing = np.full(np.shape(value), np.nan)

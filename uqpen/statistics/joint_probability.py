@@ -28,6 +28,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.joint_event import JointEvent
+from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
 from uqpen.statistics.sample import Sample
 
 __all__ = ["joint_probabilities"]
@@ -43,7 +44,8 @@ def joint_probabilities(
     """Estimate the probabilities of events over the runs of a design.
 
     The outputs of a run occur together, so their dependence is that of the runs. Intervals are
-    those of the probability of exceeding a value, and count failed runs both ways.
+    those of the probability of exceeding a value, and count failed runs both ways. A design for a
+    rare event has the probability of its own event alone, from its replicates.
 
     Parameters
     ----------
@@ -62,6 +64,8 @@ def joint_probabilities(
         that is no sample of the inputs.
     """
     handle = LoadedDataset.of(runs)
+    if Sampling(handle.attrs[SAMPLING]) is Sampling.TOWARDS_EVENT:
+        return _of_rare_event(handle.dataset(), events, level)
     names = set(map(str, handle.template.data_vars))
     known = [event for event in events if event.outputs <= names]
     if not known or not Sampling(handle.attrs[SAMPLING]).is_sample:
@@ -74,22 +78,52 @@ def joint_probabilities(
         samples = Sample.several_from_runs(drawn, outputs)
         absent = [name for name in outputs if absent_runs(drawn, name) is not None]
         estimates = [_estimate(event, samples, absent, level) for event in known]
-    array = EstimateVector.stack(estimates).to_array(
+    array = _array(estimates, [(event.name, event.condition) for event in known], known, level)
+    return {"joint_probability": array.assign_attrs(run_counts(drawn))}
+
+
+def _of_rare_event(
+    runs: xr.Dataset, events: Sequence[JointEvent], level: float
+) -> OutputStatistics:
+    """Estimate the probability of the event that a design was made for.
+
+    It has the name of the requested event with the same condition, or its condition as a name.
+    """
+    event = rare_event(runs)
+    if event is None:
+        return {}
+    condition = str(event)
+    same = [each for each in events if each.condition == condition][:1]
+    name = same[0].name if same else condition
+    estimate = EstimateVector.of(rare_event_probability(runs, event, level))
+    absent = [name for name in event.outputs if ABSENT in runs[name].attrs]
+    array = _array([_noted(estimate, has_all=not absent)], [(name, condition)], same, level)
+    return {"joint_probability": array.assign_attrs(run_counts(LoadedDataset.of(runs)))}
+
+
+def _array(
+    estimates: Sequence[EstimateVector],
+    described: Sequence[tuple[str, str]],
+    accepted: Sequence[JointEvent],
+    level: float,
+) -> xr.DataArray:
+    """Return estimates along ``event``, given the name and the condition of each."""
+    names, conditions = (list(each) for each in zip(*described, strict=True))
+    return EstimateVector.stack(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
         coordinates={
-            EVENT: (EVENT, _texts([event.name for event in known]), {"long_name": "event"}),
+            EVENT: (EVENT, _texts(names), {"long_name": "event"}),
             f"{EVENT}_condition": (
                 EVENT,
-                _texts([event.condition for event in known]),
+                _texts(conditions),
                 {"long_name": "condition that the outputs meet"},
             ),
-            **dict(acceptance_coordinates(known, EVENT)),
+            **dict(acceptance_coordinates(accepted, EVENT)),
         },
         level=level,
     )
-    return {"joint_probability": array.assign_attrs(run_counts(drawn))}
 
 
 def _estimate(

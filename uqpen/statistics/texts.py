@@ -72,6 +72,18 @@ LEFT_OUT = "{places} of {of} places: {reason}{extent}"
 TOLERANCE_BAND_NEEDS = "a tolerance band needs at least {runs} runs"
 REGION_OF_RUNS = "a region of these runs, not an interval"
 
+# Rare events, by designs that move towards them.
+STUDENT_ON_LOGARITHM = "Student t on the logarithm, over whole replicates"
+EVENT_NEVER_SEEN = (
+    "no run of any replicate shows the event: its probability is too small for these runs"
+)
+SEEN_IN_SOME = "not all replicates have met the event: the interval may be too narrow"
+NO_ADMISSIBLE_REPLICATE = "a replicate has no admissible draw"
+UNMET_PART = (
+    "a part of the event that no replicate met is not in it; as many plain runs would show a part "
+    "of {probability:.2g} or more, with 95 %"
+)
+
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"

@@ -25,6 +25,7 @@ _POINTS = {
     Sampling.QUADRATURE: "the nodes of an integration rule",
     Sampling.TRAJECTORIES: "trajectories",
     Sampling.ONE_AT_A_TIME: "steps from the nominal point",
+    Sampling.TOWARDS_EVENT: "points that move towards a rare event",
 }
 
 

@@ -29,7 +29,7 @@ from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
 from uqpen.report.sections.field_sentences import field_sentences
 from uqpen.report.sections.histograms import histogram
-from uqpen.report.sections.joint_findings import joint_findings
+from uqpen.report.sections.joint_findings import joint_findings, rare_event_findings
 from uqpen.report.sections.leading_design import leading_design, output_title
 from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
 from uqpen.report.sections.method_agreement import agreement_text
@@ -98,7 +98,8 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    if every := (*decision_findings(view), *verdicts, *joint_findings(view, design)):
+    of_events = (*joint_findings(view, design), *rare_event_findings(view))
+    if every := (*decision_findings(view), *verdicts, *of_events):
         yield Findings(every, is_verdict=True)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:

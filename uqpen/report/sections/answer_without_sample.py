@@ -10,8 +10,9 @@ from uqpen.core.labels import RUN, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.report.blocks import Block, Quote, Text
+from uqpen.report.blocks import Block, Findings, Quote, Text
 from uqpen.report.counting import count_text
+from uqpen.report.sections.joint_findings import rare_event_findings
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -27,6 +28,8 @@ _MOST_REASONS = 3
 
 def answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     """Yield what an archive says whose designs give no distribution, and the reason."""
+    if of_events := tuple(rare_event_findings(view)):
+        yield Findings(of_events, is_verdict=True)
     means = list(_quadrature_means(view))
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
     every = [read_group(view.tree, RUNS, design) for design in view.designs]
@@ -41,8 +44,8 @@ def answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "
-            "outputs and all probabilities are unknown. The results of its designs are further "
-            "down."
+            f"outputs and all {'other ' * bool(of_events)}probabilities are unknown. The results "
+            "of its designs are further down."
         )
     if means:
         yield Quote(tuple(means))

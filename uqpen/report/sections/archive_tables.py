@@ -34,6 +34,7 @@ _PURPOSES = {
     Sampling.QUADRATURE: "weighted sums for mean and standard deviation; no sample",
     Sampling.TRAJECTORIES: "a screening of the inputs by elementary effects; no sample",
     Sampling.ONE_AT_A_TIME: "responses at the nominal point; no sample",
+    Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
 }
 
 # Attributes of the root that are shown, and their labels; others are shown after them.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.sampling import Sampling
 from uqpen.report.blocks import Finding
 from uqpen.report.counting import percent_texts
 from uqpen.report.notes import has_interval
@@ -17,7 +18,7 @@ from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["joint_findings"]
+__all__ = ["joint_findings", "rare_event_findings"]
 
 
 def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
@@ -26,6 +27,19 @@ def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
     for array in () if joint is None else joint:
         event = capitalized(plain_text(str(array["event_condition"].values)))
         yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+
+
+def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield the probability of the event of each design that was made for one, with its caveat."""
+    for design in view.designs:
+        joint = view.statistics.joint_probability(design)
+        if joint is None or view.sampling(design) is not Sampling.TOWARDS_EVENT:
+            continue
+        for array, finding in zip(joint, joint_findings(view, design), strict=True):
+            caveat = (
+                f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
+            )
+            yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
 
 
 def _stated(array: xr.DataArray) -> str:

@@ -1,0 +1,253 @@
+"""How often intervals of rare events cover, over seeds, on events of known probability.
+
+Run it as ``python benchmarks/rare_events.py --seeds 500 --output FILE.csv``, with uqpen installed;
+files of other seeds (``--first``) add up: ``--from FILE.csv … --markdown docs/rare_events.md``.
+The probabilities are exact, or by quadrature. OpenTURNS, where it can be imported, answers the same
+questions by its own subset simulation; its interval is that of its stated coefficient of variation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.util
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from coverage_table import Place
+
+from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.core.variables import Input
+from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
+from uqpen.designs.round import points_of
+from uqpen.designs.rounds import run_rounds
+from uqpen.distributions.continuous import Normal
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import join_rounds
+from uqpen.statistics.joint_probability import joint_probabilities
+
+FloatArray = npt.NDArray[np.float64]
+EVENT = "g < 0"
+LEVEL = 0.95
+TABLE = Place("rare events")
+
+
+class Problem(NamedTuple):
+    """A limit-state function of standard normal inputs, and the probability that it is below 0.
+
+    The numbers of states at a level spend about 10 000 runs in five replicates.
+    """
+
+    title: str
+    dimension: int
+    probability: float
+    samples: int
+    function: Callable[[FloatArray], FloatArray]
+
+
+def four_branches(u: FloatArray) -> FloatArray:
+    """Return the series system of Waarts (2000) with 7/√2: four distant most probable points."""
+    x, y = u.T
+    curved, total = 3 + 0.1 * (x - y) ** 2, (x + y) / math.sqrt(2)
+    flat = 7 / math.sqrt(2) - np.abs(x - y)
+    return np.minimum.reduce([curved - total, curved + total, flat])
+
+
+def convex(u: FloatArray) -> FloatArray:
+    """Return the parabolic limit state of Borri and Speranzini (1997)."""
+    x, y = u.T
+    return 0.1 * (x - y) ** 2 - (x + y) / math.sqrt(2) + 2.5
+
+
+def corner(u: FloatArray) -> FloatArray:
+    """Return RP33 of the black-box reliability challenge (TNO, 2019)."""
+    return np.minimum(3 * math.sqrt(3) - u.sum(axis=1), 3 - u[:, 2])
+
+
+PROBLEMS = {
+    "four": Problem("four branches", 2, 2.222795066194392e-3, 720, four_branches),
+    "convex": Problem("convex", 2, 4.2073055e-3, 720, convex),
+    "product": Problem("x·y > 3", 2, 9.81929872154689e-3, 1000, lambda u: 3 - u[:, 0] * u[:, 1]),
+    "sum": Problem(
+        "Σ of ten normals > 5√10",
+        10,
+        2.86651571879e-7,
+        310,
+        lambda u: 5 * math.sqrt(10) - u.sum(axis=1),
+    ),
+    "corner": Problem("min(3√3 − Σx, 3 − x₃) < 0", 3, 2.5755978e-3, 720, corner),
+}
+
+
+class Answer(NamedTuple):
+    """One answer: a row of the file."""
+
+    problem: str
+    method: str
+    seed: int
+    runs: int
+    estimate: float
+    lower: float
+    upper: float
+    seconds: float
+
+
+def standard_normals(dimension: int) -> JointDistribution:
+    """Return independent standard normal inputs."""
+    variables = tuple(Input(f"x{number}", "1", "") for number in range(dimension))
+    normal = Normal(0.0, 1.0)
+    return JointDistribution(tuple(RandomInput(each, normal, "1") for each in variables), variables)
+
+
+def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray]:
+    """Return the number of runs of a design, and its estimate with both bounds."""
+    joint = standard_normals(problem.dimension)
+    names = [each.variable.name for each in joint.random]
+
+    def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
+        points = points_in_memory(points_of(drawn))
+        values = problem.function(np.column_stack([points[name].values for name in names]))
+        status = np.zeros(len(values), dtype=np.int8)
+        described = {"units": "1", ROLE: "output"}
+        return {"": points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})}
+
+    rounds = run_rounds(design, joint, Stream(seed, "designs", "rare"), make_runs)
+    runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
+    runs = runs.assign_attrs({SAMPLING: str(design.sampling)})
+    found = joint_probabilities(runs, (), LEVEL)["joint_probability"]
+    return runs.sizes[RUN], found.values[0]
+
+
+def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
+    """Return what OpenTURNS answers by subset simulation, with as many runs a level in all."""
+    import openturns as ot
+
+    ot.RandomGenerator.SetSeed(seed)
+    vector = ot.RandomVector(ot.Normal(problem.dimension))
+    made = 0
+
+    def function(x: Any) -> FloatArray:
+        nonlocal made
+        made += len(x)
+        return problem.function(np.array(x))[:, np.newaxis]
+
+    limit_state = ot.PythonFunction(problem.dimension, 1, func_sample=function)
+    output = ot.CompositeRandomVector(limit_state, vector)
+    algorithm = ot.SubsetSampling(ot.ThresholdEvent(output, ot.Less(), 0.0))
+    algorithm.setMaximumOuterSampling(5 * problem.samples // 10)
+    algorithm.setBlockSize(10)
+    algorithm.run()
+    result = algorithm.getResult()
+    estimate = result.getProbabilityEstimate()
+    half = result.getConfidenceLength(LEVEL) / 2
+    return made, np.array([estimate, estimate - half, estimate + half])
+
+
+def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray]]]:
+    """Return the methods by name, each a function of the seed."""
+    found = {
+        "subset-simulation": lambda seed: answer(
+            problem, SubsetSimulation(EVENT, samples=problem.samples), seed
+        ),
+    }
+    if importlib.util.find_spec("openturns"):
+        found["OpenTURNS subset"] = lambda seed: openturns_answer(problem, seed)
+    return found
+
+
+def answers(
+    problems: Sequence[str], wanted: Sequence[str], seeds: Sequence[int]
+) -> Iterator[Answer]:
+    """Yield the answers of all methods."""
+    for seed in seeds:
+        for key in problems:
+            for method, ask in methods(PROBLEMS[key]).items():
+                if not wanted or method in wanted:
+                    start = time.perf_counter()
+                    runs, (estimate, lower, upper) = ask(seed)
+                    seconds = time.perf_counter() - start
+                    yield Answer(key, method, seed, runs, estimate, lower, upper, seconds)
+
+
+def page(rows: Sequence[Answer]) -> Iterator[str]:
+    """Yield the lines of the table."""
+    yield "| event | method | seeds | runs | bias | variation seen | upper/lower | coverage |"
+    yield "|---|---|---|---|---|---|---|---|"
+    groups: dict[tuple[str, str], list[Answer]] = {}
+    for row in rows:
+        groups.setdefault((row.problem, row.method), []).append(row)
+    for key, problem in PROBLEMS.items():
+        for (name, method), found in groups.items():
+            if name == key:
+                yield _line(problem, method, found)
+
+
+def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
+    runs, estimate, lower, upper = np.array([each[3:7] for each in found], dtype=np.float64).T
+    exact = problem.probability
+    bias = estimate.mean() / exact - 1
+    variation = np.sqrt(np.mean((estimate / exact - 1) ** 2))
+    covers = np.mean((lower <= exact) & (exact <= upper))
+    with np.errstate(divide="ignore"):
+        width = np.median(np.where(lower > 0, upper / np.maximum(lower, 1e-300), np.inf))
+    return (
+        f"| {problem.title} | {method} | {len(found)} | {runs.mean():.0f} | {100 * bias:+.1f} % "
+        f"| {100 * variation:.1f} % | {width:.2g} | {100 * covers:.1f} % |"
+    )
+
+
+def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
+    """Yield answers, each after it has been written to a file."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(Answer._fields)
+        for row in rows:
+            writer.writerow(row)
+            file.flush()
+            yield row
+
+
+def read(paths: Sequence[Path]) -> list[Answer]:
+    """Read files of answers."""
+    found = []
+    for path in paths:
+        with path.open(newline="", encoding="utf-8") as file:
+            for problem, method, seed, runs, *numbers in list(csv.reader(file))[1:]:
+                found.append(Answer(problem, method, int(seed), int(runs), *map(float, numbers)))
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=[*PROBLEMS])
+    parser.add_argument("--methods", nargs="+", default=[])
+    parser.add_argument("--output", type=Path, metavar="FILE.csv")
+    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    options = parser.parse_args()
+    rows = read(options.files)
+    if not options.files:
+        seeds = range(options.first, options.first + options.seeds)
+        with one_blas_thread():
+            found = answers(options.problems, options.methods, seeds)
+            rows = list(kept(found, options.output) if options.output else found)
+    lines = "\n".join(page(rows))
+    print(lines)
+    if options.markdown:
+        TABLE.fill(options.markdown, lines)
+
+
+if __name__ == "__main__":
+    main()

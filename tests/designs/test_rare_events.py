@@ -1,0 +1,283 @@
+"""Designs for a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import special
+
+import uqpen
+from uqpen.archive.structure import find_faults
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
+from uqpen.core.sampling import Sampling
+from uqpen.execution.processes import processes
+from uqpen.report.sections.answer import answer
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
+
+Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
+COPULA = {
+    "copula": "gaussian",
+    "of": "normal-scores",
+    "pairs": [{"inputs": ["a", "b"], "correlation": 0.5}],
+}
+INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
+HALF_SPACE = special.ndtr(-4.0)
+
+
+def half_space(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+    """The sum exceeds 4 √2 with the probability of a standard normal variable above 4."""
+    return {"depth": a + b, "speed": a - b}
+
+
+def study(
+    function: Function = half_space,
+    event: str = f"depth > {4 * math.sqrt(2)!r} m",
+    *,
+    samples: int = 400,
+    **settings: object,
+) -> uqpen.Study:
+    model = uqpen.PythonModel(
+        function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True
+    )
+    return uqpen.Study(
+        model,
+        settings.pop("inputs", INPUTS),
+        designs={"rare": uqpen.SubsetSimulation(event=event, samples=samples)},
+        seed=4,
+        **settings,
+    )
+
+
+def probability(tree: xr.DataTree) -> xr.DataArray:
+    (found,) = tree["joint_probabilities/rare"]["joint_probability"]
+    return found
+
+
+def contains(found: xr.DataArray, exact: float) -> bool:
+    """Check that the interval contains a value, and that it says something: few runs are made."""
+    _, lower, upper = found.values
+    return bool(lower <= exact <= upper < 30 * lower)
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return uqpen.run(study())
+
+
+def test_the_probability_of_a_half_space_is_in_the_interval(tree: xr.DataTree) -> None:
+    found = probability(tree)
+    assert contains(found, HALF_SPACE)
+    # So many plain runs would most likely have seen none.
+    assert tree["runs/rare"].sizes["run"] * HALF_SPACE < 1
+
+
+def test_a_candidate_is_a_state_where_it_reaches_its_level(tree: xr.DataTree) -> None:
+    runs = tree["runs/rare"]
+    parent, level = runs[CHAIN_PARENT].values, runs[SUBSET_LEVEL].values
+    moved = level > 0
+    assert (parent[~moved] == -1).all()
+    assert (level[parent[moved]] <= level[moved]).all()
+    assert (runs["replicate"].values[parent[moved]] == runs["replicate"].values[moved]).all()
+    # The distance of the limit from the median at level 0 is the unit of the performance.
+    limit = 4 * math.sqrt(2)
+    for replicate in range(5):
+        own = runs["replicate"].values == replicate
+        depth = runs["depth"].values
+        scale = abs(np.median(depth[own & ~moved]) - limit)
+        reached = (depth[parent[own & moved]] - limit) / scale
+        assert (reached >= runs[LEVEL_THRESHOLD].values[own & moved] - 1e-12).all()
+
+
+def test_inputs_may_depend_on_each_other_and_be_truncated() -> None:
+    # P(a + b > 7) of a copula: both have a correlation of 0.5, so the sum a variance of 3.
+    dependent = study(
+        event="depth > 7 m",
+        dependence=COPULA,
+    )
+    assert contains(probability(uqpen.run(dependent)), special.ndtr(-7 / math.sqrt(3)))
+    cut = uqpen.Truncated(uqpen.Normal(0.0, 1.0), lower=-1.0, upper=4.5)
+    one = study(event="depth > 4 m", inputs={"a": cut, "b": uqpen.Uniform(0.0, 1e-9)})
+    share = special.ndtr(4.5) - special.ndtr(-1)
+    assert contains(probability(uqpen.run(one)), (special.ndtr(-4) - special.ndtr(-4.5)) / share)
+
+
+def test_it_is_conditional_on_admissible_draws() -> None:
+    one = study(constraints=["a > 0"], event="depth > 5 m")
+    # Of a > 0 twice the probability of both signs, by symmetry less that of a <= 0.
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    a = 5 * (nodes + 1)
+    density = np.exp(-(a**2) / 2) / math.sqrt(2 * math.pi)
+    exact = 2 * float((5 * weights * density * special.ndtr(a - 5)).sum())
+    found = probability(uqpen.run(one))
+    assert contains(found, exact)
+    assert found.attrs["conditional_on"] == "admissible inputs"
+
+
+def test_two_distant_modes_are_both_met() -> None:
+    def two(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": np.abs(a), "speed": b}
+
+    assert contains(probability(uqpen.run(study(two, "depth > 3.5 m"))), 2 * special.ndtr(-3.5))
+
+
+def test_all_or_any_limits_of_several_outputs() -> None:
+    both = probability(uqpen.run(study(event="depth > 3 m and speed > 3 m/s")))
+    either = probability(uqpen.run(study(event="depth > 5 m or speed < -5 m/s")))
+    tail = special.ndtr(-5 / math.sqrt(2))
+    assert contains(both, special.ndtr(-3 / math.sqrt(2)) ** 2)
+    assert contains(either, 2 * tail - tail**2)
+
+
+def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
+    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+        # Beyond 3.5 the solver fails where b is above 0: half of the event is unknown.
+        return {"depth": np.where((a > 3.5) & (b > 0), np.nan, a), "speed": b}
+
+    found = probability(uqpen.run(study(fails, "depth > 3 m")))
+    known = special.ndtr(-3.0) - special.ndtr(-3.5) / 2
+    estimate, lower, upper = found.values
+    assert lower < known < estimate * 1.5
+    assert upper > special.ndtr(-3.0)
+    assert "for any outcome of the missing runs" in found.attrs["interval"]
+
+
+def test_a_failing_region_gives_bounds_not_a_number_between() -> None:
+    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": np.where(a > 2, np.nan, b), "speed": a}
+
+    _, lower, upper = probability(uqpen.run(study(fails, "depth > 3.5 m"))).values
+    assert upper > special.ndtr(-2.0), "all failed runs may have it"
+    assert lower <= special.ndtr(-3.5) * special.ndtr(2.0)
+
+
+def test_an_event_that_no_run_shows_has_no_number() -> None:
+    def never(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": np.minimum(a, 1.0), "speed": b}
+
+    found = probability(uqpen.run(study(never, "depth > 2 m", samples=100)))
+    assert np.isnan(found.values).all()
+    assert "no run of any replicate shows the event" in found.attrs["note"]
+
+
+def test_an_output_with_two_values_is_no_obstacle() -> None:
+    def steps(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": (a > 2.0) + (a > 3.0) * 1.0, "speed": b}
+
+    assert contains(probability(uqpen.run(study(steps, "depth > 1.5 m"))), special.ndtr(-3.0))
+
+
+def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
+    table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
+    assert any(row[0].startswith("P(depth > 5.65") for row in table.rows)
+    entry = archive_json(tree)["designs"]["rare"]["joint_probabilities"]
+    (found,) = entry.values()
+    assert found["lower"] < HALF_SPACE < found["upper"]
+    page = str(list(answer(ArchiveView(tree, ""))))
+    assert "By rare: In 0.00" in page
+    assert "a part of the event that no replicate met is not in it" in page.lower()
+
+
+def test_it_takes_the_name_and_limits_of_the_same_requested_event() -> None:
+    events = {"breach": {"all": ["depth > 3 m"], "at_most": 0.1}, "other": ["speed > 0 m/s"]}
+    one = study(event="depth  >  3 m", samples=100, joint_probabilities=events)
+    found = uqpen.run(one)["joint_probabilities/rare"]["joint_probability"]
+    assert found["event"].values.tolist() == ["breach"]
+    assert found["event_at_most"].values.tolist() == [0.1]
+
+
+@pytest.mark.parametrize(
+    ("settings", "found", "expected"),
+    [
+        ({"event": "depth"}, '"depth"', 'an event such as "depth > 3 m"'),
+        ({"event": "depth > 3 m and speed < 1 m/s or depth < 1 m"}, "and", "not by both"),
+        ({"event": "width > 3 m"}, '"width"', "an output that is a number"),
+        ({"event": "depth > 3 kg"}, '"3 kg"', "m"),
+        ({"event": "depth > 3 m", "samples": 105}, "105", "a multiple of 10"),
+        ({"event": "depth > 3 m", "replicates": 2}, "2", "at least 3"),
+    ],
+)
+def test_mistakes_are_met_before_a_run(
+    tmp_path: Path, settings: dict[str, object], found: str, expected: str
+) -> None:
+    (tmp_path / "model.py").write_text("def model(a, b): raise SystemExit\n")
+    keys = "\n".join(
+        f"{key} = '{value}'" if isinstance(value, str) else f"{key} = {value}"
+        for key, value in settings.items()
+    )
+    (tmp_path / "study.toml").write_text(
+        '[model]\npython = "model.py:model"\n'
+        'inputs = { a = "1", b = "1" }\noutputs = { depth = "m", speed = "m/s" }\n'
+        '[inputs]\na = "0 ± 1"\nb = "0 ± 1"\n'
+        f'[designs.rare]\nkind = "subset-simulation"\n{keys}\n'
+    )
+    with pytest.raises(uqpen.StudyError) as raised:
+        uqpen.load_study(tmp_path / "study.toml")
+    assert found in str(raised.value)
+    assert expected in str(raised.value)
+
+
+def test_the_runs_are_no_sample(tree: xr.DataTree) -> None:
+    assert not list(find_faults(tree))
+    assert not Sampling(tree["runs/rare"].attrs["sampling"]).is_sample
+    assert "depth" not in tree["statistics/rare"].children
+
+
+# Stops, as Ctrl-C would, where the levels are at a number of calls.
+MODEL = """\
+import pathlib, signal
+here = pathlib.Path(__file__).parent
+def model(a, b):
+    with (here / "calls").open("a") as stream:
+        stream.write("call\\n")
+    stop = here / "stop"
+    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+        signal.raise_signal(signal.SIGINT)
+    return {"depth": a + b}
+"""
+STUDY = """\
+seed = 3
+[model]
+python = "model.py:model"
+vectorized = true
+inputs = { a = "1", b = "1" }
+outputs = { depth = "m" }
+[inputs]
+a = "0 ± 1"
+b = "0 ± 1"
+[designs.rare]
+kind = "subset-simulation"
+event = "depth > 5 m"
+samples = 100
+"""
+
+
+def archive(folder: Path, stop: int | None = None, **options: Any) -> bytes:
+    """The bytes of the archive of the study; interrupted before, where there is a stop."""
+    folder.mkdir()
+    (folder / "model.py").write_text(MODEL)
+    (folder / "study.toml").write_text(STUDY)
+    study = uqpen.load_study(folder / "study.toml")
+    if stop is not None:
+        (folder / "stop").write_text(str(stop))
+        with pytest.raises(KeyboardInterrupt):
+            uqpen.make_archive(study, folder / "study.nc")
+        (folder / "stop").unlink()
+    uqpen.make_archive(study, folder / "study.nc", **options)
+    return (folder / "study.nc").read_bytes()
+
+
+def test_a_kill_at_any_level_and_workers_change_no_byte(tmp_path: Path) -> None:
+    whole = archive(tmp_path / "whole")
+    for stop in (4, 14, 27):
+        assert archive(tmp_path / f"stop{stop}", stop) == whole
+    with processes(2) as pool:
+        assert archive(tmp_path / "workers", map=pool) == whole

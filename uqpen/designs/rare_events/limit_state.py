@@ -1,0 +1,227 @@
+"""Limit state: the event whose probability is wanted, and how near a run comes to it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.errors import Problem, QuantityError, toml_text
+from uqpen.core.labels import STATUS
+from uqpen.core.lookup import choices
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.settings import Context, read_list, setting
+from uqpen.core.status import Status
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
+
+__all__ = ["EventLimit", "EventOutcomes", "LimitState", "limit_state", "parse_limit_state"]
+
+_EVENT = (
+    'an event such as "depth > 3 m", a list of limits that must all be met, or '
+    '{ any = ["depth > 3 m", "speed < 1 m/s"] }'
+)
+_LIMIT = re.compile(r"\s*(\w+)\s*([<>])(?!=)\s*([^<>]+?)\s*\Z", re.ASCII)
+_OR, _AND = " or ", " and "
+
+
+class EventOutcomes(NamedTuple):
+    """EventOutcomes of runs.
+
+    Parameters
+    ----------
+    belongs : ndarray of bool, shape (run,)
+        Whether a run counts: it is admissible, and if completed, it has all outputs of the event.
+    occurs : ndarray of bool, shape (run,)
+        Whether the event occurred.
+    missing : ndarray of bool, shape (run,)
+        Whether that is unknown, as the run failed.
+    excess : ndarray, shape (limit, run)
+        By how much each output lies beyond its limit; NaN where the run did not complete.
+    """
+
+    belongs: BoolArray
+    occurs: BoolArray
+    missing: BoolArray
+    excess: FloatArray
+
+    def of(self, part: Any) -> EventOutcomes:
+        """Return the outcomes of some runs, given by an index."""
+        return EventOutcomes(
+            self.belongs[part], self.occurs[part], self.missing[part], self.excess[:, part]
+        )
+
+
+@dataclass(frozen=True)
+class EventLimit:
+    """Limit of an output, with its value as written.
+
+    Parameters
+    ----------
+    output : str
+        Name of the output.
+    is_above : bool
+        True if it is met above the value, False if below.
+    value : str
+        A value of the output, with its unit.
+    """
+
+    output: str
+    is_above: bool
+    value: str
+
+    def excess(self, runs: xr.Dataset) -> FloatArray:
+        """Return by how much the output of each run lies beyond the limit, in SI units."""
+        variable = runs[self.output]
+        unit = str(variable.attrs.get("units", DIMENSIONLESS))
+        beyond = variable.values - parse_quantity(self.value, unit).value
+        return np.asarray(beyond if self.is_above else -beyond, dtype=np.float64)
+
+    def __str__(self) -> str:
+        return f"{self.output} {'<>'[self.is_above]} {self.value}"
+
+
+@dataclass(frozen=True)
+class LimitState:
+    """Limit state: an event that occurs where all limits are met, or any of them.
+
+    Parameters
+    ----------
+    limits : tuple of EventLimit
+        At least one.
+    is_any : bool
+        True if one of the limits suffices.
+
+    Examples
+    --------
+    >>> str(parse_limit_state("depth > 3 m or speed < 1 m/s"))
+    'depth > 3 m or speed < 1 m/s'
+    """
+
+    limits: tuple[EventLimit, ...]
+    is_any: bool = False
+
+    @property
+    def outputs(self) -> set[str]:
+        """Names of the outputs that it concerns."""
+        return {limit.output for limit in self.limits}
+
+    def outcomes(self, runs: xr.Dataset) -> EventOutcomes:
+        """Return what became of the event in the runs of a model."""
+        status = runs[STATUS].values
+        is_ok = status == Status.OK
+        excess = np.array([limit.excess(runs) for limit in self.limits])
+        excess[:, ~is_ok] = np.nan
+        missing = ~is_ok & (status != Status.INADMISSIBLE)
+        belongs = missing | (is_ok & ~np.isnan(excess).any(axis=0))
+        met = excess > 0
+        occurs = met.any(axis=0) if self.is_any else met.all(axis=0)
+        return EventOutcomes(belongs, occurs & belongs, missing, excess)
+
+    def scales(self, outcomes: EventOutcomes) -> FloatArray:
+        """Return the distance of each limit from the median of its output in some runs.
+
+        Limits of outputs with different units are compared in these distances.
+
+        Returns
+        -------
+        ndarray, shape (limit,)
+            Above 0; 1 where the median is at the limit, or no run completed.
+        """
+        known = outcomes.excess[:, outcomes.belongs & ~outcomes.missing]
+        distances = np.abs(np.median(known, axis=1)) if known.size else np.ones(len(known))
+        return np.where((distances > 0) & np.isfinite(distances), distances, 1.0)
+
+    def performance(self, outcomes: EventOutcomes, scales: FloatArray) -> FloatArray:
+        """Return how near runs come to the event: above 0 where it occurs.
+
+        Returns
+        -------
+        ndarray, shape (run,)
+            Infinite for a failed run, which may have been anything; minus infinity for a run that
+            does not count.
+        """
+        distances = outcomes.excess / scales[:, np.newaxis]
+        nearest = distances.max(axis=0) if self.is_any else distances.min(axis=0)
+        known = np.where(outcomes.belongs, nearest, -np.inf)
+        return np.where(outcomes.missing, np.inf, known)
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        """Yield the problems between the event and the outputs of a study."""
+        known = {
+            each.output.name: each.output
+            for each in requested
+            if each.output.is_number and not each.output.dims
+        }
+        for limit in self.limits:
+            if limit.output not in known:
+                expected = f"an output that is a number; {choices(limit.output, known)}"
+                yield Problem((), toml_text(limit.output), expected)
+                continue
+            output = known[limit.output]
+            try:
+                parse_quantity(limit.value, output.unit, allow_offset=not output.is_difference)
+            except QuantityError as error:
+                yield Problem((), error.found, error.expected)
+
+    def __str__(self) -> str:
+        return (_OR if self.is_any else _AND).join(map(str, self.limits))
+
+
+def parse_limit_state(text: str) -> LimitState:
+    """Read the text of an event: limits with ``and`` between them, or with ``or``.
+
+    Raises
+    ------
+    QuantityError
+        If the text is no event.
+    """
+    if _OR in text and _AND in text:
+        raise QuantityError(toml_text(text), "limits joined by and, or by or, not by both")
+    is_any = _OR in text
+    parts = text.split(_OR if is_any else _AND)
+    return LimitState(tuple(map(_parse_limit, parts)), is_any)
+
+
+def limit_state() -> Any:
+    """Declare the text of an event, which a study file may give as a list or a table of limits."""
+    return setting("event", _EVENT, _is_event, _read)
+
+
+def _is_event(value: object) -> bool:
+    try:
+        return isinstance(value, str) and parse_limit_state(value) is not None
+    except QuantityError:
+        return False
+
+
+def _read(written: Any, _: Context) -> Any:
+    """Return the event as one text; a mistake in it is met here, so that a message names it."""
+    if isinstance(written, str):
+        return str(parse_limit_state(written))
+    if isinstance(written, list):
+        return _joined(written, _AND)
+    if isinstance(written, Mapping) and len(written) == 1 and set(written) <= {"all", "any"}:
+        ((quantifier, limits),) = written.items()
+        return _joined(limits, _OR if quantifier == "any" else _AND)
+    return written
+
+
+def _joined(written: Any, link: str) -> str:
+    limits = read_list(written, _parse_limit)
+    if not limits:
+        raise QuantityError("an empty list", _EVENT)
+    return link.join(map(str, limits))
+
+
+def _parse_limit(written: Any) -> EventLimit:
+    match = _LIMIT.match(written) if isinstance(written, str) else None
+    if match is None:
+        raise QuantityError(toml_text(written), _EVENT)
+    name, sign, value = match.groups()
+    return EventLimit(name, sign == ">", value)

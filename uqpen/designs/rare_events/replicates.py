@@ -1,0 +1,89 @@
+"""Replicates of a method in standard normal space, which all advance in common rounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.special import ndtr
+
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.labels import RARE_EVENT, REPLICATE
+from uqpen.designs.design import Rounds
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.distributions.joint_distribution import JointDistribution
+
+__all__ = ["Made", "Replicate", "Wanted", "advance_together"]
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """Points that a replicate wants to run.
+
+    Parameters
+    ----------
+    points : ndarray, shape (run, random input)
+        In standard normal space.
+    coordinates : mapping of str to ndarray, shape (run,)
+        What the analysis needs of each run.
+    """
+
+    points: FloatArray
+    coordinates: Arrays
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """Runs of a replicate: their numbers in the design, and their outcomes."""
+
+    runs: IntArray
+    outcomes: EventOutcomes
+
+
+# A replicate yields points, and is sent what became of them.
+Replicate = Generator[Wanted, Made, None]
+
+
+def advance_together(
+    joint: JointDistribution,
+    event: LimitState,
+    replicates: Sequence[Callable[[], Replicate]],
+) -> Rounds:
+    """Yield rounds with the points of all replicates that go on.
+
+    Standard normal points become inputs by the inputs' own transformation, so that every
+    dependence and truncation of the study is kept.
+    """
+    going = {number: start() for number, start in enumerate(replicates)}
+    wanted = {number: next(replicate) for number, replicate in going.items()}
+    first = 0
+    while wanted:
+        feedback = yield _points(joint, event, wanted)
+        outcomes = event.outcomes(next(iter(feedback.runs.values())))
+        following = {}
+        start = 0
+        for number, points in wanted.items():
+            part = np.arange(start, start + len(points.points))
+            made = Made(first + part, outcomes.of(part))
+            with suppress(StopIteration):  # it is at its last level
+                following[number] = going[number].send(made)
+            start += len(part)
+        first += start
+        wanted = following
+
+
+def _points(joint: JointDistribution, event: LimitState, wanted: dict[int, Wanted]) -> xr.Dataset:
+    sizes = [len(each.points) for each in wanted.values()]
+    names = next(iter(wanted.values())).coordinates
+    coordinates = {
+        REPLICATE: np.repeat(list(wanted), sizes),
+        **{
+            name: np.concatenate([each.coordinates[name] for each in wanted.values()])
+            for name in names
+        },
+    }
+    unit = ndtr(np.concatenate([each.points for each in wanted.values()]))
+    return joint.points(unit, coordinates).assign_attrs({RARE_EVENT: str(event)})

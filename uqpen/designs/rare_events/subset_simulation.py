@@ -1,0 +1,147 @@
+"""Subset simulation: a rare event as a chain of events that are not rare."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.errors import Problem
+from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
+from uqpen.designs.rare_events.conditional_sampling import ConditionalSampling
+from uqpen.designs.rare_events.limit_state import LimitState, limit_state, parse_limit_state
+from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
+from uqpen.designs.rare_events.single_model import check_single_model
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.distributions.joint_distribution import JointDistribution
+
+__all__ = ["SubsetSimulation"]
+
+
+@dataclass(frozen=True)
+class SubsetSimulation(Design):
+    """Subset simulation by adaptive conditional sampling, in independent replicates.
+
+    Independent draws give the nearest tenth of all cases. Markov chains from there stay within it
+    and give the nearest tenth of those, and so on until a tenth of the cases show the event.
+
+    Parameters
+    ----------
+    event : str
+        The event: ``"depth > 3 m"``, or limits joined by ``and``, or by ``or``.
+    samples : int
+        Number of states at each level of a replicate, a multiple of 10.
+    replicates : int
+        Number of independent repetitions of the whole method. Their scatter gives the interval.
+    levels : int
+        Largest number of levels of a replicate: ten reach a probability of 1e-10.
+
+    References
+    ----------
+    Au, S. K. & Beck, J. L. (2001). Probabilistic Engineering Mechanics 16, 263-277;
+    Papaioannou, I. et al. (2015). Probabilistic Engineering Mechanics 41, 89-103.
+    """
+
+    sampling = Sampling.TOWARDS_EVENT
+
+    event: str = limit_state()
+    samples: int = count(minimum=100, default=1000)
+    replicates: int = count(minimum=3, default=5)
+    levels: int = count(default=10, maximum=15)
+
+    def check_settings(self) -> Iterator[Problem]:
+        if self.samples % (STEPS + 1):
+            yield Problem(("samples",), str(self.samples), f"a multiple of {STEPS + 1}")
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        for problem in parse_limit_state(self.event).check_outputs(requested):
+            yield problem.within("event")
+
+    def check_models(
+        self, models: Collection[str], costs: Mapping[str, float]
+    ) -> Iterator[Problem]:
+        yield from check_single_model(models)
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        event, dimension = parse_limit_state(self.event), len(joint.random)
+        replicates = [
+            partial(self._replicate, event, stream.child("replicate", number), dimension)
+            for number in range(self.replicates)
+        ]
+        yield from advance_together(joint, event, replicates)
+
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
+    @property
+    def ends_early(self) -> bool:
+        return True
+
+    def run_count(self, joint: JointDistribution) -> int:
+        further = (self.levels - 1) * self._chains * STEPS
+        return self.replicates * (self.samples + further)
+
+    def _replicate(self, event: LimitState, stream: Stream, dimension: int) -> Replicate:
+        """Yield the points of a replicate, level by level."""
+        points = stream.generator("level", 0).standard_normal((self.samples, dimension))
+        made = yield _wanted(points, 0, np.full(self.samples, -1), -np.inf)
+        scales = event.scales(made.outcomes)
+        drawn = ChainStates.of(made.runs, made.outcomes, event, scales)
+        states, points = drawn.at(made.outcomes.belongs), points[made.outcomes.belongs]
+        threshold: float | None = -np.inf
+        sampling = ConditionalSampling()
+        for level in range(1, self.levels):
+            if not len(points) or states.is_last:
+                return
+            threshold = states.next_threshold(threshold)
+            if threshold is None:
+                return
+            rng = stream.generator("level", level)
+            seeds = _choose(np.flatnonzero(states.at_or_above(threshold)), self._chains, rng)
+            chain, at = states.at(seeds), points[seeds]
+            sampling = sampling.start(at)
+            visited, places = [chain], [at]
+            for _ in range(STEPS):
+                candidates = sampling.candidates(at, rng)
+                made = yield _wanted(candidates, level, chain.runs, threshold)
+                new = ChainStates.of(made.runs, made.outcomes, event, scales)
+                accepted = new.at_or_above(threshold)
+                chain = chain.moved(new, threshold)
+                at = np.where(accepted[:, np.newaxis], candidates, at)
+                sampling = sampling.adapted(float(accepted.mean()))
+                visited.append(chain)
+                places.append(at)
+            states, points = ChainStates.joined(visited), np.concatenate(places)
+
+    @property
+    def _chains(self) -> int:
+        return self.samples // (STEPS + 1)
+
+
+def _wanted(points: FloatArray, level: int, parents: IntArray, threshold: float) -> Wanted:
+    """Return points with what the analysis needs: level, threshold, and the state moved from."""
+    size = len(points)
+    return Wanted(
+        points,
+        {
+            SUBSET_LEVEL: np.full(size, level),
+            CHAIN_PARENT: parents,
+            LEVEL_THRESHOLD: np.full(size, threshold),
+        },
+    )
+
+
+def _choose(candidates: IntArray, number: int, rng: np.random.Generator) -> IntArray:
+    """Return as many seeds as there are chains; each state as often as others, or once more."""
+    repeats = -(-number // len(candidates))
+    shuffled = [rng.permutation(candidates) for _ in range(repeats)]
+    return np.concatenate(shuffled)[:number]

@@ -1,0 +1,1 @@
+"""Estimates of the probability of a rare event, from replicates of a method made for it."""
