@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.special import ndtr
 
-from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import RARE_EVENT, REPLICATE
 from uqpen.designs.design import Rounds
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
@@ -32,7 +32,7 @@ class Wanted:
     """
 
     points: FloatArray
-    coordinates: Arrays
+    coordinates: Mapping[str, FloatArray | IntArray]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -93,18 +94,19 @@ class SubsetSimulation(Design):
     def _replicate(self, event: LimitState, stream: Stream, dimension: int) -> Replicate:
         """Yield the points of a replicate, level by level."""
         points = stream.generator("level", 0).standard_normal((self.samples, dimension))
-        made = yield _wanted(points, 0, np.full(self.samples, -1), -np.inf)
+        threshold = -math.inf
+        made = yield _wanted(points, 0, np.full(self.samples, -1), threshold)
         scales = event.scales(made.outcomes)
         drawn = ChainStates.of(made.runs, made.outcomes, event, scales)
         states, points = drawn.at(made.outcomes.belongs), points[made.outcomes.belongs]
-        threshold: float | None = -np.inf
         sampling = ConditionalSampling()
         for level in range(1, self.levels):
             if not len(points) or states.is_last:
                 return
-            threshold = states.next_threshold(threshold)
-            if threshold is None:
+            higher = states.next_threshold(threshold)
+            if higher is None:
                 return
+            threshold = higher
             rng = stream.generator("level", level)
             seeds = _choose(np.flatnonzero(states.at_or_above(threshold)), self._chains, rng)
             chain, at = states.at(seeds), points[seeds]
