@@ -262,7 +262,8 @@ The models above, each with a surrogate of independent runs and without any sett
 The surrogate's own figure stands beside each corrected one: the last column counts those that are
 wrong by more than the interval is wide to one side, and yet inside of an interval without a note.
 True values are those of the section on use cases; standard deviations that are infinite are left
-out. `benchmarks/surrogate_usecases.py` makes these tables.
+out. `benchmarks/surrogate_usecases.py` makes these tables. They have one or two seeds, and indices
+of Gaussian processes are still those of before [082](decisions/082-draws-stand-in-for-terms.md).
 """
 
 _FEW_RUNS = """\

@@ -183,7 +183,7 @@ def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
     assert found["lower"] < HALF_SPACE < found["upper"]
     page = str(list(answer(ArchiveView(tree, ""))))
     assert "By rare: In 0.00" in page
-    assert "a part of the event that no replicate met is not in it" in page.lower()
+    assert "parts of the event that no replicate met are not in it" in page.lower()
 
 
 def test_it_takes_the_name_and_limits_of_the_same_requested_event() -> None:

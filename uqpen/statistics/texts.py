@@ -80,7 +80,7 @@ EVENT_NEVER_SEEN = (
 SEEN_IN_SOME = "not all replicates have met the event: the interval may be too narrow"
 NO_ADMISSIBLE_REPLICATE = "a replicate has no admissible draw"
 UNMET_PART = (
-    "a part of the event that no replicate met is not in it; as many plain runs would show a part "
+    "parts of the event that no replicate met are not in it; as many plain runs would show a part "
     "of {probability:.2g} or more, with 95 %"
 )
 
