@@ -96,8 +96,8 @@ def _made(kind: str, folder: Path) -> xr.DataTree:
     return uqpen.run(uqpen.parse_study(text, folder=folder))
 
 
-# A multifidelity design needs several models: see `test_stand_ins`. Subset simulation has an event in
-# place of estimates of outputs: see `test_rare_events`.
+# A multifidelity design needs several models: see `test_stand_ins`. Subset simulation has an event
+# in place of estimates of outputs: see `test_rare_events`.
 ELSEWHERE = {"data", "multifidelity", "subset-simulation"}
 
 
