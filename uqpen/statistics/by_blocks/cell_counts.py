@@ -113,7 +113,7 @@ class CellCounts:
 
     @cached_property
     def _below(self) -> dict[int, IntArray]:
-        """Those that were needed before, as each growing part is analysed several times."""
+        """Counts found so far, as each growing part is analysed several times."""
         return {}
 
     @cached_property

@@ -32,7 +32,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """How the runs of a design are divided.
+    """Division of the runs of a design.
 
     A group is a replicate; of other designs, the runs from one end of a growing part to the next.
     So each growing part is the first groups. A batch is a replicate, or one of equal stretches.

@@ -80,7 +80,7 @@ class OutputSensitivity:
 
     @cached_property
     def _is_constant_input(self) -> list[bool]:
-        """Whether each input has one value in all runs: then one splitter has all of them."""
+        """True for each input with one value in all runs: then one splitter has all of them."""
         found = []
         for name in self.found.inputs:
             filled = np.flatnonzero(self.found.cells[name].counts.any(axis=0))

@@ -54,7 +54,7 @@ class Splitters:
 
     @cached_property
     def _steps(self) -> tuple[float, float]:
-        """Where the table begins, and its entries by unit of the column."""
+        """Begin of the table, and its entries by unit of the column."""
         if not self.values.size:
             return 0.0, 0.0
         tail = int(self.values.size * _TAIL)

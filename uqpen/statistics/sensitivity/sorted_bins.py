@@ -44,7 +44,7 @@ class SortedBins:
 
 @dataclass(frozen=True, eq=False)
 class CompiledVariance:
-    """What `ResidualVariance` finds of one variable, in one go over its runs.
+    """Residual variance of one variable, found in one go over its runs.
 
     Parameters
     ----------
