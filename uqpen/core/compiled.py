@@ -1,8 +1,10 @@
-"""How loops over many runs are compiled by Numba.
+"""Compilation of loops over many runs by Numba.
 
 Numba's cache notices no change in this module: what it does to a function has to stay, or the
 function's own module has to change with it. No operation is fused or reordered, so results have the
 same bits on any processor.
+Models have a decorator of their own, in `uqpen.models.compiled`: the sources of models are hashed,
+and decide whether a run is theirs.
 """
 
 from __future__ import annotations
