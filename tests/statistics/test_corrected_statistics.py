@@ -24,7 +24,7 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean
+from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean, spacing
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
@@ -115,6 +115,24 @@ def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> N
     assert std.value == pytest.approx(1)
     assert std.lower < 0.999
     assert std.upper > 1.001
+
+
+@pytest.mark.parametrize("shape", [-1.0, 0.0, 0.3])
+def test_a_gap_is_that_up_to_the_largest_value_that_the_tail_lets_expect(shape: float) -> None:
+    tail = stats.genpareto(shape)
+    # Fifty values above the threshold 0 at their plotting positions: the largest is a typical one.
+    above = tail.ppf((np.arange(50) + 0.5) / 50)
+    values = np.concatenate([np.linspace(-1, 0, 450), above])
+    expected = tail.ppf(0.84 ** (1 / 50))
+    # Plotting positions have the L-moments of the distribution within a few per cent.
+    assert 500 * spacing(values) == pytest.approx(expected, rel=0.05)
+
+
+@given(st.integers(0, 10**6), st.integers(3, 400))
+def test_a_gap_has_at_least_the_range_of_the_furthest_tenth(seed: int, size: int) -> None:
+    values = np.random.default_rng(seed).standard_t(3, size)
+    furthest = np.sort(values)[-1 - min(max(2, size // 10), size - 1) :]
+    assert size * spacing(values) >= np.ptp(furthest) * (1 - 1e-12)
 
 
 @given(st.integers(0, 10**6), st.sampled_from([-3.0, 0.5, 40.0]), st.sampled_from([-7.0, 0.0, 9.0]))

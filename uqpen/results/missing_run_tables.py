@@ -16,7 +16,7 @@ from uqpen.core.labels import (
     SURROGATES,
 )
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import grouped_number
 from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit
 
@@ -37,7 +37,7 @@ def missing_run_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTabl
     """
     made, runs = tree.children[SURROGATES].children[surrogate], first_runs(tree)
     title = f"{surrogate}: predictions at the inputs of failed runs of {made.attrs['design']}"
-    table = OutputTable(title, ["runs", "from", "to", "share"])
+    table = OutputTable(title, ["runs", "from", "to", "beyond"])
     for output in fitted_outputs(made):
         found = made.children[output].attrs
         if MISSING_PREDICTED not in found:
@@ -45,13 +45,15 @@ def missing_run_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTabl
         unit = str(runs[output].attrs.get("display_units", DIMENSIONLESS))
         ends = scale(unit).from_si(np.array([found[MISSING_LOWEST], found[MISSING_HIGHEST]]))
         note = table.note_mark(_NO_RESULTS)
-        count = grouped_number(int(found[MISSING_PREDICTED]))
+        predicted = int(found[MISSING_PREDICTED])
+        count = grouped_number(predicted)
         cells = [f"{count}{note}", *(f"{end:.4g}" for end in ends), NOTHING]
         table.rows.append((label_with_unit(output, unit), cells))
         shares = np.atleast_1d(found.get(MISSING_SHARES, [])).tolist()
         beyond = np.atleast_1d(found.get(MISSING_BEYOND, [])).tolist()
         for text, share in zip(beyond, shares, strict=True):
             label = f"{output} {text}"
-            table.rows.append((label, [NOTHING, NOTHING, NOTHING, percent_text(float(share))]))
+            number = f"{grouped_number(round(share * predicted))} of {count}"
+            table.rows.append((label, [NOTHING, NOTHING, NOTHING, number]))
     if table.rows:
         yield table
