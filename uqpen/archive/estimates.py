@@ -27,6 +27,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from uqpen.archive.labelled_arrays import BOUND_COORDINATE, labelled_array
 from uqpen.core.arrays import IntArray
 from uqpen.core.labels import (
     BOUND,
@@ -64,11 +65,6 @@ _CORRECTIONS = {
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
-# Of more values, the copies of the texts take longer than labels that need none.
-_FEW_VALUES = 2**8
-
-_BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
-
 
 def estimate_array(
     values: Any,
@@ -103,25 +99,12 @@ def estimate_array(
             () if isinstance(texts[name], str) else shape
         )
         own[name] = _texts(tuple(dims), entries)
-    return _labelled(
+    return labelled_array(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
         (*dims, BOUND),
-        {BOUND: _BOUND, **own, **(coordinates or {})},
+        {BOUND: BOUND_COORDINATE, **own, **(coordinates or {})},
         {"units": units, "long_name": long_name, **(attributes or {})},
     )
-
-
-def _labelled(
-    values: npt.NDArray[Any],
-    dims: tuple[Hashable, ...],
-    coordinates: Mapping[Any, Any],
-    attributes: Mapping[Any, Any],
-    name: str | None = None,
-) -> xr.DataArray:
-    """Return an array with coordinates; the constructor copies each text of these."""
-    if values.size <= _FEW_VALUES:
-        return xr.DataArray(values, coordinates, dims, name, attributes)
-    return xr.DataArray(values, None, dims, name, attributes).assign_coords(coordinates)
 
 
 def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
@@ -231,7 +214,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
             texts[key] = beside
     coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return _labelled(array.values, array.dims, coordinates, attributes, name)
+    return labelled_array(array.values, array.dims, coordinates, attributes, name)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
