@@ -219,3 +219,84 @@ def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path: Pa
     assert list(fitted["one"].data_vars) == ["a_recurrence"]
     means = tree["models/one/statistics/pce/y"]["mean"]
     assert float(means.sel(bound="estimate")) == pytest.approx(1 / 3)
+
+
+OWN_INPUTS = """
+seed = 3
+[models.first]
+python = "models.py:first"
+vectorized = true
+inputs = { x = "m" }
+outputs = { y = "m" }
+[models.second]
+python = "models.py:second"
+vectorized = true
+inputs = { slope = "1", x = "m" }
+outputs = { y = "m" }
+[models.third]
+python = "models.py:third"
+vectorized = true
+inputs = { offset = "mm" }
+outputs = { y = "m" }
+[inputs]
+x      = "(1 ± 0.1) m"
+slope  = "2 ± 0.1"
+offset = "(3 ± 1) mm"
+[designs.mc]
+kind = "monte-carlo"
+runs = 200
+[designs.indices]
+kind = "saltelli"
+base = 64
+"""
+
+OWN_FUNCTIONS = """
+def first(x):
+    return {"y": x}
+
+def second(slope, x):
+    return {"y": slope * x}
+
+def third(offset):
+    return {"y": 0.001 * offset}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder_of_functions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("own_inputs")
+    (folder / "models.py").write_text(OWN_FUNCTIONS)
+    return folder
+
+
+def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions: Path) -> None:
+    tree = uqpen.run(uqpen.parse_study(OWN_INPUTS, folder=folder_of_functions))
+    runs = {name: tree[f"models/{name}/runs/mc"] for name in ("first", "second", "third")}
+    assert (runs["first"]["y"] == runs["first"]["x"]).all()
+    assert (runs["second"]["y"] == runs["second"]["slope"] * runs["second"]["x"]).all()
+    # The function takes millimetres, and the archive has metres: equal but for rounding.
+    assert np.allclose(runs["third"]["y"], runs["third"]["offset"], rtol=1e-12)
+    assert (runs["third"]["x"] == runs["first"]["x"]).all()  # one draw, whoever takes it
+
+
+def test_an_input_has_no_effect_on_a_model_that_does_not_take_it(folder_of_functions: Path) -> None:
+    tree = uqpen.run(uqpen.parse_study(OWN_INPUTS, folder=folder_of_functions))
+    total = tree["models/first/statistics/indices/y"]["total_order"].sel(bound="estimate")
+    assert total.sel(input=["slope", "offset"]).values.tolist() == [0.0, 0.0]
+    assert total.sel(input="x").item() == pytest.approx(1.0, abs=0.3)  # of 64 rows
+
+
+def test_an_input_of_any_model_has_to_be_given(folder_of_functions: Path) -> None:
+    text = OWN_INPUTS.replace('slope  = "2 ± 0.1"\n', "")
+    with pytest.raises(StudyError, match=r"inputs\.slope\n +found +nothing"):
+        uqpen.parse_study(text, folder=folder_of_functions)
+
+
+def test_an_input_of_two_models_is_one_quantity(folder_of_functions: Path) -> None:
+    text = OWN_INPUTS.replace('slope = "1", x = "m"', 'slope = "1", x = "kg"')
+    expected = (
+        r'models\.second\n +found +an input "x" \[kg\]\n'
+        r" +expected +a unit of the same dimension as in the models above it, \[m\]"
+    )
+    with pytest.raises(StudyError, match=expected):
+        uqpen.parse_study(text, folder=folder_of_functions)

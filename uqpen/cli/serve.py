@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.options import folder_option, trust_option
+from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import split_surrogate
 
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output
     from uqpen.distributions.constraints import Constraint
-    from uqpen.server import ModelServer, ServedModel
+    from uqpen.server import HiddenModel, ModelServer, RunBudget, ServedModel
 
-__all__ = ["make_offers", "serve"]
+__all__ = ["hidden_offers", "make_offers", "serve"]
 
 
 @click.command(short_help="Offer a model to any UM-Bridge client.")
@@ -34,10 +35,38 @@ __all__ = ["make_offers", "serve"]
     show_default=True,
     help="Address to listen at; by default, only this machine can reach it.",
 )
+@click.option(
+    "--budget",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Answer N runs of each model in all, then refuse.",
+)
+@click.option(
+    "--count",
+    "count_file",
+    type=PATH,
+    metavar="FILE",
+    help="The file that counts the runs of a budget, also for the next server.  "
+    "[default: archives/<model>.count.jsonl]",
+)
+@click.option(
+    "--hidden",
+    is_flag=True,
+    help="Hide names, units and distributions: a run takes standard normal numbers.",
+)
 @folder_option("an archive's study")
 @trust_option
 def serve(
-    model: str, named: str | None, port: int, host: str, folder: Path | None, trust: bool
+    model: str,
+    named: str | None,
+    port: int,
+    host: str,
+    budget: int | None,
+    count_file: Path | None,
+    folder: Path | None,
+    *,
+    hidden: bool,
+    trust: bool,
 ) -> None:
     """Offer MODEL to any UM-Bridge client until Ctrl-C.
 
@@ -46,24 +75,90 @@ def serve(
 
     A run takes a vector of inputs and returns a vector of outputs, in SI units. Their order is
     printed. An output with dimensions is a vector of its own.
+
+    With --budget and --hidden it is a black-box challenge.
     """
     from uqpen.server import ModelServer
 
+    if count_file is not None and budget is None:
+        raise click.UsageError("--count is the file of a --budget")
+    if hidden and named:
+        raise click.UsageError("--inputs are the model's own, and --hidden hides them")
     order = tuple(name.strip() for name in named.split(",")) if named else ()
     offered = make_offers(model, order, folder, trust=trust)
+    shown = hidden_offers(model, offered) if hidden else offered
     for offer in offered:
         offer.model.prepare()
-    try:
-        server = ModelServer(offered, host, port)
-    except OSError as error:
-        message = f"cannot listen at {host}, port {port}: {error.strerror or error}"
-        raise click.UsageError(message) from None
-    with server:
-        _show(server)
+    with _open_budget(budget, count_file, model, offered, shown) as counted:
         try:
-            server.serve_forever()
-        except KeyboardInterrupt:
-            click.echo("stopped", err=True)
+            server = ModelServer(shown, host, port, counted)
+        except OSError as error:
+            message = f"cannot listen at {host}, port {port}: {error.strerror or error}"
+            raise click.UsageError(message) from None
+        with server:
+            _show(server, offered)
+            try:
+                server.serve_forever()
+            except KeyboardInterrupt:
+                click.echo("stopped", err=True)
+
+
+def hidden_offers(model: str, offers: Sequence[ServedModel]) -> list[HiddenModel]:
+    """Return the models of a study under names that say nothing of them, in standard normal space.
+
+    A ModelError is raised for what has no distribution of its inputs.
+    """
+    from uqpen.core.errors import ModelError
+    from uqpen.server import HiddenModel
+    from uqpen.study.load import load_study
+
+    if not model.endswith(".toml"):
+        raise ModelError(f"{model}: only models of a study can be hidden: it has distributions")
+    joint = load_study(model).joint
+    names = [f"model_{number}" for number in range(1, len(offers) + 1)]
+    if len(offers) == 1:
+        names = ["model"]
+    return [HiddenModel(name, offer, joint) for name, offer in zip(names, offers, strict=True)]
+
+
+def _open_budget(
+    runs: int | None,
+    path: Path | None,
+    model: str,
+    offers: Sequence[ServedModel],
+    shown: Sequence[ServedModel | HiddenModel],
+) -> AbstractContextManager[RunBudget | None]:
+    """Open the count of a budget; None where there is no budget."""
+    from uqpen.server import RunBudget
+
+    if runs is None:
+        return nullcontext()
+    count = path or Path("archives", f"{Path(model).stem}.count.jsonl")
+    models = {each.name: _identity(offer, each) for offer, each in zip(offers, shown, strict=True)}
+    try:
+        return RunBudget(count, runs, models)
+    except OSError as error:
+        message = f"{count}: runs cannot be counted there: {error.strerror or error}"
+        raise click.UsageError(message) from None
+
+
+def _identity(offer: ServedModel, shown: ServedModel | HiddenModel) -> str:
+    """Return a hash of what decides the result of a run with a vector."""
+    import hashlib
+    import json
+
+    from uqpen.server import HiddenModel
+
+    known: dict[str, object] = {
+        "identity": offer.model.identity(),
+        "inputs": offer.varied_inputs,
+        "held": dict(offer.fixed_inputs),
+    }
+    if isinstance(shown, HiddenModel):
+        entries = shown.joint.random
+        known["random"] = {each.variable.name: repr(each.distribution) for each in entries}
+        known["dependence"] = shown.joint.dependence_text
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
 def make_offers(
@@ -159,12 +254,12 @@ def _offer(
     return ServedModel(name, Evaluator(model, constraints), tuple(varied), fixed)
 
 
-def _show(server: ModelServer) -> None:
+def _show(server: ModelServer, offers: Sequence[ServedModel]) -> None:
     """Show the address of a server, and the inputs and outputs of its models."""
     from uqpen.cli.screen import show_line, show_plain_tables, standard_output
 
     console = standard_output()
-    for offer in server.offers.values():
+    for offer, shown in zip(offers, server.offers.values(), strict=True):
         fixed = [v for v in offer.model.inputs if v.name in offer.fixed_inputs]
         console.print(offer.name, style="bold", markup=False)
         show_plain_tables(
@@ -179,7 +274,14 @@ def _show(server: ModelServer) -> None:
                 [(v.name, v.unit, _describe_values(v)) for v in offer.outputs],
             ),
         )
+        if shown is not offer:
+            size = f"{shown.input_size} standard normal numbers"
+            show_line(f'hidden: clients know "{shown.name}", a vector of {size}')
         console.print()
+    if server.budget is not None:
+        for name in server.offers:
+            left = f"{server.budget.left(name)} of {server.budget.runs} runs left"
+            show_line(f"{name}: {left}, counted in {server.budget.path}")
     show_line(f"listening at {server.url} (UM-Bridge); Ctrl-C ends it")
 
 

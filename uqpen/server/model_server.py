@@ -16,12 +16,13 @@ import threading
 from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
-from typing import Any
+from typing import Any, Protocol
 
 from uqpen.models.umbridge_client import PROTOCOL
-from uqpen.server.served_model import RefusedError, ServedModel, only_vector
+from uqpen.server.run_budget import RunBudget
+from uqpen.server.served_model import RefusedError, only_vector
 
-__all__ = ["ModelServer"]
+__all__ = ["ModelServer", "Offer"]
 
 # A request holds a few numbers; whoever sends more has something else in mind.
 _LARGEST = 1024 * 1024
@@ -42,17 +43,38 @@ _SUPPORTED = ("ModelInfo", "InputSizes", "OutputSizes", "Evaluate")
 _REQUESTS = (*_SUPPORTED, *_DERIVATIVES, *_BY_SHARED_MEMORY)
 
 
+class Offer(Protocol):
+    """What a server needs of a model: see `ServedModel`."""
+
+    @property
+    def name(self) -> str:
+        """Its name for the clients."""
+
+    @property
+    def input_size(self) -> int:
+        """Length of the input vector."""
+
+    @property
+    def output_sizes(self) -> list[int]:
+        """Lengths of the output vectors."""
+
+    def run(self, values: Sequence[float]) -> list[list[float | None]]:
+        """Return the output vectors of one run; a `RefusedError` says that it failed."""
+
+
 class ModelServer(socketserver.ThreadingTCPServer):
     """A UM-Bridge server.
 
     Parameters
     ----------
-    offers : sequence of ServedModel
+    offers : sequence of Offer
         Its models, each with a unique name.
     host : str
         Address to listen at; `OSError` if that fails. Only this machine reaches ``127.0.0.1``.
     port : int
         The port; 0 for any free one.
+    budget : RunBudget, optional
+        The runs that clients may ask for; without it there is no limit.
     """
 
     allow_reuse_address = True
@@ -60,9 +82,14 @@ class ModelServer(socketserver.ThreadingTCPServer):
     request_queue_size = 128
 
     def __init__(
-        self, offers: Sequence[ServedModel], host: str = "127.0.0.1", port: int = 4242
+        self,
+        offers: Sequence[Offer],
+        host: str = "127.0.0.1",
+        port: int = 4242,
+        budget: RunBudget | None = None,
     ) -> None:
         self.offers = {offer.name: offer for offer in offers}
+        self.budget = budget
         # Models need not bear being run by several at once; a user's function rarely does.
         self.turn = threading.Lock()
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -128,18 +155,29 @@ class ModelServer(socketserver.ThreadingTCPServer):
             raise RefusedError("ModelNotFound", message)
         offer = self.offers[name]
         if what == "ModelInfo":
-            return {"support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)}}
+            return {
+                "support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)},
+                **self._account(name),
+            }
         if what not in _SUPPORTED:
             raise RefusedError("UnsupportedFeature", f"{what} is not supported")
         if request.get("config"):
             raise RefusedError("InvalidInput", f"{offer.name} takes no config")
         if what == "InputSizes":
-            return {"inputSizes": [len(offer.inputs)]}
+            return {"inputSizes": [offer.input_size]}
         if what == "OutputSizes":
             return {"outputSizes": offer.output_sizes}
-        values = only_vector(request.get("input"), len(offer.inputs))
+        values = only_vector(request.get("input"), offer.input_size)
         with self.turn:
+            if self.budget is not None:
+                self.budget.grant(name, values)
             return {"output": offer.run(values)}
+
+    def _account(self, name: str) -> dict[str, int]:
+        """Return the budget of a model and what is left of it, if it has one."""
+        if self.budget is None:
+            return {}
+        return {"budget": self.budget.runs, "runsLeft": self.budget.left(name)}
 
 
 def _plain_name(host: str) -> str:

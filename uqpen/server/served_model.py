@@ -78,6 +78,11 @@ class ServedModel:
         return self.model.outputs
 
     @property
+    def input_size(self) -> int:
+        """Length of the input vector."""
+        return len(self.varied_inputs)
+
+    @property
     def output_sizes(self) -> list[int]:
         """Lengths of the output vectors."""
         return [sum(math.prod(output.shape) for output in each) for each in self._vectors]

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uqpen.core.model import Model
+from uqpen.core.model import Input, Model
 from uqpen.core.settings import declared_settings
 from uqpen.core.units import are_convertible
 from uqpen.study.model_section import read_model, read_partial_model
+from uqpen.study.models_together import ModelsTogether
 from uqpen.study.partial_model import PartialModel, mentioned_model
 from uqpen.study.stand_in import StandIn
 from uqpen.study.study import ONLY_MODEL, Variant
@@ -19,10 +20,11 @@ __all__ = ["check_stand_ins", "check_variants", "read_models"]
 
 
 def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
-    """Read the models of a study, by name, and the first of them.
+    """Read the models of a study, by name, and the one whose variables are the study's.
 
-    The inputs and outputs of the first are the study's: what goes in and comes out of the others
-    is among them. A model with a mistake is left out; the first is then a `PartialModel`.
+    That is the first, whose outputs the others have, or some of them. If others take further
+    inputs, it is a `ModelsTogether`. A model with a mistake is left out; the first is then a
+    `PartialModel`.
     """
     mentioned = mentioned_model(root)
     table, several = root.table("model"), root.table("models")
@@ -85,6 +87,7 @@ def _have_numbers_in_common(one: Variant, other: Variant) -> bool:
 def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
+    inputs: dict[str, Input] = {}
     if not table.content:
         table.add_problem((), "an empty table", "a [models.<name>]")
     for name, section in named_tables(table):
@@ -95,11 +98,18 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
         if name == next(iter(table)):
             first = known
         if first is not None and mentioned not in (first, known):
-            _check_same_variables(section, first, known)
+            _check_inputs(section, inputs, known)
+            _check_outputs(section, first, known)
+        if known is not mentioned:
+            inputs = {each.name: each for each in known.inputs} | inputs
         given = _read_given_inputs(replaced, known)
         if model is not None:
             found[name] = Variant(model, given, stand_in)
-    return found, first or mentioned
+    if first is None or first is mentioned:
+        return found, mentioned
+    own = {each.name for each in first.inputs}
+    further = tuple(each for name, each in inputs.items() if name not in own)
+    return found, ModelsTogether(first, further) if further else first
 
 
 def _read_stand_in(table: TableReader) -> StandIn | None:
@@ -122,21 +132,25 @@ def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:
     return found
 
 
-def _check_same_variables(table: TableReader, first: Model, model: Model) -> None:
-    """Note what a model has that the study's first does not, or has in another dimension."""
-    for what, variables, known in (
-        ("an input", model.inputs, first.inputs),
-        ("an output", model.outputs, first.outputs),
-    ):
-        units = {variable.name: variable.unit for variable in known}
-        for variable in variables:
-            unit = units.get(variable.name)
-            if unit is None or not are_convertible(variable.unit, unit):
-                found = f'{what} "{variable.name}" [{variable.unit}]'
-                expected = f"{what}s of the first model".replace("an ", "", 1)
-                table.add_problem((), found, f"only {expected}, in units of the same dimension")
-    dims = {output.name: output.dims for output in first.outputs}
+def _check_inputs(table: TableReader, inputs: Mapping[str, Input], model: Model) -> None:
+    """Note an input of a model that models above it have in another dimension."""
+    for variable in model.inputs:
+        same = inputs.get(variable.name)
+        if same is not None and not are_convertible(variable.unit, same.unit):
+            found = f'an input "{variable.name}" [{variable.unit}]'
+            expected = f"a unit of the same dimension as in the models above it, [{same.unit}]"
+            table.add_problem((), found, expected)
+
+
+def _check_outputs(table: TableReader, first: Model, model: Model) -> None:
+    """Note an output that the study's first model does not have, or has in another form."""
+    known = {output.name: output for output in first.outputs}
     for output in model.outputs:
-        if output.dims != dims.get(output.name, output.dims):
+        same = known.get(output.name)
+        if same is None or not are_convertible(output.unit, same.unit):
+            found = f'an output "{output.name}" [{output.unit}]'
+            expected = "only outputs of the first model, in units of the same dimension"
+            table.add_problem((), found, expected)
+        elif output.dims != same.dims:
             found = f'an output "{output.name}" with other dimensions or coordinates'
             table.add_problem((), found, "those that it has in the first model")
