@@ -14,6 +14,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
+from uqpen.statistics.joint_probability import joint_probabilities
 
 
 def model(a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
@@ -75,6 +76,66 @@ def test_all_hold_or_any_is_exceeded_are_complements(tree: xr.DataTree) -> None:
         found = probabilities(tree, design)
         safe, unsafe = found.sel(event="safe").values, found.sel(event="unsafe").values
         assert unsafe == pytest.approx([1 - safe[0], 1 - safe[2], 1 - safe[1]])
+
+
+CONDITIONAL: dict[str, object] = {
+    "deep": {"all": ["depth > 0.6 m"], "given": ["width > 0.5 m"], "at_most": 0.9},
+    "impossible": {"all": ["depth > 0.6 m"], "given": {"any": ["width > 2 m"]}},
+}
+
+
+@pytest.fixture(scope="module")
+def conditional() -> xr.DataTree:
+    return uqpen.run(study(CONDITIONAL))
+
+
+def test_a_conditional_probability_is_exact_given_the_number_of_its_runs(
+    conditional: xr.DataTree,
+) -> None:
+    runs = conditional["runs/mc"]
+    done = runs["status"].values == 0
+    depth, width = runs["depth"].values[done], runs["width"].values[done]
+    counted = width > 0.5
+    occurs, every = int((depth[counted] > 0.6).sum()), int(counted.sum())
+    failed = int((~done).sum())
+    found = probabilities(conditional).sel(event="deep")
+    note = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["deep"]["note"]
+    # A failed run may meet the condition without the event, or with it.
+    assert found.values == pytest.approx(
+        [
+            occurs / every,
+            special.betaincinv(occurs, every + failed - occurs + 1, 0.025),
+            special.betaincinv(occurs + failed + 1, every - occurs, 0.975),
+        ]
+    )
+    assert f"of the {every} runs that meet the condition" in note
+
+
+def test_replicates_give_a_conditional_probability_as_a_ratio(conditional: xr.DataTree) -> None:
+    # Above the line a + b = 1, of a < 0.97: 0.97 - 0.97 * (1 - 0.97 / 2); of it where a > 0.6.
+    exact = (0.37 - (0.4**2 - 0.03**2) / 2) / (0.97 - (1 - 0.03**2) / 2)
+    value, lower, upper = probabilities(conditional, "sobol").sel(event="deep").values
+    assert lower <= exact <= upper
+    assert value == pytest.approx(exact, abs=0.09)  # two standard errors of 120 runs
+
+
+def test_a_condition_that_no_run_meets_gives_no_number(conditional: xr.DataTree) -> None:
+    told = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["impossible"]
+    assert told["estimate"] is None
+    assert told["note"] == "no completed run meets the condition: width > 2 m"
+    assert told["condition"] == "depth > 0.6 m, given width > 2 m"
+
+
+def test_a_conditional_probability_by_blocks_is_the_same(conditional: xr.DataTree) -> None:
+    runs = conditional["runs/sobol"].to_dataset()
+    events = study(CONDITIONAL).joint_events
+    whole, by_blocks = (
+        joint_probabilities(runs, events, 0.95, in_memory=size)["joint_probability"]
+        for size in (1000, 64)
+    )
+    # Sums of whole numbers in another order: a few roundings apart.
+    np.testing.assert_allclose(by_blocks.values, whole.values, rtol=1e-9)
+    assert by_blocks["note"].values.tolist() == whole["note"].values.tolist()
 
 
 def test_outputs_occur_together(tree: xr.DataTree) -> None:

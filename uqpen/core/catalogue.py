@@ -45,6 +45,7 @@ __all__ = [
     "PROBABILITY",
     "REQUESTED_DIMENSIONS",
     "RUNS_SO_FAR",
+    "SENSITIVITY_EVENT",
     "TABLE_COLUMNS",
     "THRESHOLD",
     "UNLISTED_DIMENSIONS",
@@ -67,6 +68,8 @@ LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
 # An event of several outputs.
 EVENT = "event"
+# An event whose sensitivities to the inputs' distributions a study requests.
+SENSITIVITY_EVENT = "sensitivity_event"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 # A curve or field of a run, by the number of the run.
@@ -120,6 +123,7 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
             {"event_condition": "text"},
             {"event_at_most": "number", "event_at_least": "number"},
         ),
+        SENSITIVITY_EVENT: DimensionLabels("text"),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
         RUNS_SO_FAR: DimensionLabels("count"),
@@ -318,7 +322,25 @@ FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
 # Statistics of a design's runs that concern several outputs.
 JOINT_STATISTICS = _by_name(
-    [Statistic("joint_probability", "probability of an event of several outputs", (EVENT,))]
+    [
+        Statistic("joint_probability", "probability of an event of several outputs", (EVENT,)),
+        Statistic(
+            "event_first_order",
+            "first-order Sobol' index of an event",
+            (SENSITIVITY_EVENT, INPUT),
+            note_is_of_estimate=True,
+        ),
+        *(
+            Statistic(name, title, (SENSITIVITY_EVENT, INPUT), note_is_of_estimate=True)
+            for name, title in (
+                ("mean_sensitivity", "change of an event's probability with a mean"),
+                ("std_sensitivity", "change of an event's probability with a standard deviation"),
+                ("mean_elasticity", "elasticity of an event's probability to a mean"),
+                ("std_elasticity", "elasticity of an event's probability to a standard deviation"),
+                ("sensitivity_effective_runs", "effective number of runs with an event"),
+            )
+        ),
+    ]
 )
 
 # The recipe by which this uqpen makes intervals: that of the statistic that was changed last.

@@ -97,6 +97,9 @@ class Lognormal(_OfLogarithm):
         variance = math.log1p((self.std / self.mean) ** 2)
         return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return self._logarithm().scores(_log(value))
+
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
@@ -207,6 +210,10 @@ class Beta(Distribution):
         unit = Uniform(self.lower, self.upper).sf(value)
         return special.betainc(self.beta, self.alpha, unit)
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        inside = Uniform(self.lower, self.upper)
+        return _finite_log(inside.cdf(value)), _finite_log(inside.sf(value))
+
 
 @dataclass(frozen=True)
 class Gamma(Distribution):
@@ -235,6 +242,9 @@ class Gamma(Distribution):
     def sf(self, value: FloatArray) -> FloatArray:
         return special.gammaincc(self._shape, np.maximum(value, 0.0) / self._scale)
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return _finite_log(value / self._scale), value / self._scale
+
 
 @dataclass(frozen=True)
 class Weibull(Distribution):
@@ -254,6 +264,11 @@ class Weibull(Distribution):
 
     def sf(self, value: FloatArray) -> FloatArray:
         return np.exp(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        log_ratio = _finite_log(value / self.scale)
+        power = np.exp(self.shape * log_ratio)
+        return power, log_ratio * (1 - power)
 
 
 @dataclass(frozen=True)
@@ -283,8 +298,18 @@ class Gumbel(Distribution):
     def sf(self, value: FloatArray) -> FloatArray:
         return -special.expm1(-np.exp((self._location - value) / self._scale))
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        standard = (value - self._location) / self._scale
+        share = 1 - np.exp(-standard)
+        return share, standard * share
+
 
 def _log(value: FloatArray) -> FloatArray:
     """Return the logarithm with log(0) = -inf and no warning, for the ends of a distribution."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(np.maximum(value, 0.0))
+
+
+def _finite_log(value: FloatArray) -> FloatArray:
+    """Return the logarithm, of the smallest number where a value has been rounded to 0."""
+    return np.log(np.maximum(value, np.finfo(np.float64).tiny))

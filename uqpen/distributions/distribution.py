@@ -61,6 +61,19 @@ class Distribution(ABC):
     def sf(self, value: FloatArray) -> FloatArray:
         """Survival function: the probability above a value."""
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return two functions that span the scores of the parameters behind its mean and std.
+
+        Scores are the derivatives of the logarithm of the density. They may lack a constant: the
+        mean of each over the distribution has to be subtracted. A distribution without a family of
+        two parameters on the same support has those of the exponential family through it in
+        which the mean and the variance are free: it is the one that changes the least, by
+        Kullback and Leibler's divergence (Lemaître, P. et al. (2015). J. Stat. Comput. Simul. 85,
+        1200-1223).
+        """
+        deviation = value - self.median
+        return deviation, deviation * deviation
+
     def atoms(self) -> tuple[FloatArray, FloatArray] | None:
         """Return the values and probabilities of a discrete distribution; None if not known."""
         return None

@@ -57,6 +57,9 @@ class Truncated(Distribution):
         x = np.clip(value, self.lower, self.upper)
         return self._probability(x, np.array(self.upper)) / self._mass()
 
+    def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return self.parent.scores(value)
+
     def _is_upper_tail(self) -> bool:
         """Check that the support lies in the parent's upper half, where 1 - F is accurate."""
         return bool(self.parent.cdf(np.array(self.lower)) > 0.5)

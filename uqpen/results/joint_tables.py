@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import xarray as xr
 
 from uqpen.archive.read import group_names
-from uqpen.core.labels import JOINT_GROUP
+from uqpen.core.catalogue import SENSITIVITY_EVENT
+from uqpen.core.labels import INPUT, JOINT_GROUP
 from uqpen.results.acceptance import Acceptance
+from uqpen.results.measure_labels import EVENT_INDICES, EVENT_SENSITIVITIES
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -16,10 +18,10 @@ __all__ = ["joint_tables"]
 
 
 def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
-    """Yield the table of a model's joint probabilities, if the study asks for any.
+    """Yield the table of a model's joint probabilities, if the study requests any.
 
     An event has a row over all designs that know it, with its condition in a note, and a row of
-    verdicts where the study has acceptance limits.
+    verdicts where the study has acceptance limits. Sensitivities follow in tables of their own.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
@@ -38,6 +40,30 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             cells = [str(each.verdict) if each else NOTHING for each in shown]
             table.rows.append((f"accepted: {accepted}", cells))
     yield table
+    yield from _sensitivity_tables(statistics, list(arrays))
+
+
+def _sensitivity_tables(
+    statistics: SourceStatistics, designs: Sequence[str]
+) -> Iterator[OutputTable]:
+    """Yield, for each event that has sensitivities, a table by input for each design."""
+    found: dict[str, dict[str, dict[str, xr.DataArray]]] = {}
+    for design in designs:
+        for name, array in statistics.joint_statistics(design).items():
+            for entry in array if SENSITIVITY_EVENT in array.dims else ():
+                event = str(entry[SENSITIVITY_EVENT].item())
+                found.setdefault(event, {}).setdefault(design, {})[name] = entry
+    for event, of_designs in found.items():
+        for design, entries in of_designs.items():
+            measures = (*EVENT_SENSITIVITIES, *EVENT_INDICES)
+            chosen = [each for each in measures if each.statistic in entries]
+            title = f"P({event}): changes with the inputs' mean and sd, {design}"
+            table = OutputTable(title, [each.label for each in chosen])
+            inputs = entries[chosen[0].statistic][INPUT].values.tolist()
+            for position, name in enumerate(inputs):
+                cells = [table.cell(entries[each.statistic][position]) for each in chosen]
+                table.rows.append((str(name), cells))
+            yield table
 
 
 def _events(

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, SENSITIVITY_EVENT
 from uqpen.core.labels import (
     AGREEMENT,
     CONFIDENCE_LEVEL,
@@ -228,6 +228,10 @@ def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     entries = _family_json(joint)
     for entry, condition in zip(entries.values(), joint["event_condition"].values, strict=True):
         entry["condition"] = str(condition)
+    for name, array in statistics.joint_statistics(design).items():
+        for of_event in array if SENSITIVITY_EVENT in array.dims else ():
+            entry = entries[str(of_event[SENSITIVITY_EVENT].item())]
+            entry.setdefault("sensitivities", {})[name] = entries_json(of_event)
     return {JOINT_GROUP: entries}
 
 

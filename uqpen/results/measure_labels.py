@@ -9,6 +9,8 @@ __all__ = [
     "CATEGORY_INDICES",
     "CHANGES",
     "EFFECTS",
+    "EVENT_INDICES",
+    "EVENT_SENSITIVITIES",
     "EXCEEDANCE_INDICES",
     "GENERALIZED_INDICES",
     "INDICES",
@@ -72,4 +74,12 @@ ASSOCIATIONS = (
     Measure("partial_rank", "partial, ranks"),
     Measure("partial", "partial"),
     Measure("delta", "delta"),
+)
+EVENT_INDICES = (Measure("event_first_order", "first order"),)
+EVENT_SENSITIVITIES = (
+    Measure("mean_sensitivity", "mean, by one sd"),
+    Measure("std_sensitivity", "sd, by itself"),
+    Measure("mean_elasticity", "elasticity, mean"),
+    Measure("std_elasticity", "elasticity, sd"),
+    Measure("sensitivity_effective_runs", "effective runs"),
 )

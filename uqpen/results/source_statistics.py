@@ -189,8 +189,15 @@ class SourceStatistics:
 
         Along ``event`` and ``bound``; the coordinate ``event_condition`` has each event in words.
         """
-        joint = UnpackedStatistics(read_group(self.tree, JOINT_GROUP, design))
-        return joint.get("joint_probability")
+        return self.joint_statistics(design).get("joint_probability")
+
+    def joint_statistics(self, design: str) -> UnpackedStatistics:
+        """Return all statistics of a design's events of several outputs.
+
+        Beside the probabilities, these are their sensitivities to the inputs, along
+        ``sensitivity_event``, ``input`` and ``bound``, where a study requests them.
+        """
+        return UnpackedStatistics(read_group(self.tree, JOINT_GROUP, design))
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
@@ -245,10 +252,8 @@ class SourceStatistics:
     def _failure_rows(self, design: str, described: dict[str, str]) -> Iterator[dict[str, Any]]:
         """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
         runs = read_group(self.tree, RUNS, design)
-        joint = self.joint_probability(design)
-        if joint is not None:
-            statistic = "joint_probability"
-            yield from estimate_rows(joint, **described, output="", statistic=statistic)
+        for name, array in self.joint_statistics(design).items():
+            yield from estimate_rows(array, **described, output="", statistic=name)
         for name, array in self.failures(design).items():
             for row in estimate_rows(array, **described, output="", statistic=name):
                 # The lowest and the highest are values of an input, each in its own unit.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -38,6 +38,9 @@ from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
 
+if TYPE_CHECKING:
+    from uqpen.statistics.by_blocks.large_sample import LargeSample
+
 __all__ = [
     "OutputStatistics",
     "analyze",
@@ -45,6 +48,7 @@ __all__ = [
     "drawn_runs",
     "goes_by_blocks",
     "in_catalogue_order",
+    "large_sample",
     "output_run_counts",
     "run_counts",
 ]
@@ -100,6 +104,13 @@ def goes_by_blocks(runs: BlockedRuns, in_memory: int) -> bool:
     return runs.size > in_memory and sampling.is_sample and sampling is not Sampling.PICK_FREEZE
 
 
+def large_sample(runs: BlockedRuns, in_memory: int) -> LargeSample:
+    """Return a sample of many runs, a part of whose runs goes through memory."""
+    from uqpen.statistics.by_blocks.large_sample import LargeSample  # loads a compiler
+
+    return LargeSample(runs, in_memory, _analyze_whole)
+
+
 def _analyze_large(
     handle: BlockedRuns,
     quantities: Sequence[QuantityOfInterest],
@@ -108,10 +119,8 @@ def _analyze_large(
     in_memory: int,
 ) -> dict[str, OutputStatistics]:
     """Compute the statistics of a sample of many runs, without all of them in memory."""
-    from uqpen.statistics.by_blocks.large_sample import LargeSample  # loads a compiler
-
     found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
-    large = LargeSample(handle, in_memory, _analyze_whole)
+    large = large_sample(handle, in_memory)
     for name, statistics, used in large.statistics(quantities, only, outside):
         counts = output_run_counts(handle, name, used) if used >= 0 else {}
         found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
@@ -197,9 +206,7 @@ def analyze_failures(
 
 def _failures_of_large(handle: BlockedRuns, level: float, in_memory: int) -> OutputStatistics:
     """Compute the probabilities by blocks, and the associations from a part of the runs."""
-    from uqpen.statistics.by_blocks.large_sample import LargeSample
-
-    large = LargeSample(handle, in_memory, _analyze_whole)
+    large = large_sample(handle, in_memory)
     found = large.with_note(analyze_failures(large.part, level), texts.RANKS_IN_MEMORY)
     return {**found, "probability": large.status_probabilities(level, run_counts(handle))}
 

@@ -54,17 +54,28 @@ class JointEvent:
         True if one of the limits suffices, False if all must hold.
     accepted : AcceptanceLimits
         The probabilities that the study accepts.
+    given : JointEvent, optional
+        The event on whose occurrence the probability is conditional.
+    sensitivities : bool
+        Whether the sensitivities of the probability to the inputs are requested.
     """
 
     name: str
     limits: tuple[OutputLimit, ...]
     is_any: bool = False
     accepted: AcceptanceLimits = AcceptanceLimits()
+    given: JointEvent | None = None
+    sensitivities: bool = False
 
     @property
     def outputs(self) -> set[str]:
-        """Names of the outputs that it concerns."""
-        return {limit.output for limit in self.limits}
+        """Names of the outputs that it concerns, with those of its condition."""
+        own = {limit.output for limit in self.limits}
+        return own | self.given.outputs if self.given else own
+
+    def counts(self, columns: Mapping[str, FloatArray]) -> BoolArray | None:
+        """Return which runs count, those that meet the condition; None for all of them."""
+        return self.given.occurs(columns) if self.given else None
 
     def occurs(self, columns: Mapping[str, FloatArray]) -> BoolArray:
         """Return in which runs it occurs, from the values of its outputs."""
@@ -74,4 +85,5 @@ class JointEvent:
     @property
     def condition(self) -> str:
         """The event in words."""
-        return (" or " if self.is_any else " and ").join(limit.text for limit in self.limits)
+        own = (" or " if self.is_any else " and ").join(limit.text for limit in self.limits)
+        return f"{own}, given {self.given.condition}" if self.given else own

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import EVENT
 from uqpen.core.labels import ABSENT, SAMPLING, STATUS
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.analyze import OutputStatistics, drawn_runs, goes_by_blocks, run_counts
@@ -27,6 +26,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     event_probability,
 )
 from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
 from uqpen.statistics.sample import Sample
@@ -129,13 +129,19 @@ def _array(
 def _estimate(
     event: JointEvent, samples: dict[str, Sample], absent: Sequence[str], level: float
 ) -> EstimateVector:
-    # Some runs may lack a derived output; those that have all outputs of the event are used.
-    used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
-    occurs = event.occurs({name: _at(samples[name], used) for name in event.outputs})
-    values = occurs.astype(np.float64)
-    sample = replace(samples[event.limits[0].output], used=used, values=values, level=level)
-    estimate = event_probability(sample, occurs)
-    return _noted(estimate, has_all=event.outputs.isdisjoint(absent))
+    sample, occurs = event_sample(event, samples, level)
+    has_all = event.outputs.isdisjoint(absent)
+    return _noted(_of_condition(event, event_probability(sample, occurs), sample), has_all=has_all)
+
+
+def _of_condition(event: JointEvent, found: EstimateVector, sample: Sample) -> EstimateVector:
+    """Return a conditional probability with the number of its runs; any other as it is."""
+    if event.given is None:
+        return found
+    if not sample.size:
+        reason = texts.CONDITION_NEVER_SEEN.format(condition=event.given.condition)
+        return EstimateVector.without_bounds(found.value, reason)
+    return found.with_further_note(texts.RUNS_OF_CONDITION.format(runs=sample.size))
 
 
 def _estimates_by_blocks(
@@ -147,10 +153,12 @@ def _estimates_by_blocks(
     with_gaps = {name for name in outputs if ABSENT in runs.template[name].attrs}
     columns = [partial(_occurrences, event, with_gaps) for event in events]
     samples = tabulated_samples(runs, outputs, columns, np.array([0.0, 1.0]), level)
-    completed = status_counts(runs)[Status.OK]
     return [
-        _noted(event_probability(each, each.values == 1), has_all=each.size == completed)
-        for each in samples
+        _noted(
+            _of_condition(event, event_probability(each, each.values == 1), each),
+            has_all=with_gaps.isdisjoint(event.outputs),
+        )
+        for event, each in zip(events, samples, strict=True)
     ]
 
 
@@ -161,6 +169,8 @@ def _occurrences(
     used = columns[STATUS] == Status.OK
     for name in event.outputs & with_gaps:
         used = used & ~np.isnan(columns[name])
+    counts = event.counts(columns)
+    used = used if counts is None else used & counts
     return event.occurs(columns).astype(np.float64), used
 
 
@@ -168,11 +178,6 @@ def _noted(estimate: EstimateVector, *, has_all: bool) -> EstimateVector:
     if has_all:
         return estimate
     return replace(estimate, note="; ".join(filter(None, (str(estimate.note), texts.ALL_EXIST))))
-
-
-def _at(sample: Sample, used: IntArray) -> FloatArray:
-    """Return the values of a sample in some of its runs."""
-    return sample.values[np.isin(sample.used, used, assume_unique=True)]
 
 
 def _texts(texts: list[str]) -> npt.NDArray[np.object_]:

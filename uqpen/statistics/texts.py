@@ -84,6 +84,18 @@ UNMET_PART = (
     "of {probability:.2g} or more, with 95 %"
 )
 
+# Sensitivities of a probability, and conditional probabilities.
+SCORES = "Student t on the scores of the event, both ends moved out by the furthest runs"
+SCORES_OVER_REPLICATES = "Student t over whole replicates, on the scores of the event"
+FEW_SCORES_DECIDE = "only {runs:.0f} effective runs decide it"
+DIAGNOSTIC_OF_SCORES = "a diagnostic of the scores, not an estimate"
+FEW_REPLICATES_OF_SCORES = "fewer than {replicates} replicates are too few for an interval"
+MOVED_ALONE = "the random inputs depend on each other, so none can move by itself"
+MOVED_TOGETHER = "its distribution has no mean that can move without its standard deviation"
+MEAN_IS_0 = "no elasticity to a mean of 0"
+CONDITION_NEVER_SEEN = "no completed run meets the condition: {condition}"
+RUNS_OF_CONDITION = "of the {runs} runs that meet the condition"
+
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"
@@ -204,6 +216,8 @@ INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
 OF_PART = "from {part} of {of} runs: {reason}"
 WEIGHTS_IN_MEMORY = "weighted runs are analysed in memory"
 RANKS_IN_MEMORY = "failed runs are ranked among the others in memory"
+INPUTS_IN_MEMORY = "the scores of inputs are computed in memory"
+TAILS_IN_MEMORY = "the tail is analysed in memory"
 FIELD_IN_MEMORY = "a field is analysed in memory"
 OUTSIDE_IN_MEMORY = "a user's analysis takes all values at once"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"

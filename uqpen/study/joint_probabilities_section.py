@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
@@ -18,8 +20,10 @@ __all__ = ["read_joint_probabilities"]
 
 _COMPARISON = re.compile(r"\s*(\w+)\s*([<>])(?!=)\s*(.+?)\s*\Z", re.ASCII)
 _LIMIT = 'a limit of an output, such as "depth < 60 cm"'
-_ALL, _ANY = "all", "any"
+_ALL, _ANY, _GIVEN, _SENSITIVITIES = "all", "any", "given", "sensitivities"
 _EVENT = 'a list of limits, or a table such as { any = ["depth > 60 cm"], at_most = 0.05 }'
+
+_CONDITION = 'a list of limits, or a table such as { any = ["depth > 60 cm"] }'
 
 
 def read_joint_probabilities(table: TableReader, model: Model) -> tuple[JointEvent, ...]:
@@ -43,19 +47,54 @@ def _read_event(name: str, written: object, model: Model) -> JointEvent:
     if not isinstance(written, dict):
         raise QuantityError(toml_text(written), _EVENT)
     content = dict(written)
+    limits, is_any = _read_quantified(content, model)
+    given = _read_given(content.pop(_GIVEN), model) if _GIVEN in content else None
+    sensitivities = content.pop(_SENSITIVITIES, False)
+    if not isinstance(sensitivities, bool):
+        raise SettingsError([Problem((_SENSITIVITIES,), toml_text(sensitivities), "true or false")])
+    if sensitivities and given:
+        found, expected = "true, of a conditional probability", "an event without given"
+        raise SettingsError([Problem((_SENSITIVITIES,), found, expected)])
+    if unknown := [key for key in content if key not in ("at_most", "at_least")]:
+        expected = "all or any, given, sensitivities, at_most or at_least"
+        raise SettingsError([Problem((unknown[0],), "an unknown key", expected)])
+    return JointEvent(name, limits, is_any, AcceptanceLimits(**content), given, sensitivities)
+
+
+def _read_quantified(
+    content: dict[str, object], model: Model
+) -> tuple[tuple[OutputLimit, ...], bool]:
+    """Take the limits out of a table; whether any of them suffices."""
     quantifiers = [key for key in (_ALL, _ANY) if key in content]
     if len(quantifiers) != 1:
         found = "both all and any" if quantifiers else "neither all nor any"
         raise QuantityError(found, _EVENT)
     (quantifier,) = quantifiers
+    with _within(quantifier):
+        return _read_limits(content.pop(quantifier), model), quantifier == _ANY
+
+
+def _read_given(written: object, model: Model) -> JointEvent:
+    """Read the condition of an event: limits that all hold, or a table of those."""
+    with _within(_GIVEN):
+        if isinstance(written, list):
+            return JointEvent(_GIVEN, _read_limits(written, model))
+        if not isinstance(written, dict):
+            raise QuantityError(toml_text(written), _CONDITION)
+        content = dict(written)
+        limits, is_any = _read_quantified(content, model)
+        if content:
+            raise SettingsError([Problem((next(iter(content)),), "an unknown key", "all or any")])
+        return JointEvent(_GIVEN, limits, is_any)
+
+
+@contextmanager
+def _within(key: str) -> Iterator[None]:
+    """Put the problems of what is read inside under a key."""
     try:
-        limits = _read_limits(content.pop(quantifier), model)
+        yield
     except (SettingsError, QuantityError) as error:
-        raise SettingsError([each.within(quantifier) for each in error.problems]) from None
-    if unknown := [key for key in content if key not in ("at_most", "at_least")]:
-        expected = "all or any, at_most or at_least"
-        raise SettingsError([Problem((unknown[0],), "an unknown key", expected)])
-    return JointEvent(name, limits, quantifier == _ANY, AcceptanceLimits(**content))
+        raise SettingsError([each.within(key) for each in error.problems]) from None
 
 
 def _read_limits(written: object, model: Model) -> tuple[OutputLimit, ...]:

@@ -24,6 +24,7 @@ from uqpen.core.labels import (
 )
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.decision import decision_attributes
+from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
@@ -66,6 +67,9 @@ def model_groups(
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
         joint = joint_probabilities(design_runs, study.joint_events, study.confidence_level)
+        joint |= event_sensitivities(
+            design_runs, study.joint_events, study.joint, study.confidence_level
+        )
         if joint:
             marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
             yield f"/{JOINT_GROUP}/{design}", pack(marked)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 
@@ -11,7 +14,7 @@ from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics.rare_events.replicate_probability import ReplicateProbability
 
-__all__ = ["subset_probability"]
+__all__ = ["Level", "last_level", "subset_levels", "subset_probability"]
 
 
 def subset_probability(
@@ -38,6 +41,47 @@ def subset_probability(
     ReplicateProbability or None
         None where no draw counts.
     """
+    last = last_level(runs, outcomes, event, members)
+    if last is None:
+        return None
+    return ReplicateProbability(
+        last.probability * float(last.states.occurs.mean()),
+        last.probability * float(last.states.missing.mean()),
+    )
+
+
+class Level(NamedTuple):
+    """Level of a replicate: a sample of the inputs, given that a run reaches the level.
+
+    Parameters
+    ----------
+    probability : float
+        Probability of reaching it.
+    threshold : float
+        The performance that reaches it; minus infinity for independent draws.
+    states : ChainStates
+        The states of its chains.
+    """
+
+    probability: float
+    threshold: float
+    states: ChainStates
+
+
+def last_level(
+    runs: xr.Dataset, outcomes: EventOutcomes, event: LimitState, members: IntArray
+) -> Level | None:
+    """Return the last level of a replicate; None where no draw counts."""
+    return next(iter(reversed(subset_levels(runs, outcomes, event, members))), None)
+
+
+def subset_levels(
+    runs: xr.Dataset, outcomes: EventOutcomes, event: LimitState, members: IntArray
+) -> list[Level]:
+    """Return the levels of a replicate, the independent draws first; none where no draw counts.
+
+    Parameters are those of `subset_probability`.
+    """
     levels = runs[SUBSET_LEVEL].values[members]
     drawn = members[levels == 0]
     everything = ChainStates.of(
@@ -45,17 +89,16 @@ def subset_probability(
     )
     states = everything.at(drawn[outcomes.belongs[drawn]])
     if not len(states.runs):
-        return None
-    probability = 1.0
+        return []
+    found = [Level(1.0, -math.inf, states)]
     for level in range(1, int(levels.max()) + 1):
         made = members[levels == level]
         threshold = float(runs[LEVEL_THRESHOLD].values[made[0]])
-        probability *= float(states.at_or_above(threshold).mean())
+        probability = found[-1].probability * float(states.at_or_above(threshold).mean())
         seeds = runs[CHAIN_PARENT].values[made].reshape(STEPS, -1)[0]
         states = _visited(everything, seeds, made.reshape(STEPS, -1), threshold)
-    return ReplicateProbability(
-        probability * float(states.occurs.mean()), probability * float(states.missing.mean())
-    )
+        found.append(Level(probability, threshold, states))
+    return found
 
 
 def _visited(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,13 +17,14 @@ from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.explained_variance import LocalRegressions, SampledVariable
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 
-__all__ = ["first_order", "indices_name"]
+__all__ = ["event_first_order", "first_order", "indices_name"]
 
 
 def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -56,6 +58,24 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         coordinates = threshold_coordinates(quantity)
         what = f"whether {title} exceeds a value"
         yield neighbours.event_indices(events, coordinates, "exceedance_", what)
+
+
+def event_first_order(sample: Sample, occurs: BoolArray) -> list[Estimate]:
+    """Return the first-order index of each input, of whether an event occurs in the runs.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs in which the event is known.
+    occurs : ndarray of bool, shape (run,)
+    """
+    if sample.weights is not None:
+        return [Estimate.without_bounds(math.nan, texts.NOT_WEIGHTED) for _ in sample.inputs]
+    if not sample.size:
+        reason = sample.reason_without_intervals or texts.NO_RUN
+        return [Estimate.without_bounds(math.nan, reason) for _ in sample.inputs]
+    own = replace(sample, values=occurs.astype(np.float64))
+    return LocalRegressions(own).indices(SampledVariable(own, is_event=True)).each()
 
 
 @dataclass(frozen=True)

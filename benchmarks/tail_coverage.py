@@ -1,0 +1,200 @@
+"""How often the intervals of statistics of a tail cover, over seeds, where the truth is known.
+
+Run it as ``python benchmarks/tail_coverage.py --seeds 400 --output FILE.csv``, with uqpen
+installed; files of other seeds (``--first``) add up: ``--from FILE.csv … --markdown
+docs/coverage.md``. A file that ends in the middle keeps its rows, and ``--first`` goes on behind.
+
+The sensitivities are those of P(x₁ + x₂ > c), where both variables are normal and an input follows
+from the first one. The replicates are ten Latin hypercubes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from coverage_table import Place
+from scipy import special
+
+from uqpen.core.sampling import Sampling
+from uqpen.core.threads import one_blas_thread
+from uqpen.distributions.continuous import Lognormal, Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.event_sensitivity.input_scores import InputScores
+from uqpen.statistics.event_sensitivity.sample_sensitivity import sample_sensitivities
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.sample import Sample
+
+FloatArray = npt.NDArray[np.float64]
+TABLE = Place("statistics of a tail")
+REPLICATES = 10
+
+
+class Answer(NamedTuple):
+    """One interval: a row of the file. NaN where there is none."""
+
+    statistic: str
+    case: str
+    design: str
+    runs: int
+    seed: int
+    exact: float
+    estimate: float
+    lower: float
+    upper: float
+
+
+class Drawn(NamedTuple):
+    """Draws of two normal variables, and how a sample was drawn."""
+
+    normal: FloatArray
+    sampling: Sampling
+    replicates: npt.NDArray[np.int64]
+
+    def sample(self, values: FloatArray, columns: InputColumns) -> Sample:
+        """Return a sample of values, in which no run failed."""
+        used = np.arange(len(values))
+        return Sample(values, used, used[:0], columns, self.replicates, self.sampling)
+
+
+def draw(design: str, runs: int, seed: int) -> Drawn:
+    """Draw two variables independently, or by replicated Latin hypercubes."""
+    rng = np.random.default_rng([seed, runs])
+    if design == "monte-carlo":
+        unit, replicates = rng.random((runs, 2)), np.zeros(runs, dtype=np.int64)
+        return Drawn(special.ndtri(unit), Sampling.INDEPENDENT, replicates)
+    size = runs // REPLICATES
+    sets = [
+        np.stack([(rng.permutation(size) + rng.random(size)) / size for _ in range(2)], axis=1)
+        for _ in range(REPLICATES)
+    ]
+    replicates = np.repeat(np.arange(REPLICATES), size)
+    return Drawn(special.ndtri(np.concatenate(sets)), Sampling.STRATIFIED, replicates)
+
+
+DESIGNS = ("monte-carlo", "latin-hypercube")
+Case = tuple[str, Sequence[int], Callable[[Drawn], Iterator[tuple[str, float, Estimate]]]]
+
+_NODES = np.linspace(-8.2, 8.2, 20_001)
+_SHARES = np.exp(-(_NODES**2) / 2) / np.exp(-(_NODES**2) / 2).sum()
+
+
+def sensitivity_cases() -> Iterator[Case]:
+    """Yield the cases of sensitivities of a probability."""
+    inputs = (Normal(0.0, 1.0), Lognormal(1.0, 0.5), Uniform(0.0, 1.0))
+    for distribution in inputs:
+        for limit, runs in ((1.5, (200,)), (2.5, (1000,)), (3.2, (1000, 10_000))):
+            yield _sensitivity_case(distribution, limit, runs)
+
+
+def _sensitivity_case(distribution: Distribution, limit: float, runs: Sequence[int]) -> Case:
+    scores = InputScores.of(distribution)
+    if scores is None:
+        raise ValueError("an input whose mean cannot move")
+    values = _transformed(distribution, _NODES)
+    beyond = special.ndtr(_NODES - limit) * _SHARES
+    probability = float(beyond.sum())
+    changes = (scores(values) * beyond).sum(axis=1)
+    exact = [*changes.tolist(), *(changes / probability).tolist()]
+    titles = ("σ ∂P/∂μ", "σ ∂P/∂σ", "(σ/P) ∂P/∂μ", "(σ/P) ∂P/∂σ")
+
+    def ask(drawn: Drawn) -> Iterator[tuple[str, float, Estimate]]:
+        occurs = drawn.normal.sum(axis=1) > limit
+        points = _transformed(distribution, drawn.normal[:, :1])
+        columns = InputColumns.from_matrix(("x",), points)
+        found = sample_sensitivities(drawn.sample(occurs * 1.0, columns), occurs, "x", scores)
+        estimates = (*found.changes, *found.relative_changes)
+        yield from zip(titles, exact, estimates, strict=True)
+
+    name = type(distribution).__name__.lower()
+    return f"{name} input, P = {probability:.3g}", runs, ask
+
+
+def _transformed(distribution: Distribution, normal: FloatArray) -> FloatArray:
+    below, above = special.ndtr(normal), special.ndtr(-normal)
+    return np.where(normal < 0, distribution.ppf(below), distribution.isf(above))
+
+
+CASES = {"sensitivity": sensitivity_cases}
+
+
+def answers(wanted: Sequence[str], seeds: Sequence[int]) -> Iterator[Answer]:
+    """Yield the intervals of all cases, one seed after the other."""
+    cases = [each for name in wanted for each in CASES[name]()]
+    for seed in seeds:
+        for title, sizes, ask in cases:
+            for runs in sizes:
+                for design in DESIGNS:
+                    for statistic, exact, each in ask(draw(design, runs, seed)):
+                        yield Answer(statistic, title, design, runs, seed, exact, *each.bounds)
+
+
+def page(rows: Sequence[Answer]) -> Iterator[str]:
+    """Yield the lines of the table."""
+    yield "| statistic | of | design | runs | seeds | without interval | coverage | width |"
+    yield "|---|---|---|---|---|---|---|---|"
+    groups: dict[tuple[str, str, str, int], list[Answer]] = {}
+    for row in rows:
+        groups.setdefault((row.statistic, row.case, row.design, row.runs), []).append(row)
+    for (statistic, case, design, runs), found in groups.items():
+        exact, _, lower, upper = np.array([each[5:] for each in found]).T
+        has = np.isfinite(lower) & np.isfinite(upper)
+        covers = (
+            100 * np.mean(((lower <= exact) & (exact <= upper))[has]) if has.any() else math.nan
+        )
+        width = np.median((upper - lower)[has] / np.abs(exact[has])) if has.any() else math.nan
+        shown = f"{covers:.1f} % | ± {50 * width:.3g} %" if has.any() else "– | –"
+        none = f"{100 * np.mean(~has):.3g} %"
+        yield f"| {statistic} | {case} | {design} | {runs} | {len(found)} | {none} | {shown} |"
+
+
+def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
+    """Yield answers, each after it has been written to a file."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(Answer._fields)
+        for row in rows:
+            writer.writerow(row)
+            yield row
+
+
+def read(paths: Sequence[Path]) -> list[Answer]:
+    """Read files of answers."""
+    found = []
+    for path in paths:
+        with path.open(newline="", encoding="utf-8") as file:
+            for statistic, case, design, runs, seed, *numbers in list(csv.reader(file))[1:]:
+                of_row = (statistic, case, design, int(runs), int(seed))
+                found.append(Answer(*of_row, *map(float, numbers)))
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=400)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--of", nargs="+", choices=CASES, default=[*CASES])
+    parser.add_argument("--output", type=Path, metavar="FILE.csv")
+    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    options = parser.parse_args()
+    rows = read(options.files)
+    if not options.files:
+        with one_blas_thread():
+            found = answers(options.of, range(options.first, options.first + options.seeds))
+            rows = list(kept(found, options.output) if options.output else found)
+    lines = "\n".join(page(rows))
+    print(lines)
+    if options.markdown:
+        TABLE.fill(options.markdown, lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""Sensitivities of an event's probability from a sample, by the scores of an input."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.statistics import texts
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.event_sensitivity.input_scores import InputScores
+from uqpen.statistics.event_sensitivity.sensitivity_estimates import (
+    PairOfEstimates,
+    SensitivityEstimates,
+)
+from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.mean_margins import mean_margins
+from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.weights import effective_sizes, runs_on_a_side
+
+__all__ = ["sample_sensitivities"]
+
+# With fewer runs on a side, the error may be larger than it shows.
+_FEWEST = 10
+# So it is with fewer effective runs with the event, by their scores.
+_FEWEST_EFFECTIVE = 5
+
+
+def sample_sensitivities(
+    sample: Sample, occurs: BoolArray, name: str, scores: InputScores
+) -> SensitivityEstimates:
+    """Estimate how the probability of an event moves with the distribution of an input.
+
+    Where the distribution moves, each run has a weight, whose derivative is its score. So the
+    derivative of the probability is the mean of the scores over the runs with the event.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs in which the event is known.
+    occurs : ndarray of bool, shape (run,)
+        Whether it occurs.
+    name : str
+        The input.
+    scores : InputScores
+        Its scores.
+    """
+    points = scores(sample.columns[sample.inputs.index(name)])
+    own = points[:, sample.used]
+    # About their mean over admissible runs, so the probability is that of admissible inputs.
+    own = own - sample.mean(own)[:, np.newaxis]
+    events = occurs.astype(np.float64)
+    probability = float(sample.mean(events)) if sample.size else math.nan
+    changes = sample.mean(events * own) if sample.size else np.full(2, math.nan)
+    relative = changes / probability if probability > 0 else np.full(2, math.nan)
+    decisive = occurs * np.abs(own) * (1.0 if sample.run_weights is None else sample.run_weights)
+    sizes = effective_sizes(decisive) if occurs.any() else np.zeros(2)
+    reason = _reason_without_bounds(sample, occurs, float(sizes.min()))
+    if reason:
+        return SensitivityEstimates(
+            PairOfEstimates(*(Estimate.without_bounds(each, reason) for each in changes.tolist())),
+            PairOfEstimates(*(Estimate.without_bounds(each, reason) for each in relative.tolist())),
+            float(sizes.min()),
+        )
+    residual = events - probability
+    influence = residual * own
+    relative_influence = (influence - relative[:, np.newaxis] * residual) / probability
+    missing = points[:, sample.missing] - sample.mean(points[:, sample.used])[:, np.newaxis]
+    return SensitivityEstimates(
+        _pair(sample, changes, influence, _reached(sample, own, occurs, missing)),
+        _pair(
+            sample,
+            relative,
+            relative_influence * _factor_of_few(sample, int(occurs.sum())),
+            _mean_reached(sample, own, occurs, missing),
+        ),
+        float(sizes.min()),
+    )
+
+
+def _reason_without_bounds(sample: Sample, occurs: BoolArray, size: float) -> str:
+    """Return the reason why the scatter of the runs shows no error; empty where it does."""
+    if sample.reason_without_intervals:
+        return sample.reason_without_intervals
+    if sample.run_weights is not None:
+        is_few = bool(runs_on_a_side(sample.run_weights, occurs) < _FEWEST)
+    else:
+        is_few = not bool(has_enough_runs_around(sample, occurs.sum()))
+    if is_few:
+        return texts.TOO_ONE_SIDED if sample.weights is None else texts.FEW_WEIGHTED_BEYOND
+    return texts.FEW_SCORES_DECIDE.format(runs=size) if size < _FEWEST_EFFECTIVE else ""
+
+
+def _factor_of_few(sample: Sample, events: int) -> float:
+    """Return the factor of an error from few runs: the mean score is one over the event's alone."""
+    freedom = sample.degrees_of_freedom
+    few = student_quantile(min(events - 1, freedom), sample.level)
+    return few / student_quantile(freedom, sample.level)
+
+
+def _pair(
+    sample: Sample, values: FloatArray, influence: FloatArray, reached: tuple[FloatArray, ...]
+) -> PairOfEstimates:
+    """Return estimates whose ends are those of what the missing runs leave possible."""
+    margins = mean_margins(sample, influence, is_heavy=np.array([True, True]))
+    lowest, highest = reached
+    ends = lowest - margins.below, highest + margins.above
+    method, label, note = texts.SCORES, "nominal", ""
+    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+        label = "conservative"
+    if sample.missing.size:
+        method, label = texts.FOR_ANY_OUTCOME.format(method=method), "conservative"
+        note = texts.MISSING_RUNS.format(runs=sample.missing.size)
+    return PairOfEstimates(
+        *(
+            Estimate(value, low, high, method, label, note)
+            for value, low, high in zip(*(each.tolist() for each in (values, *ends)), strict=True)
+        )
+    )
+
+
+def _reached(
+    sample: Sample, own: FloatArray, occurs: BoolArray, missing: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest and the largest mean score of the event, for any outcome of the missing.
+
+    Those with a negative score make it smaller where they have the event, the others larger.
+    """
+    weights, of_missing = _weights(sample)
+    total = weights.sum() + of_missing.sum()
+    known = (weights * occurs * own).sum(axis=1)
+    parts = of_missing * missing
+    lowest = known + np.minimum(parts, 0).sum(axis=1)
+    return lowest / total, (known + np.maximum(parts, 0).sum(axis=1)) / total
+
+
+def _mean_reached(
+    sample: Sample, own: FloatArray, occurs: BoolArray, missing: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the same of the mean score among the runs with the event."""
+    weights, of_missing = _weights(sample)
+    chosen = weights * occurs
+    known, total = (chosen * own).sum(axis=1), chosen.sum()
+    ends = []
+    for sign in (1, -1):
+        order = np.argsort(sign * missing, axis=1, kind="stable")
+        parts = np.take_along_axis(of_missing * missing, order, axis=1)
+        sums = known[:, np.newaxis] + np.cumsum(parts, axis=1)
+        means = sums / (total + np.cumsum(of_missing[order], axis=1))
+        whole = np.concatenate([(known / total)[:, np.newaxis], means], axis=1)
+        ends.append(sign * (sign * whole).min(axis=1))
+    return ends[0], ends[1]
+
+
+def _weights(sample: Sample) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of the runs and of the missing runs."""
+    if sample.weights is None:
+        return np.ones(sample.size), np.ones(sample.missing.size)
+    largest = sample.weights[sample.used].max()
+    return sample.weights[sample.used] / largest, sample.weights[sample.missing] / largest
