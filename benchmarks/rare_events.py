@@ -35,6 +35,7 @@ from uqpen.distributions.continuous import Normal
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.execution import join_rounds
 from uqpen.statistics.joint_probability import joint_probabilities
+from uqpen.surrogates.active_learning.active_learning import ActiveLearning
 
 FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"
@@ -156,6 +157,7 @@ def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
 def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray]]]:
     """Return the methods by name, each a function of the seed."""
     found = {
+        "active-learning": lambda seed: answer(problem, ActiveLearning(EVENT), seed),
         "subset-simulation": lambda seed: answer(
             problem, SubsetSimulation(EVENT, samples=problem.samples), seed
         ),

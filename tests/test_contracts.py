@@ -77,6 +77,7 @@ DESIGN_SETTINGS: dict[str, dict[str, object]] = {
     "morris": {"trajectories": 20},
     "one-at-a-time": {},
     "multifidelity": {"budget": 1000},
+    "active-learning": {"event": "y > 5", "learning": 20, "correction": 60},
     "subset-simulation": {"event": "y > 5", "samples": 100, "levels": 4},
 }
 

@@ -57,11 +57,13 @@ if TYPE_CHECKING:
     from uqpen.study.load import parse_study
     from uqpen.study.python_model import OutputSpec, PythonModel
     from uqpen.study.python_study import Study, load_study
+    from uqpen.surrogates.active_learning.active_learning import ActiveLearning
     from uqpen.surrogates.archived_surrogate import ExtrapolationWarning
     from uqpen.surrogates.gaussian_process import GaussianProcess
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
+    "ActiveLearning",
     "AlekseevskiiTate",
     "Archive",
     "ArchiveError",
@@ -177,6 +179,7 @@ _HOMES = {
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
     "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.surrogates.active_learning.active_learning": ("ActiveLearning",),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning",),
     "uqpen.surrogates.gaussian_process": ("GaussianProcess",),
     "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),

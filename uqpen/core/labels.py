@@ -33,6 +33,16 @@ RARE_EVENT = "rare_event"
 SUBSET_LEVEL = "subset_level"
 CHAIN_PARENT = "chain_parent"
 LEVEL_THRESHOLD = "level_threshold"
+# Of active learning the weight of a run that corrects the surrogate (0 of one to learn from) and
+# that by the draws alone which look for unknown parts, whether the surrogate predicts the event
+# there (-1 unknown) and the probability that it errs; and what it says alone of the event, with the
+# standard error of sampling it, alike for all these runs.
+CORRECTION_WEIGHT = "correction_weight"
+SEARCH_WEIGHT = "search_weight"
+PREDICTED_EVENT = "predicted_event"
+PREDICTION_ERROR = "prediction_error_probability"
+SURROGATE_PROBABILITY = "surrogate_probability"
+SURROGATE_PROBABILITY_ERROR = "surrogate_probability_error"
 # Of the runs of a design: the surrogate that has placed those after the first round.
 REFINED_FOR = "refined_for"
 INPUT = "input"
@@ -159,12 +169,21 @@ DIFFERENCES = "differences"
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
 _OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
 _OF_RARE_EVENTS = (SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD)
+_OF_ACTIVE_LEARNING = (
+    CORRECTION_WEIGHT,
+    SEARCH_WEIGHT,
+    PREDICTED_EVENT,
+    PREDICTION_ERROR,
+    SURROGATE_PROBABILITY,
+    SURROGATE_PROBABILITY_ERROR,
+)
 _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
 RESERVED = frozenset(
     [
         *_OF_RUNS,
         *_OF_MOVES,
         *_OF_RARE_EVENTS,
+        *_OF_ACTIVE_LEARNING,
         *_OF_FAILURES,
         BOUND,
         INPUT,

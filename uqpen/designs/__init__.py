@@ -16,6 +16,7 @@ DESIGNS = {
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
     "subset-simulation": "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
+    "active-learning": "uqpen.surrogates.active_learning.active_learning:ActiveLearning",
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

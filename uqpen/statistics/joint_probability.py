@@ -14,7 +14,14 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import EVENT
-from uqpen.core.labels import ABSENT, SAMPLING, STATUS
+from uqpen.core.labels import (
+    ABSENT,
+    CORRECTION_WEIGHT,
+    EQUIVALENT_RUNS,
+    SAMPLING,
+    STATUS,
+    SURROGATE_ESTIMATE,
+)
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -28,6 +35,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.joint_event import JointEvent
+from uqpen.statistics.rare_events.learned_probability import learned_probability
 from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
 from uqpen.statistics.sample import Sample
 
@@ -98,6 +106,13 @@ def _of_rare_event(
     estimate = EstimateVector.of(rare_event_probability(runs, event, level))
     absent = [name for name in event.outputs if ABSENT in runs[name].attrs]
     array = _array([_noted(estimate, has_all=not absent)], [(name, condition)], same, level)
+    if CORRECTION_WEIGHT in runs.coords:
+        learned = learned_probability(runs, event.outcomes(runs), level)
+        companions = {
+            SURROGATE_ESTIMATE: learned.surrogate,
+            EQUIVALENT_RUNS: learned.equivalent_runs,
+        }
+        array = array.assign_coords({key: (EVENT, [each]) for key, each in companions.items()})
     return {"joint_probability": array.assign_attrs(run_counts(LoadedDataset.of(runs)))}
 
 

@@ -74,6 +74,14 @@ REGION_OF_RUNS = "a region of these runs, not an interval"
 
 # Rare events, by designs that move towards them.
 STUDENT_ON_LOGARITHM = "Student t on the logarithm, over whole replicates"
+CORRECTED_COUNTS = (
+    "surrogate corrected by weighted runs: gamma intervals of its errors of both kinds, MOVER"
+)
+SURROGATE_ALONE = "the surrogate alone says {probability:.3g}, which has no interval"
+PART_NOT_MET = (
+    "parts of the event that no run has met are not in it: as near to the medians as the nearest "
+    "run that shows it, the runs would have met one of {probability:.2g} or more, with 95 %"
+)
 EVENT_NEVER_SEEN = (
     "no run of any replicate shows the event: its probability is too small for these runs"
 )

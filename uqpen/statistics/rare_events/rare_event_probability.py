@@ -8,10 +8,11 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.errors import QuantityError
-from uqpen.core.labels import RARE_EVENT, REPLICATE, RUN
+from uqpen.core.labels import CORRECTION_WEIGHT, RARE_EVENT, REPLICATE, RUN
 from uqpen.designs.rare_events.limit_state import LimitState, parse_limit_state
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.learned_probability import learned_probability
 from uqpen.statistics.rare_events.replicate_interval import replicate_interval
 from uqpen.statistics.rare_events.subset_probability import subset_probability
 
@@ -45,6 +46,8 @@ def rare_event_probability(runs: xr.Dataset, event: LimitState, level: float) ->
         Confidence level of the interval.
     """
     outcomes = event.outcomes(runs)
+    if CORRECTION_WEIGHT in runs.coords:
+        return learned_probability(runs, outcomes, level).estimate
     replicate = runs[REPLICATE].values
     found = []
     for number in np.unique(replicate):
