@@ -96,9 +96,9 @@ def _made(kind: str, folder: Path) -> xr.DataTree:
     return uqpen.run(uqpen.parse_study(text, folder=folder))
 
 
-# A multifidelity design needs several models: see `test_stand_ins`. Subset simulation has an event
-# in place of estimates of outputs: see `test_rare_events`.
-ELSEWHERE = {"data", "multifidelity", "subset-simulation"}
+# A multifidelity design needs several models: see `test_stand_ins`. Designs for a rare event
+# have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`.
+ELSEWHERE = {"data", "multifidelity", "subset-simulation", "importance-sampling"}
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))

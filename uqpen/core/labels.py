@@ -33,6 +33,13 @@ RARE_EVENT = "rare_event"
 SUBSET_LEVEL = "subset_level"
 CHAIN_PARENT = "chain_parent"
 LEVEL_THRESHOLD = "level_threshold"
+# Of importance sampling the stage (0 for the search of design points), the component of the mixture
+# that a run was drawn from (-1 for none), and the ratio of the inputs' density to the mixture's.
+SAMPLING_STAGE = "sampling_stage"
+MIXTURE_COMPONENT = "mixture_component"
+DENSITY_RATIO = "density_ratio"
+# Distance of a run from the median of all inputs, in standard normal space.
+NORMAL_DISTANCE = "normal_distance"
 # Of the runs of a design: the surrogate that has placed those after the first round.
 REFINED_FOR = "refined_for"
 INPUT = "input"
@@ -158,7 +165,15 @@ DIFFERENCES = "differences"
 # Names that the datasets of an archive use themselves.
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
 _OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
-_OF_RARE_EVENTS = (SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD)
+_OF_RARE_EVENTS = (
+    SUBSET_LEVEL,
+    CHAIN_PARENT,
+    LEVEL_THRESHOLD,
+    SAMPLING_STAGE,
+    MIXTURE_COMPONENT,
+    DENSITY_RATIO,
+    NORMAL_DISTANCE,
+)
 _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
 RESERVED = frozenset(
     [

@@ -83,6 +83,20 @@ UNMET_PART = (
     "parts of the event that no replicate met are not in it; as many plain runs would show a part "
     "of {probability:.2g} or more, with 95 %"
 )
+FEW_DRAWS_DECIDE = "weights: {size:.2g} effective draws decide a replicate"
+REPLICATES_DIFFER = (
+    "the replicates differ by more than their draws explain: some have met a part of the event "
+    "that others have not, and the interval may be too narrow"
+)
+UNMET_BY_DRAWS = (
+    "parts of the event that no draw met are not in it; one that is no nearer to the median than "
+    "what they met ({distance:.2g} standard deviations) has a probability below {probability:.2g}, "
+    "with 95 %"
+)
+UNMET_UNBOUNDED = (
+    "parts of the event that no draw met are not in it, and these draws give no bound on one as "
+    "far from the median as what they met ({distance:.2g} standard deviations)"
+)
 
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
