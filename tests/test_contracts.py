@@ -78,6 +78,7 @@ DESIGN_SETTINGS: dict[str, dict[str, object]] = {
     "one-at-a-time": {},
     "multifidelity": {"budget": 1000},
     "subset-simulation": {"event": "y > 5", "samples": 100, "levels": 4},
+    "form": {"event": "y > 5"},
     "importance-sampling": {"event": "y > 5", "samples": 200},
 }
 

@@ -97,8 +97,9 @@ def _made(kind: str, folder: Path) -> xr.DataTree:
 
 
 # A multifidelity design needs several models: see `test_stand_ins`. Designs for a rare event
-# have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`.
-ELSEWHERE = {"data", "multifidelity", "subset-simulation", "importance-sampling"}
+# have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`
+# and `test_form`.
+ELSEWHERE = {"data", "multifidelity", "subset-simulation", "importance-sampling", "form"}
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))

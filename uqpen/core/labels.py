@@ -38,6 +38,11 @@ LEVEL_THRESHOLD = "level_threshold"
 SAMPLING_STAGE = "sampling_stage"
 MIXTURE_COMPONENT = "mixture_component"
 DENSITY_RATIO = "density_ratio"
+# Of FORM the start whose search a run belongs to, the run that it is a step from (-1 for a start),
+# and the axis of a finite difference (-1 for a point of the search, -2 for one of the curvature).
+SEARCH_START = "search_start"
+SEARCH_ORIGIN = "search_origin"
+MOVED_AXIS = "moved_axis"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"
 # Of the runs of a design: the surrogate that has placed those after the first round.
@@ -172,6 +177,9 @@ _OF_RARE_EVENTS = (
     SAMPLING_STAGE,
     MIXTURE_COMPONENT,
     DENSITY_RATIO,
+    SEARCH_START,
+    SEARCH_ORIGIN,
+    MOVED_AXIS,
     NORMAL_DISTANCE,
 )
 _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)

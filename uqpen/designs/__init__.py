@@ -16,6 +16,7 @@ DESIGNS = {
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
     "subset-simulation": "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
+    "form": "uqpen.designs.rare_events.form:Form",
     "importance-sampling": "uqpen.designs.rare_events.importance_sampling:ImportanceSampling",
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
