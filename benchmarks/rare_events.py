@@ -1,9 +1,11 @@
 """How often intervals of rare events cover, over seeds, on events of known probability.
 
-Run it as ``python benchmarks/rare_events.py --seeds 500 --output FILE.csv``, with uqpen installed;
-files of other seeds (``--first``) add up: ``--from FILE.csv … --markdown docs/rare_events.md``.
+Run it as ``python benchmarks/rare_events.py --seeds 500 --output FILE.csv``, with uqpen installed.
+Answers that are in the file are not made again, so a run that was interrupted goes on. Files of
+other seeds (``--first``) add up: ``--from FILE.csv … --markdown docs/rare_events.md``.
 The probabilities are exact, or by quadrature. OpenTURNS, where it can be imported, answers the same
-questions by its own subset simulation; its interval is that of its stated coefficient of variation.
+questions by its own subset simulation, and by importance sampling around its own design point; its
+interval is that of its stated coefficient of variation.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import csv
 import importlib.util
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,13 +23,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import Place
+from scipy.special import ndtr
 
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.core.variables import Input
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
 from uqpen.designs.round import points_of
 from uqpen.designs.rounds import run_rounds
@@ -40,6 +45,7 @@ from uqpen.surrogates.active_learning.active_learning import ActiveLearning
 FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"
 LEVEL = 0.95
+RUNS = 10_000
 TABLE = Place("rare events")
 
 
@@ -90,6 +96,42 @@ PROBLEMS = {
 }
 
 
+def far_sides(u: FloatArray) -> FloatArray:
+    """Return two half-spaces on opposite sides, at different distances."""
+    return np.minimum(3 - u[:, 0], 4 + u[:, 0])
+
+
+def both_sides(u: FloatArray) -> FloatArray:
+    """Return two half-spaces by an absolute value, of the sum of all inputs."""
+    return 4 * math.sqrt(u.shape[1]) - np.abs(u.sum(axis=1))
+
+
+def failing(u: FloatArray) -> FloatArray:
+    """Return a half-space of which a part makes the model fail."""
+    return np.where((u[:, 0] > 2.5) & (u[:, 1] > 1), np.nan, 3 - u[:, 0])
+
+
+def jump(u: FloatArray) -> FloatArray:
+    """Return a half-space without a gradient."""
+    return np.where(u.sum(axis=1) > 4 * math.sqrt(2), -1.0, 1.0)
+
+
+PROBLEMS |= {
+    "far": Problem("a > 3 or a < −4", 2, float(ndtr(-3) + ndtr(-4)), 720, far_sides),
+    "both": Problem("\\|Σ of ten normals\\| > 4√10", 10, float(2 * ndtr(-4)), 400, both_sides),
+    "failing": Problem("a > 3, fails in a part of it", 2, float(ndtr(-3)), 720, failing),
+    "jump": Problem("a jump at a + b = 4√2", 2, float(ndtr(-4)), 450, jump),
+    "sphere": Problem("radius > 4 of two", 2, math.exp(-8), 550, lambda u: 4 - np.hypot(*u.T)),
+    "many": Problem(
+        "Σ of fifty normals > 5√50",
+        50,
+        2.86651571879e-7,
+        310,
+        lambda u: 5 * math.sqrt(50) - u.sum(axis=1),
+    ),
+}
+
+
 class Answer(NamedTuple):
     """One answer: a row of the file."""
 
@@ -118,7 +160,7 @@ def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray
     def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
         points = points_in_memory(points_of(drawn))
         values = problem.function(np.column_stack([points[name].values for name in names]))
-        status = np.zeros(len(values), dtype=np.int8)
+        status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
         described = {"units": "1", ROLE: "output"}
         return {"": points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})}
 
@@ -154,6 +196,39 @@ def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
     return made, np.array([estimate, estimate - half, estimate + half])
 
 
+def openturns_importance_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
+    """Return what OpenTURNS answers by draws around the design point that it finds."""
+    import openturns as ot
+
+    ot.RandomGenerator.SetSeed(seed)
+    vector = ot.RandomVector(ot.Normal(problem.dimension))
+    made = 0
+
+    def function(x: Any) -> FloatArray:
+        nonlocal made
+        made += len(x)
+        return problem.function(np.array(x))[:, np.newaxis]
+
+    limit_state = ot.PythonFunction(problem.dimension, 1, func_sample=function)
+    event = ot.ThresholdEvent(ot.CompositeRandomVector(limit_state, vector), ot.Less(), 0.0)
+    start = [0.1] * problem.dimension  # the gradient of a product is 0 at the median
+    search = ot.FORM(ot.AbdoRackwitz(), event, start)
+    search.run()
+    nearest = search.getResult().getStandardSpaceDesignPoint()
+    around = ot.Normal(nearest, ot.CovarianceMatrix(problem.dimension))
+    algorithm = ot.ProbabilitySimulationAlgorithm(
+        ot.StandardEvent(event), ot.ImportanceSamplingExperiment(around)
+    )
+    algorithm.setBlockSize(100)
+    algorithm.setMaximumOuterSampling(max(1, (RUNS - made) // 100))
+    algorithm.setMaximumCoefficientOfVariation(0.0)
+    algorithm.run()
+    result = algorithm.getResult()
+    estimate = result.getProbabilityEstimate()
+    half = result.getConfidenceLength(LEVEL) / 2
+    return made, np.array([estimate, estimate - half, estimate + half])
+
+
 def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray]]]:
     """Return the methods by name, each a function of the seed."""
     found = {
@@ -162,19 +237,27 @@ def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray
             problem, SubsetSimulation(EVENT, samples=problem.samples), seed
         ),
     }
+    each = RUNS // 5
+    found["importance-sampling"] = lambda seed: answer(
+        problem, ImportanceSampling(EVENT, samples=each), seed
+    )
     if importlib.util.find_spec("openturns"):
         found["OpenTURNS subset"] = lambda seed: openturns_answer(problem, seed)
+        found["OpenTURNS importance"] = lambda seed: openturns_importance_answer(problem, seed)
     return found
 
 
 def answers(
-    problems: Sequence[str], wanted: Sequence[str], seeds: Sequence[int]
+    problems: Sequence[str],
+    wanted: Sequence[str],
+    seeds: Sequence[int],
+    known: Collection[tuple[str, str, int]] = (),
 ) -> Iterator[Answer]:
-    """Yield the answers of all methods."""
+    """Yield the answers of all methods that are not known, by problem, method and seed."""
     for seed in seeds:
         for key in problems:
             for method, ask in methods(PROBLEMS[key]).items():
-                if not wanted or method in wanted:
+                if (not wanted or method in wanted) and (key, method, seed) not in known:
                     start = time.perf_counter()
                     runs, (estimate, lower, upper) = ask(seed)
                     seconds = time.perf_counter() - start
@@ -209,10 +292,12 @@ def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
 
 
 def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
-    """Yield answers, each after it has been written to a file."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    """Yield answers, each after it has been added to a file."""
+    is_new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(Answer._fields)
+        if is_new:
+            writer.writerow(Answer._fields)
         for row in rows:
             writer.writerow(row)
             file.flush()
@@ -239,12 +324,14 @@ def main() -> None:
     parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
     parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
     options = parser.parse_args()
-    rows = read(options.files)
+    is_known = options.output is not None and options.output.exists()
+    rows = read([*options.files, options.output] if is_known else options.files)
     if not options.files:
+        known = {each[:3] for each in rows}
         seeds = range(options.first, options.first + options.seeds)
         with one_blas_thread():
-            found = answers(options.problems, options.methods, seeds)
-            rows = list(kept(found, options.output) if options.output else found)
+            found = answers(options.problems, options.methods, seeds, known)
+            rows += kept(found, options.output) if options.output else found
     lines = "\n".join(page(rows))
     print(lines)
     if options.markdown:

@@ -79,6 +79,8 @@ DESIGN_SETTINGS: dict[str, dict[str, object]] = {
     "multifidelity": {"budget": 1000},
     "active-learning": {"event": "y > 5", "learning": 20, "correction": 60},
     "subset-simulation": {"event": "y > 5", "samples": 100, "levels": 4},
+    "form": {"event": "y > 5"},
+    "importance-sampling": {"event": "y > 5", "samples": 200},
 }
 
 

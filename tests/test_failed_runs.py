@@ -97,8 +97,10 @@ def _made(kind: str, folder: Path) -> xr.DataTree:
 
 
 # A multifidelity design needs several models: see `test_stand_ins`. Designs for a rare event
-# have no estimates of outputs: see `test_rare_events` and `test_active_learning`.
-ELSEWHERE = {"data", "multifidelity", "subset-simulation", "active-learning"}
+# have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`,
+# `test_form` and `test_active_learning`.
+RARE_EVENTS = {"subset-simulation", "importance-sampling", "form", "active-learning"}
+ELSEWHERE = {"data", "multifidelity"} | RARE_EVENTS
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from uqpen.designs.one_at_a_time import OneAtATime
     from uqpen.designs.quadrature import Quadrature
     from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
+    from uqpen.designs.rare_events.form import Form
+    from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
     from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
     from uqpen.designs.saltelli import Saltelli
     from uqpen.designs.stopping.precision import Precision
@@ -74,6 +76,7 @@ __all__ = [
     "Discrete",
     "ExtrapolationWarning",
     "FailurePolicy",
+    "Form",
     "FrankCopula",
     "FrozenDistribution",
     "FullFactorial",
@@ -84,6 +87,7 @@ __all__ = [
     "GumbelCopula",
     "Halton",
     "HydrodynamicLimit",
+    "ImportanceSampling",
     "Ishigami",
     "JoeCopula",
     "LatinHypercube",
@@ -143,6 +147,8 @@ _HOMES = {
     "uqpen.designs.one_at_a_time": ("OneAtATime",),
     "uqpen.designs.quadrature": ("Quadrature",),
     "uqpen.designs.quasi_monte_carlo": ("Halton", "SobolSequence"),
+    "uqpen.designs.rare_events.form": ("Form",),
+    "uqpen.designs.rare_events.importance_sampling": ("ImportanceSampling",),
     "uqpen.designs.rare_events.subset_simulation": ("SubsetSimulation",),
     "uqpen.designs.saltelli": ("Saltelli",),
     "uqpen.designs.stopping.precision": ("Precision",),

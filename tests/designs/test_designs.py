@@ -77,9 +77,9 @@ OTHER_DESIGNS = [
 
 def test_every_kind_of_design_is_tested() -> None:
     tested = {type(design) for design in [*RANDOM_DESIGNS, *OTHER_DESIGNS]}
-    # The points of two come from files, and those of three come in rounds.
-    elsewhere = {"table", "data", "saltelli", "multifidelity", "subset-simulation"}
-    elsewhere |= {"active-learning"}
+    # The points of two come from files, and those of some come in rounds.
+    elsewhere = {"table", "data", "saltelli", "multifidelity"}
+    elsewhere |= {"subset-simulation", "importance-sampling", "form", "active-learning"}
     kinds = {name: resolve(reference) for name, reference in DESIGNS.items()}
     assert {kind for name, kind in kinds.items() if name not in elsewhere} == tested
 

@@ -43,6 +43,18 @@ PREDICTED_EVENT = "predicted_event"
 PREDICTION_ERROR = "prediction_error_probability"
 SURROGATE_PROBABILITY = "surrogate_probability"
 SURROGATE_PROBABILITY_ERROR = "surrogate_probability_error"
+# Of importance sampling the stage (0 for the search of design points), the component of the mixture
+# that a run was drawn from (-1 for none), and the ratio of the inputs' density to the mixture's.
+SAMPLING_STAGE = "sampling_stage"
+MIXTURE_COMPONENT = "mixture_component"
+DENSITY_RATIO = "density_ratio"
+# Of FORM the start whose search a run belongs to, the run that it is a step from (-1 for a start),
+# and the axis of a finite difference (-1 for a point of the search, -2 for one of the curvature).
+SEARCH_START = "search_start"
+SEARCH_ORIGIN = "search_origin"
+MOVED_AXIS = "moved_axis"
+# Distance of a run from the median of all inputs, in standard normal space.
+NORMAL_DISTANCE = "normal_distance"
 # Of the runs of a design: the surrogate that has placed those after the first round.
 REFINED_FOR = "refined_for"
 INPUT = "input"
@@ -168,7 +180,18 @@ DIFFERENCES = "differences"
 # Names that the datasets of an archive use themselves.
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
 _OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
-_OF_RARE_EVENTS = (SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD)
+_OF_RARE_EVENTS = (
+    SUBSET_LEVEL,
+    CHAIN_PARENT,
+    LEVEL_THRESHOLD,
+    SAMPLING_STAGE,
+    MIXTURE_COMPONENT,
+    DENSITY_RATIO,
+    SEARCH_START,
+    SEARCH_ORIGIN,
+    MOVED_AXIS,
+    NORMAL_DISTANCE,
+)
 _OF_ACTIVE_LEARNING = (
     CORRECTION_WEIGHT,
     SEARCH_WEIGHT,

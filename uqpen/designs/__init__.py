@@ -17,6 +17,8 @@ DESIGNS = {
     "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
     "subset-simulation": "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
     "active-learning": "uqpen.surrogates.active_learning.active_learning:ActiveLearning",
+    "form": "uqpen.designs.rare_events.form:Form",
+    "importance-sampling": "uqpen.designs.rare_events.importance_sampling:ImportanceSampling",
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

@@ -91,6 +91,32 @@ UNMET_PART = (
     "parts of the event that no replicate met are not in it; as many plain runs would show a part "
     "of {probability:.2g} or more, with 95 %"
 )
+FEW_DRAWS_DECIDE = "weights: {size:.2g} effective draws decide a replicate"
+REPLICATES_DIFFER = (
+    "the replicates differ by more than their draws explain: some have met a part of the event "
+    "that others have not, and the interval may be too narrow"
+)
+FORM_HAS_NO_INTERVAL = (
+    "FORM takes the limit as a plane, and nothing in it measures the error of that: it has no "
+    "interval, and a design that samples this event, such as importance-sampling, corrects it"
+)
+NO_DESIGN_POINT = "no search has reached a design point: a design that samples this event may"
+FORM_PAST_FAILED = "{runs} runs failed, and what lies there is not in it"
+DESIGN_POINT = (
+    "design point at the reliability index {index:.4g}: {values}, importance factors in brackets; "
+    "first order {first:.3g}, "
+)
+SECOND_ORDER = "second order {probability:.3g}"
+NO_SECOND_ORDER = "no second order: the curvature is not known or too large"
+UNMET_BY_DRAWS = (
+    "parts of the event that no draw met are not in it; one that is no nearer to the median than "
+    "what they met ({distance:.2g} standard deviations) has a probability below {probability:.2g}, "
+    "with 95 %"
+)
+UNMET_UNBOUNDED = (
+    "parts of the event that no draw met are not in it, and these draws give no bound on one as "
+    "far from the median as what they met ({distance:.2g} standard deviations)"
+)
 
 # Sensitivities of a probability, and conditional probabilities.
 SCORES = "Student t on the scores of the event, both ends moved out by the furthest runs"

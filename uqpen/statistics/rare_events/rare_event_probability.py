@@ -8,10 +8,19 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.errors import QuantityError
-from uqpen.core.labels import CORRECTION_WEIGHT, RARE_EVENT, REPLICATE, RUN
+from uqpen.core.labels import (
+    CORRECTION_WEIGHT,
+    RARE_EVENT,
+    REPLICATE,
+    RUN,
+    SAMPLING_STAGE,
+    SEARCH_START,
+)
 from uqpen.designs.rare_events.limit_state import LimitState, parse_limit_state
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.form_probability import form_estimate
+from uqpen.statistics.rare_events.importance_probability import importance_estimate
 from uqpen.statistics.rare_events.learned_probability import learned_probability
 from uqpen.statistics.rare_events.replicate_interval import replicate_interval
 from uqpen.statistics.rare_events.subset_probability import subset_probability
@@ -48,6 +57,10 @@ def rare_event_probability(runs: xr.Dataset, event: LimitState, level: float) ->
     outcomes = event.outcomes(runs)
     if CORRECTION_WEIGHT in runs.coords:
         return learned_probability(runs, outcomes, level).estimate
+    if SEARCH_START in runs.coords:
+        return form_estimate(runs, event, outcomes)
+    if SAMPLING_STAGE in runs.coords:
+        return importance_estimate(runs, outcomes, level)
     replicate = runs[REPLICATE].values
     found = []
     for number in np.unique(replicate):

@@ -1,0 +1,171 @@
+"""FORM and SORM: design points of planes and paraboloids, what is not known, mistakes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import special
+
+import uqpen
+from uqpen.archive.structure import find_faults
+from uqpen.core.arrays import FloatArray
+from uqpen.designs.rare_events.curvature import (
+    curvature_offsets,
+    principal_curvatures,
+    tangent_basis,
+)
+from uqpen.report.sections.answer import answer
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.json import archive_json
+from uqpen.statistics.rare_events.form_probability import DesignPoint, design_points
+from uqpen.statistics.rare_events.rare_event_probability import rare_event
+
+Function = Callable[[FloatArray, FloatArray, FloatArray], Mapping[str, FloatArray]]
+NORMAL = uqpen.Normal(0.0, 1.0)
+INPUTS = {"a": NORMAL, "b": NORMAL, "c": NORMAL}
+
+
+def study(
+    function: Function, event: str, *, inputs: object = INPUTS, **settings: object
+) -> uqpen.Study:
+    model = uqpen.PythonModel(
+        function, {"a": "1", "b": "1", "c": "1"}, {"depth": "m"}, vectorized=True
+    )
+    designs = {"rare": uqpen.Form(event=event, **settings)}
+    return uqpen.Study(model, inputs, designs=designs, seed=1)
+
+
+def probability(tree: xr.DataTree) -> xr.DataArray:
+    (found,) = tree["joint_probabilities/rare"]["joint_probability"]
+    return found
+
+
+def points_of(tree: xr.DataTree) -> list[DesignPoint]:
+    runs = tree["runs/rare"].to_dataset()
+    event = rare_event(runs)
+    assert event is not None
+    return design_points(runs, event, event.outcomes(runs))
+
+
+def plane(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+    """A plane at the distance 4 from the median, across (3, 4, 0)."""
+    return {"depth": 0.6 * a + 0.8 * b + 0 * c}
+
+
+def paraboloid(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+    """A limit at a = 4 that bends away from the median along b and c."""
+    return {"depth": a - 0.1 * b**2 - 0.05 * c**2}
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return uqpen.run(study(plane, "depth > 4 m"))
+
+
+def test_a_plane_is_exact(tree: xr.DataTree) -> None:
+    (point,) = points_of(tree)
+    # Differences of a plane are exact but for rounding, divided by the step of 0.01.
+    assert point.reliability_index == pytest.approx(4, rel=1e-9)
+    assert point.direction**2 == pytest.approx([0.36, 0.64, 0], abs=1e-9)
+    assert point.curvatures == pytest.approx([0, 0], abs=1e-9)
+    assert probability(tree)[0] == pytest.approx(special.ndtr(-4.0), rel=1e-7)
+
+
+def test_it_has_no_interval_and_says_why(tree: xr.DataTree) -> None:
+    found = probability(tree)
+    assert np.isnan(found.values[1:]).all()
+    note = found.attrs["note"]
+    assert "nothing in it measures the error" in note
+    assert "a = 2.4 (36 %), b = 3.2 (64 %)" in note
+    assert "design point at the reliability index 4" in note
+    (entry,) = archive_json(tree)["designs"]["rare"]["joint_probabilities"].values()
+    assert "lower" not in entry or entry["lower"] is None
+    assert "without an interval" in str(list(answer(ArchiveView(tree, ""))))
+    assert not list(find_faults(tree))
+
+
+def test_curvatures_are_those_of_a_paraboloid() -> None:
+    (point,) = points_of(uqpen.run(study(paraboloid, "depth > 4 m")))
+    # The limit is a = 4 + 0.1 b² + 0.05 c². The point is found to within 0.05 of the step.
+    assert point.reliability_index == pytest.approx(4, rel=1e-2)
+    assert point.curvatures == pytest.approx([0.1, 0.2], rel=5e-2)
+    # P(a > 4 + 0.1 b² + 0.05 c²), by Gauss-Hermite integration.
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    b, c = np.meshgrid(nodes, nodes)
+    exact = (np.outer(weights, weights) * special.ndtr(-(4 + 0.1 * b**2 + 0.05 * c**2))).sum()
+    exact /= 2 * math.pi
+    assert point.second_order == pytest.approx(exact, rel=0.1)
+    assert point.first_order > 1.4 * exact
+
+
+def test_second_differences_of_a_quadratic_are_exact() -> None:
+    gradient = np.array([1.0, -2.0, 2.0])
+    basis = tangent_basis(gradient)
+    assert basis @ gradient == pytest.approx([0, 0], abs=1e-12)
+    assert basis @ basis.T == pytest.approx(np.eye(2), abs=1e-12)
+    hessian = np.array([[0.3, 0.1], [0.1, -0.2]])
+    offsets = curvature_offsets(3)
+    performance = 0.7 - 0.5 * 3 * np.einsum("ni,ij,nj->n", offsets, hessian, offsets)
+    found = principal_curvatures(performance, 0.7, gradient)
+    assert found == pytest.approx(np.linalg.eigvalsh(hessian), abs=1e-12)
+
+
+def test_several_design_points_are_united() -> None:
+    def two(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": np.maximum(a - 3, -b - 3.5) + 0 * c}
+
+    tree = uqpen.run(study(two, "depth > 0 m", starts=9))
+    first, second = special.ndtr(-3.0), special.ndtr(-3.5)
+    assert len(points_of(tree)) == 2
+    # The two are independent, so the common part is their product.
+    assert probability(tree)[0] == pytest.approx(first + second - first * second, rel=1e-4)
+
+
+def test_points_are_in_the_units_of_the_inputs() -> None:
+    inputs = {"a": uqpen.Normal(10.0, 2.0), "b": uqpen.Uniform(0.0, 1.0), "c": NORMAL}
+
+    def first(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": a + 0 * b + 0 * c}
+
+    tree = uqpen.run(study(first, "depth > 16 m", inputs=inputs))
+    assert "a = 16 (100 %), b = 0.5 (0 %)" in probability(tree).attrs["note"]
+    assert probability(tree)[0] == pytest.approx(special.ndtr(-3.0), rel=1e-6)
+
+
+def test_a_common_event_has_a_negative_index() -> None:
+    tree = uqpen.run(study(plane, "depth > -1 m"))
+    assert points_of(tree)[0].reliability_index == pytest.approx(-1, rel=1e-6)
+    assert probability(tree)[0] == pytest.approx(special.ndtr(1.0), rel=1e-6)
+
+
+def test_without_a_design_point_there_is_no_number() -> None:
+    def steps(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": 1.0 * (a > 4) + 0 * b + 0 * c}
+
+    found = probability(uqpen.run(study(steps, "depth > 0.5 m")))
+    assert np.isnan(found.values).all()
+    assert "no search has reached a design point" in found.attrs["note"]
+
+
+def test_failed_runs_are_counted() -> None:
+    def fails(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+        return {"depth": np.where(b > 0.3, np.nan, a + 0 * c)}
+
+    found = probability(uqpen.run(study(fails, "depth > 3 m", starts=9)))
+    assert "runs failed, and what lies there is not in it" in found.attrs["note"]
+
+
+def test_mistakes_are_met_before_a_run(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text("def model(a): raise SystemExit\n")
+    (tmp_path / "study.toml").write_text(
+        '[model]\npython = "model.py:model"\ninputs = { a = "1" }\noutputs = { depth = "m" }\n'
+        '[inputs]\na = "0 ± 1"\n[designs.rare]\nkind = "form"\nevent = "depth > 3 kg"\n'
+    )
+    with pytest.raises(uqpen.StudyError) as raised:
+        uqpen.load_study(tmp_path / "study.toml")
+    assert '"3 kg"' in str(raised.value)

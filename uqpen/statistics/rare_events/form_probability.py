@@ -1,0 +1,211 @@
+"""Probability of a rare event by planes at its design points (FORM)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.special import ndtr
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.labels import (
+    MOVED_AXIS,
+    NORMAL_DISTANCE,
+    ROLE,
+    RUN,
+    SEARCH_ORIGIN,
+    SEARCH_START,
+)
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.designs.rare_events.curvature import CURVATURE_AXIS, principal_curvatures
+from uqpen.designs.rare_events.design_point_search import DIFFERENCE, distinct_points
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import Estimate
+
+__all__ = ["DesignPoint", "design_points", "form_estimate"]
+
+# Nodes of Gauss's rule for the probability beyond two planes; the integrand is smooth.
+_NODES = 32
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPoint:
+    """Design point of an event.
+
+    Parameters
+    ----------
+    run : int
+        Position of its run.
+    reliability_index : float
+        Distance from the median in standard normal space, below 0 if the median is in the event.
+    direction : ndarray, shape (random input,)
+        Of the gradient; its squares are the importance factors.
+    curvatures : ndarray, shape (random input - 1,), or None
+        Principal curvatures; None where they are not known.
+    """
+
+    run: int
+    reliability_index: float
+    direction: FloatArray
+    curvatures: FloatArray | None
+
+    @property
+    def first_order(self) -> float:
+        """Probability beyond the tangent plane."""
+        return float(ndtr(-self.reliability_index))
+
+    @property
+    def second_order(self) -> float:
+        """Probability beyond a paraboloid (Hohenbichler and Rackwitz); NaN where none is known."""
+        if self.curvatures is None:
+            return math.nan
+        density = math.exp(-0.5 * self.reliability_index**2) / math.sqrt(2 * math.pi)
+        factors = 1 + density / self.first_order * self.curvatures
+        return (
+            float(self.first_order / np.sqrt(factors.prod())) if (factors > 0).all() else math.nan
+        )
+
+
+def design_points(
+    runs: xr.Dataset, event: LimitState, outcomes: EventOutcomes
+) -> list[DesignPoint]:
+    """Return the design points that the searches have reached, the nearest first.
+
+    Parameters
+    ----------
+    runs : Dataset
+        All runs of the design.
+    event : LimitState
+        The event.
+    outcomes : EventOutcomes
+        Of all runs.
+    """
+    starts = runs[SEARCH_ORIGIN].values == -1
+    performance = event.performance(outcomes, event.scales(outcomes.of(starts)))
+    axis, start = runs[MOVED_AXIS].values, runs[SEARCH_START].values
+    sign = -1 if performance[0] > 0 else 1
+    found = []
+    for number in np.unique(start):
+        own = np.flatnonzero(start == number)
+        point = _reached(runs, performance, own[axis[own] != CURVATURE_AXIS], sign)
+        if point is not None:
+            found.append(point)
+    places = [each.reliability_index * each.direction for each in found]
+    distinct = distinct_points(np.array(places)) if found else ()
+    of_curvature = np.flatnonzero(axis == CURVATURE_AXIS)
+    return [_with_curvatures(found[at], runs, performance, of_curvature) for at in distinct]
+
+
+def _reached(
+    runs: xr.Dataset, performance: FloatArray, own: IntArray, sign: int
+) -> DesignPoint | None:
+    """Return the design point of a search; None where it has not converged.
+
+    A search that has converged ends with a gradient, any other with a step.
+    """
+    axis, origin = runs[MOVED_AXIS].values[own], runs[SEARCH_ORIGIN].values[own]
+    if axis[-1] < 0:
+        return None
+    last = own[(origin == origin[-1]) & (axis >= 0)]
+    at = int(np.flatnonzero(runs[RUN].values == origin[-1])[0])
+    change = performance[last] - performance[at]
+    gradient = np.where(np.isfinite(change), change, 0.0) / DIFFERENCE
+    slope = math.sqrt((gradient**2).sum())
+    if slope == 0:
+        return None
+    index = sign * float(runs[NORMAL_DISTANCE].values[at])
+    return DesignPoint(at, index, gradient / slope, None)
+
+
+def _with_curvatures(
+    point: DesignPoint, runs: xr.Dataset, performance: FloatArray, among: IntArray
+) -> DesignPoint:
+    """Return a design point with its curvatures, if it has runs for them and all are known."""
+    own = among[runs[SEARCH_ORIGIN].values[among] == runs[RUN].values[point.run]]
+    if not len(own) or not np.isfinite(performance[own]).all():
+        return point
+    # The slope follows from the runs of the gradient again; its direction is that of the point.
+    base = performance[point.run]
+    moved = np.flatnonzero(
+        (runs[SEARCH_ORIGIN].values == runs[RUN].values[point.run]) & (runs[MOVED_AXIS].values >= 0)
+    )
+    gradient = (performance[moved] - base) / DIFFERENCE
+    if not np.isfinite(gradient).all() or len(gradient) != len(point.direction):
+        return point
+    curvatures = principal_curvatures(performance[own], float(base), gradient)
+    return DesignPoint(point.run, point.reliability_index, point.direction, curvatures)
+
+
+def form_estimate(runs: xr.Dataset, event: LimitState, outcomes: EventOutcomes) -> Estimate:
+    """Return the probability beyond the tangent planes at all design points, without an interval.
+
+    Parameters
+    ----------
+    runs : Dataset
+        All runs of the design.
+    event : LimitState
+        The event.
+    outcomes : EventOutcomes
+        Of all runs.
+    """
+    points = design_points(runs, event, outcomes)
+    if not points:
+        return Estimate.without_bounds(math.nan, texts.NO_DESIGN_POINT)
+    probability = _of_union(points)
+    notes = [texts.FORM_HAS_NO_INTERVAL, *_described(points, runs)]
+    if (failed := int(outcomes.missing.sum())) > 0:
+        notes.append(texts.FORM_PAST_FAILED.format(runs=failed))
+    return Estimate.without_bounds(probability, *notes)
+
+
+def _of_union(points: Sequence[DesignPoint]) -> float:
+    """Return the probability beyond any of the planes, by Ditlevsen's upper bound."""
+    total = 0.0
+    for number, point in enumerate(points):
+        common = max((_beyond_both(point, each) for each in points[:number]), default=0.0)
+        total += max(point.first_order - common, 0.0)
+    return min(total, 1.0)
+
+
+def _beyond_both(first: DesignPoint, second: DesignPoint) -> float:
+    """Return the probability beyond two planes: of two correlated normal variables.
+
+    It follows from independence by an integral over the correlation.
+    """
+    a, b = first.reliability_index, second.reliability_index
+    correlation = float(np.clip((first.direction * second.direction).sum(), -1, 1))
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    angle = 0.5 * math.asin(correlation) * (nodes + 1)
+    exponent = -(a**2 + b**2 - 2 * a * b * np.sin(angle)) / (2 * np.cos(angle) ** 2)
+    integral = 0.5 * math.asin(correlation) * float((weights * np.exp(exponent)).sum())
+    return first.first_order * second.first_order + integral / (2 * math.pi)
+
+
+def _text(variable: xr.DataArray, run: int) -> str:
+    """Return the value of an input with its unit."""
+    unit = str(variable.attrs.get("units", DIMENSIONLESS))
+    value = f"{float(variable.values[run]):.4g}"
+    return value if unit == DIMENSIONLESS else f"{value} {unit}"
+
+
+def _described(points: Sequence[DesignPoint], runs: xr.Dataset) -> Iterator[str]:
+    """Yield each design point in words, in the inputs' own units."""
+    inputs = [
+        each for each in runs.data_vars.values() if each.attrs.get(ROLE) == "input" and each.ndim
+    ]
+    for point in points:
+        parts = [
+            f"{each.name} = {_text(each, point.run)} ({100 * factor:.0f} %)"
+            for each, factor in zip(inputs, point.direction**2, strict=True)
+        ]
+        yield texts.DESIGN_POINT.format(
+            index=point.reliability_index, values=", ".join(parts), first=point.first_order
+        ) + (
+            texts.SECOND_ORDER.format(probability=point.second_order)
+            if math.isfinite(point.second_order)
+            else texts.NO_SECOND_ORDER
+        )
