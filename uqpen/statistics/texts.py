@@ -84,6 +84,34 @@ UNMET_PART = (
     "of {probability:.2g} or more, with 95 %"
 )
 
+# Tails of an output.
+SHORTFALL = "Student t over the runs beyond the quantile, moved out by the furthest runs"
+SHORTFALL_OVER_REPLICATES = (
+    "Student t over replicates, the end of the longer tail moved out, and by the furthest runs"
+)
+SHORTFALL_MAY_NOT_EXIST = "heavy tail ({runs:.1f} effective runs): the mean may not exist"
+FEW_BEYOND_QUANTILE = "fewer than ten runs lie on one side of the quantile"
+
+PROFILE_LIKELIHOOD = (
+    "profile likelihood of generalised Pareto tails, over all thresholds that fit, as of "
+    "independent draws"
+)
+PART_OF_FIT = "a part of the fit of the tail, whose error is in the interval of the return level"
+FEW_RUNS_FOR_A_TAIL = "fewer than {runs} runs are too few to fit a tail"
+NO_TAIL_FITS = (
+    "no tail of {runs} or more runs is that of a generalised Pareto distribution (p-value below "
+    "0.1)"
+)
+TAIL_ENDS = (
+    "the tail ends so abruptly (shape {shape:.2g}, below -0.5) that its likelihood gives no "
+    "interval: see the quantiles"
+)
+BELOW_THE_TAIL = "it lies below the threshold of the fitted tail: see the quantiles"
+TAIL_OF_RUNS = "tail of {runs} runs (p-value of the fit {p_value:.2g})"
+BEYOND_ALL_RUNS = "beyond all runs: it holds if the tail goes on as fitted"
+MISSING_FROM_TAIL = "{runs} failed runs may lie in the tail, and are left out"
+TAIL_WITHOUT_BOUND = "the runs exclude no large value"
+
 # Sensitivities of a probability, and conditional probabilities.
 SCORES = "Student t on the scores of the event, both ends moved out by the furthest runs"
 SCORES_OVER_REPLICATES = "Student t over whole replicates, on the scores of the event"
