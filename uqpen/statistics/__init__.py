@@ -113,6 +113,9 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
         Sampling.ONE_AT_A_TIME: {
             "sensitivity": ["uqpen.statistics.sensitivity.responses:relative_responses"]
         },
+        Sampling.TOWARDS_EVENT: {
+            "quantiles": ["uqpen.statistics.rare_events.rare_quantiles:rare_quantiles"]
+        },
     }
 )
 

@@ -124,6 +124,11 @@ MEAN_IS_0 = "no elasticity to a mean of 0"
 CONDITION_NEVER_SEEN = "no completed run meets the condition: {condition}"
 RUNS_OF_CONDITION = "of the {runs} runs that meet the condition"
 
+# Quantiles of the output of a rare event.
+INVERTED_OVER_REPLICATES = f"{STUDENT_ON_LOGARITHM}, of the probability beyond, inverted"
+SEVERAL_LIMITS = "the event has several limits, so its levels are not those of one output"
+BEYOND_ALL_LEVELS = "too far out: the runs do not reach it in all replicates"
+
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"
