@@ -5,7 +5,8 @@ installed; files of other seeds (``--first``) add up: ``--from FILE.csv … --ma
 docs/coverage.md``. A file that ends in the middle keeps its rows, and ``--first`` goes on behind.
 
 The sensitivities are those of P(x₁ + x₂ > c), where both variables are normal and an input follows
-from the first one. The replicates are ten Latin hypercubes.
+from the first one. The replicates are ten Latin hypercubes. Expected shortfall and return levels
+are those of functions of one normal variable.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import argparse
 import csv
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,14 +24,18 @@ import numpy.typing as npt
 from coverage_table import Place
 from scipy import special
 
+from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.continuous import Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
+from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
+from uqpen.statistics.distribution_function.return_levels import return_levels
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.event_sensitivity.input_scores import InputScores
 from uqpen.statistics.event_sensitivity.sample_sensitivity import sample_sensitivities
 from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
 FloatArray = npt.NDArray[np.float64]
@@ -122,7 +128,65 @@ def _transformed(distribution: Distribution, normal: FloatArray) -> FloatArray:
     return np.where(normal < 0, distribution.ppf(below), distribution.isf(above))
 
 
-CASES = {"sensitivity": sensitivity_cases}
+OUTPUTS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "normal": lambda z: z,
+    "lognormal": np.exp,
+    "Pareto 3.3": lambda z: special.ndtr(-z) ** (-1 / 3.3),
+    "uniform": special.ndtr,
+}
+LEVELS = (0.95, 0.99, 0.999)
+PERIODS = (1e3, 1e4, 1e5)
+SIZES = (200, 1000, 10_000)
+
+
+def shortfall_cases() -> Iterator[Case]:
+    """Yield the cases of expected shortfall: functions of one normal variable."""
+    for name, function in OUTPUTS.items():
+        exact = [_shortfall(function, level) for level in LEVELS]
+        yield name, SIZES, partial(_shortfalls, function, exact)
+
+
+def _shortfall(function: Callable[[FloatArray], FloatArray], level: float) -> float:
+    """Return the mean beyond a quantile, by an integral over the probability beyond."""
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    # A power puts the nodes close to 0, where the function is steepest.
+    unit = (nodes + 1) / 2
+    beyond = (1 - level) * unit**6
+    return float((weights / 2 * 6 * unit**5 * function(-special.ndtri(beyond))).sum())
+
+
+def _shortfalls(
+    function: Callable[[FloatArray], FloatArray], exact: Sequence[float], drawn: Drawn
+) -> Iterator[tuple[str, float, Estimate]]:
+    sample = drawn.sample(function(drawn.normal[:, 0]), InputColumns.none(len(drawn.normal)))
+    quantity = QuantityOfInterest(Output("y", "1"), "1", shortfall_levels=LEVELS)
+    array = dict(expected_shortfalls(sample, quantity))["expected_shortfall"]
+    for level, truth, values in zip(LEVELS, exact, array.values.tolist(), strict=True):
+        yield f"expected shortfall at {level:g}", truth, Estimate(*values, "", "")
+
+
+def return_level_cases() -> Iterator[Case]:
+    """Yield the cases of return levels, of the same functions."""
+    for name, function in OUTPUTS.items():
+        yield name, (1000, 10_000), partial(_return_levels, function)
+
+
+def _return_levels(
+    function: Callable[[FloatArray], FloatArray], drawn: Drawn
+) -> Iterator[tuple[str, float, Estimate]]:
+    sample = drawn.sample(function(drawn.normal[:, 0]), InputColumns.none(len(drawn.normal)))
+    quantity = QuantityOfInterest(Output("y", "1"), "1", return_periods=PERIODS)
+    array = dict(return_levels(sample, quantity))["return_level"]
+    for period, values in zip(PERIODS, array.values.tolist(), strict=True):
+        truth = float(function(-special.ndtri(np.array(1 / period))))
+        yield f"return level of {period:g} cases", truth, Estimate(*values, "", "")
+
+
+CASES = {
+    "sensitivity": sensitivity_cases,
+    "shortfall": shortfall_cases,
+    "return-level": return_level_cases,
+}
 
 
 def answers(wanted: Sequence[str], seeds: Sequence[int]) -> Iterator[Answer]:

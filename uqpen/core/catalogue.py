@@ -44,8 +44,10 @@ __all__ = [
     "PERCENT",
     "PROBABILITY",
     "REQUESTED_DIMENSIONS",
+    "RETURN_PERIOD",
     "RUNS_SO_FAR",
     "SENSITIVITY_EVENT",
+    "SHORTFALL_LEVEL",
     "TABLE_COLUMNS",
     "THRESHOLD",
     "UNLISTED_DIMENSIONS",
@@ -62,6 +64,10 @@ LOWER_CONTENT = "lower_content"
 INTERVAL_CONTENT = "interval_content"
 # The share of all curves that a tolerance band holds.
 BAND_CONTENT = "band_content"
+# The probability below the quantile that an expected shortfall lies beyond.
+SHORTFALL_LEVEL = "shortfall_level"
+# The number of cases in which a return level is exceeded once on average.
+RETURN_PERIOD = "return_period"
 THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
@@ -109,6 +115,8 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         LOWER_CONTENT: DimensionLabels("number", {"lower_content_runs_needed": "count"}),
         INTERVAL_CONTENT: DimensionLabels("number", {"interval_content_runs_needed": "count"}),
         BAND_CONTENT: DimensionLabels("number", {"band_content_runs_needed": "count"}),
+        SHORTFALL_LEVEL: DimensionLabels("number"),
+        RETURN_PERIOD: DimensionLabels("number"),
         **{
             name: DimensionLabels(
                 "text",
@@ -142,6 +150,8 @@ REQUESTED_DIMENSIONS = (
     LOWER_CONTENT,
     INTERVAL_CONTENT,
     BAND_CONTENT,
+    SHORTFALL_LEVEL,
+    RETURN_PERIOD,
     THRESHOLD,
     LOWER_THRESHOLD,
     CATEGORY,
@@ -233,6 +243,13 @@ _STATISTICS = [
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
     Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
     Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
+    Statistic("expected_shortfall", "mean beyond a quantile", (SHORTFALL_LEVEL,), UnitRule.VALUE),
+    Statistic("return_level", "return level", (RETURN_PERIOD,), UnitRule.VALUE),
+    Statistic("tail_threshold", "threshold of the fitted tail", unit=UnitRule.VALUE),
+    Statistic("tail_shape", "shape of the fitted tail"),
+    Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),
+    Statistic("tail_runs", "number of runs beyond the threshold of the fitted tail"),
+    Statistic("tail_p_value", "p-value of the fit of the tail (Anderson-Darling)"),
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
     Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),

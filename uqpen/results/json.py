@@ -61,6 +61,8 @@ _FAMILIES = {
     "hold": "tolerance_limit",
     "hold_above": "lower_tolerance_limit",
     "hold_between": "tolerance_interval",
+    "expected_shortfall": "expected_shortfall",
+    "return_levels": "return_level",
     "exceedance": "exceedance",
     "below": "below",
     "shares": "share",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -129,6 +129,7 @@ def statistics_table(
     is_categorical = "flag_meanings" in described
     statistics = SourceStatistics(tree)
     sources = list(statistics.by_source(name, "share" if is_categorical else "mean"))
+    sources += _designs_of_tails(statistics, name, sources)
     if not sources:
         return None
     unit = _shown_unit(described)
@@ -145,6 +146,19 @@ def statistics_table(
     in_si = str(described.get("units", DIMENSIONLESS))
     add_outside_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))
     return table
+
+
+def _designs_of_tails(
+    statistics: SourceStatistics, output: str, others: Collection[str]
+) -> list[str]:
+    """Return the designs that have values far out of an output, and no mean."""
+    names = ("quantile", "tolerance_limit", "lower_tolerance_limit")
+    found = {source for name in names for source in statistics.by_source(output, name)}
+    return [
+        source
+        for source in statistics.sources
+        if source in found.difference(others) and statistics.kind(source) == "design"
+    ]
 
 
 def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:

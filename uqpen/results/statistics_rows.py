@@ -9,7 +9,13 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import (
+    LOWER_THRESHOLD,
+    PROBABILITY,
+    RETURN_PERIOD,
+    SHORTFALL_LEVEL,
+    THRESHOLD,
+)
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -72,6 +78,14 @@ class StatisticsRows:
             self._add_row(quantile_label(p), "quantile", arrays)
         for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
             self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
+        for p, arrays in source_entries(self._arrays("expected_shortfall"), SHORTFALL_LEVEL):
+            label = f"mean beyond the {quantile_label(p)}"
+            self._add_row(label, "expected_shortfall", arrays)
+        for period, arrays in source_entries(self._arrays("return_level"), RETURN_PERIOD):
+            label = f"exceeded once in {period:.10g} cases"
+            self._add_row(label, "return_level", arrays)
+        self._add_row("threshold of the tail", "tail_threshold", self._arrays("tail_threshold"))
+        self._add_row("shape of the tail", "tail_shape", self._arrays("tail_shape"))
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
             self._add_verdicts(arrays)

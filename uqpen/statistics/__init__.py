@@ -20,6 +20,7 @@ from uqpen.core.sampling import Sampling
 
 __all__ = [
     "ANALYSES",
+    "ANALYSES_IN_MEMORY",
     "ANALYSES_OF_DESIGNS",
     "FIELD_ANALYSES",
     "FIELD_ANALYSES_OF_DESIGNS",
@@ -36,6 +37,10 @@ ANALYSES = {
         "uqpen.statistics.distribution_function.tolerance:tolerance_limits",
         "uqpen.statistics.distribution_function.tolerance:lower_tolerance_limits",
         "uqpen.statistics.distribution_function.tolerance:tolerance_intervals",
+    ],
+    "tails": [
+        "uqpen.statistics.distribution_function.expected_shortfall:expected_shortfalls",
+        "uqpen.statistics.distribution_function.return_levels:return_levels",
     ],
     "exceedance": [
         "uqpen.statistics.distribution_function.probabilities:exceedance_probabilities",
@@ -85,6 +90,10 @@ FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
     }
 )
 
+# The analyses of a sample that take all of its values at once. They yield nothing unless a study
+# requests it.
+ANALYSES_IN_MEMORY = frozenset({"tails"})
+
 # The analyses of a sample that read its inputs. The others read its values, weights and replicates
 # alone, except where the error is that of one stratified set: it follows from the inputs, too. An
 # analysis of a design's own takes all its runs as one dataset.
@@ -103,6 +112,9 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
         },
         Sampling.ONE_AT_A_TIME: {
             "sensitivity": ["uqpen.statistics.sensitivity.responses:relative_responses"]
+        },
+        Sampling.TOWARDS_EVENT: {
+            "quantiles": ["uqpen.statistics.rare_events.rare_quantiles:rare_quantiles"]
         },
     }
 )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.model import Output
-from uqpen.core.settings import Context, probabilities, setting, validate
+from uqpen.core.settings import Context, probabilities, read_list, setting, validate
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
@@ -14,6 +16,7 @@ from uqpen.statistics.threshold import Threshold, threshold_list
 __all__ = ["DEFAULT_QUANTILES", "QuantityOfInterest", "Threshold"]
 
 DEFAULT_QUANTILES = (0.05, 0.5, 0.95)
+_PERIODS = "numbers of cases above 1"
 
 
 def _read_unit(written: object, context: Context) -> str:
@@ -24,6 +27,21 @@ def _read_unit(written: object, context: Context) -> str:
     except QuantityError as error:
         found = error.found
     raise QuantityError(found, expected)
+
+
+def _is_period(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return 1 < value < math.inf
+
+
+def _read_periods(written: object, _: Context) -> tuple[float, ...]:
+    def read_one(value: Any) -> float:
+        if not _is_period(value):
+            raise QuantityError(toml_text(value), "a number of cases above 1, such as 10_000")
+        return float(value)
+
+    return tuple(sorted(set(read_list(written, read_one))))
 
 
 @dataclass(frozen=True)
@@ -48,6 +66,10 @@ class QuantityOfInterest:
         Contents of the lower tolerance limits: probabilities of lying at or above the limit.
     tolerance_interval_contents : tuple of float
         Contents of the tolerance intervals: probabilities of lying between their ends.
+    shortfall_levels : tuple of float
+        Probabilities below the quantiles beyond which the mean is requested.
+    return_periods : tuple of float
+        Numbers of cases, above 1; the value exceeded once in each on average is requested.
     confidence_level : float
         Confidence level of the intervals of its statistics.
     """
@@ -62,6 +84,15 @@ class QuantityOfInterest:
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
     lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
     tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
+    shortfall_levels: tuple[float, ...] = probabilities(key="expected_shortfall")
+    return_periods: tuple[float, ...] = setting(
+        "return periods",
+        _PERIODS,
+        lambda periods: all(_is_period(each) for each in periods),
+        read=_read_periods,
+        default=(),
+        key="return_periods",
+    )
     confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:

@@ -118,6 +118,34 @@ UNMET_UNBOUNDED = (
     "far from the median as what they met ({distance:.2g} standard deviations)"
 )
 
+# Tails of an output.
+SHORTFALL = "Student t over the runs beyond the quantile, moved out by the furthest runs"
+SHORTFALL_OVER_REPLICATES = (
+    "Student t over replicates, the end of the longer tail moved out, and by the furthest runs"
+)
+SHORTFALL_MAY_NOT_EXIST = "heavy tail ({runs:.1f} effective runs): the mean may not exist"
+FEW_BEYOND_QUANTILE = "fewer than ten runs lie on one side of the quantile"
+
+PROFILE_LIKELIHOOD = (
+    "profile likelihood of generalised Pareto tails, over all thresholds that fit, as of "
+    "independent draws"
+)
+PART_OF_FIT = "a part of the fit of the tail, whose error is in the interval of the return level"
+FEW_RUNS_FOR_A_TAIL = "fewer than {runs} runs are too few to fit a tail"
+NO_TAIL_FITS = (
+    "no tail of {runs} or more runs is that of a generalised Pareto distribution (p-value below "
+    "0.1)"
+)
+TAIL_ENDS = (
+    "the tail ends so abruptly (shape {shape:.2g}, below -0.5) that its likelihood gives no "
+    "interval: see the quantiles"
+)
+BELOW_THE_TAIL = "it lies below the threshold of the fitted tail: see the quantiles"
+TAIL_OF_RUNS = "tail of {runs} runs (p-value of the fit {p_value:.2g})"
+BEYOND_ALL_RUNS = "beyond all runs: it holds if the tail goes on as fitted"
+MISSING_FROM_TAIL = "{runs} failed runs may lie in the tail, and are left out"
+TAIL_WITHOUT_BOUND = "the runs exclude no large value"
+
 # Sensitivities of a probability, and conditional probabilities.
 SCORES = "Student t on the scores of the event, both ends moved out by the furthest runs"
 SCORES_OVER_REPLICATES = "Student t over whole replicates, on the scores of the event"
@@ -129,6 +157,11 @@ MOVED_TOGETHER = "its distribution has no mean that can move without its standar
 MEAN_IS_0 = "no elasticity to a mean of 0"
 CONDITION_NEVER_SEEN = "no completed run meets the condition: {condition}"
 RUNS_OF_CONDITION = "of the {runs} runs that meet the condition"
+
+# Quantiles of the output of a rare event.
+INVERTED_OVER_REPLICATES = f"{STUDENT_ON_LOGARITHM}, of the probability beyond, inverted"
+SEVERAL_LIMITS = "the event has several limits, so its levels are not those of one output"
+BEYOND_ALL_LEVELS = "too far out: the runs do not reach it in all replicates"
 
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"

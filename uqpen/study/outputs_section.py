@@ -11,8 +11,14 @@ from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
 
-# Requests of which a field has none: a value that holds a share has one side, a band has two.
-_OF_SCALARS = ("hold", "hold_above")
+# Requests of which a field has none: a value that holds a share has one side, a band has two. The
+# mean beyond a quantile and a fitted tail are of one number.
+_OF_SCALARS = {
+    "hold": "a tolerance limit",
+    "hold_above": "a tolerance limit",
+    "expected_shortfall": "an expected shortfall",
+    "return_periods": "a return level",
+}
 
 
 def read_quantities_of_interest(
@@ -45,8 +51,10 @@ def _read_quantity(
         return default
     for key in _OF_SCALARS if output.dims else ():
         if key in table:
-            expected = "an output without dimensions; a field has hold_between"
-            table.add_problem(key, f'a tolerance limit of "{output.name}"', expected)
+            expected = "an output without dimensions"
+            if "tolerance" in _OF_SCALARS[key]:
+                expected += "; a field has hold_between"
+            table.add_problem(key, f'{_OF_SCALARS[key]} of "{output.name}"', expected)
     quantity = table.settings(
         QuantityOfInterest,
         like=output.unit,

@@ -87,6 +87,10 @@ class OutputSpec:
         Thresholds; the probability that the output lies below each is estimated.
     hold, hold_above, hold_between : sequence of float
         Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
+    expected_shortfall : sequence of float
+        Probabilities below the quantiles beyond which the mean is estimated.
+    return_periods : sequence of float
+        Numbers of cases; the value that the output exceeds once in each is estimated.
     along : mapping of str to mapping or sequence of str, optional
         Dimensions of an output of a Python function, such as
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}``,
@@ -119,6 +123,8 @@ class OutputSpec:
     hold: Sequence[float] = ()
     hold_above: Sequence[float] = ()
     hold_between: Sequence[float] = ()
+    expected_shortfall: Sequence[float] = ()
+    return_periods: Sequence[float] = ()
     along: Mapping[str, Mapping[str, Any]] | Sequence[str] | None = None
     may_end: bool = False
     on: Mapping[str, str] | None = None

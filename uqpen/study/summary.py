@@ -138,6 +138,8 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
     return [
         f"moments, cdf, quantiles {_listed(quantity.quantiles)}",
         *_probabilities(quantity),
+        *(f"mean beyond the quantile {p:g}" for p in quantity.shortfall_levels),
+        *(f"value exceeded once in {each:.10g} cases" for each in quantity.return_periods),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
         *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
         *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),

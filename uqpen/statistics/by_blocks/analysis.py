@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ABSENT, DEPENDENCE, INTERVAL
 from uqpen.core.lookup import resolve
-from uqpen.statistics import ANALYSES, INPUT_ANALYSES, texts
+from uqpen.statistics import ANALYSES, ANALYSES_IN_MEMORY, INPUT_ANALYSES, texts
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.by_blocks.output_sensitivity import OutputSensitivity
@@ -108,7 +108,7 @@ class BlockedAnalysis:
             for threshold in quantity.thresholds:
                 _ = sample.values > threshold.value  # indices of the event take its probability
             for name, references in ANALYSES.items():
-                if name in INPUT_ANALYSES or not self._wants([name]):
+                if name in INPUT_ANALYSES | ANALYSES_IN_MEMORY or not self._wants([name]):
                     continue
                 if name == "convergence":
                     own |= dict(self._convergence(found, variables))

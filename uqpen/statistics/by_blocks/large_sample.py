@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, join_blocks
 from uqpen.core.labels import BOUND, NOTE, REPLICATE, RUN, WEIGHT
-from uqpen.statistics import texts
+from uqpen.statistics import ANALYSES_IN_MEMORY, texts
 from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.by_blocks.tabulated import status_sample
@@ -57,10 +57,20 @@ class LargeSample:
             yield from self._of_part(scalars, only, outside, texts.WEIGHTS_IN_MEMORY)
         else:
             yield from BlockedAnalysis(self.runs, only).statistics(scalars)
+            if tails := self._of_tails(scalars, only):
+                yield from self._of_part(tails, ANALYSES_IN_MEMORY, (), texts.TAILS_IN_MEMORY)
             if outside:
                 yield from self._of_part(scalars, (), outside, texts.OUTSIDE_IN_MEMORY)
         if fields:
             yield from self._of_part(fields, only, (), texts.FIELD_IN_MEMORY)
+
+    def _of_tails(
+        self, quantities: Sequence[QuantityOfInterest], only: Collection[str] | None
+    ) -> list[QuantityOfInterest]:
+        """Return the quantities with requests that take all values at once."""
+        if only is not None and ANALYSES_IN_MEMORY.isdisjoint(only):
+            return []
+        return [each for each in quantities if each.shortfall_levels or each.return_periods]
 
     def _of_part(
         self,

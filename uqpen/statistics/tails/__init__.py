@@ -1,0 +1,1 @@
+"""Fitted tails of an output: generalised Pareto distributions beyond a threshold."""
