@@ -159,9 +159,8 @@ class ActiveLearning(Design):
         if surrogate is None or states is None:
             return drawn
         incomplete = points[outcomes.missing | ~outcomes.belongs]
-        chosen = choose_batch(
-            surrogate, states.points, incomplete, size, LearningCriterion(self.criterion)
-        )
+        criterion = LearningCriterion(self.criterion)
+        chosen = choose_batch(surrogate, states, incomplete, size, criterion, len(points))
         drawn[: len(chosen)] = states.points[chosen]
         return drawn
 

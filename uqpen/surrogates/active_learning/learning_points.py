@@ -21,6 +21,7 @@ from uqpen.surrogates.active_learning.limit_state_surrogate import (
     inputs_of,
     mean_and_deviation,
 )
+from uqpen.surrogates.active_learning.surrogate_states import SurrogateStates
 from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.matern import correlations
 from uqpen.surrogates.standardised_inputs import StandardisedInputs
@@ -29,8 +30,8 @@ __all__ = ["EXPECTED_FEASIBILITY", "U_FUNCTION", "LearningCriterion", "choose_ba
 
 U_FUNCTION, EXPECTED_FEASIBILITY = "u-function", "expected-feasibility"
 
-# Candidates that are compared, the likeliest errors of all.
-_CANDIDATES = 2000
+# Candidates that are compared by either measure, the likeliest errors of all.
+_CANDIDATES = 1000
 
 
 class LearningCriterion:
@@ -57,12 +58,17 @@ class LearningCriterion:
 
 def choose_batch(
     surrogate: LimitStateSurrogate,
-    candidates: FloatArray,
+    states: SurrogateStates,
     incomplete: FloatArray,
     size: int,
     criterion: LearningCriterion,
+    runs: int,
 ) -> IntArray:
-    """Return the candidates of the next batch, one after the other by the criterion.
+    """Return the states of the next batch, one after the other by the criterion.
+
+    Every second point is chosen by the criterion times the probability that a state stands for.
+    Otherwise the points near the limit, of which there are always some, would keep all others from
+    being run, where a small doubt concerns far more inputs.
 
     A run takes its share of the deviations around it before its result is known, as they do not
     depend on that. So the points of a batch avoid each other, and those of runs that did not
@@ -71,27 +77,32 @@ def choose_batch(
     Parameters
     ----------
     surrogate : LimitStateSurrogate
-    candidates : ndarray, shape (candidate, random input)
-        In standard normal space.
+    states : SurrogateStates
+        The candidates.
     incomplete : ndarray, shape (run, random input)
         Where runs did not complete.
     size : int
         Number of points; fewer where no other candidate teaches anything.
     criterion : LearningCriterion
+    runs : int
+        Number of runs so far.
 
     Returns
     -------
     ndarray of int, shape (point,)
     """
-    doubtful = np.argsort(-surrogate.predict(candidates).error_probability, kind="stable")
-    considered = np.sort(doubtful[:_CANDIDATES])
+    error = surrogate.predict(states.points).error_probability
+    orders = (np.argsort(-each, kind="stable") for each in (error, error * states.weights))
+    considered = np.unique(np.concatenate([each[:_CANDIDATES] for each in orders]))
+    weights = states.weights[considered]
     with one_blas_thread():
-        inputs = inputs_of(surrogate.joint, candidates[considered])
+        inputs = inputs_of(surrogate.joint, states.points[considered])
         without = inputs_of(surrogate.joint, incomplete)
         processes = [_Candidates(fit, inputs, without) for fit in surrogate.fits]
         chosen: list[int] = []
-        for _ in range(size):
+        for number in range(size):
             values = _combined(surrogate, processes, criterion)
+            values *= weights if (runs + number) % 2 else 1.0
             values[chosen] = 0.0
             best = int(values.argmax())
             if not values[best] > 0:
