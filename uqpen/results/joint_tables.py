@@ -10,6 +10,7 @@ from uqpen.archive.read import group_names
 from uqpen.core.catalogue import SENSITIVITY_EVENT
 from uqpen.core.labels import INPUT, JOINT_GROUP
 from uqpen.results.acceptance import Acceptance
+from uqpen.results.disagreements import disagreements
 from uqpen.results.measure_labels import EVENT_INDICES, EVENT_SENSITIVITIES
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
@@ -21,7 +22,8 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the table of a model's joint probabilities, if the study requests any.
 
     An event has a row over all designs that know it, with its condition in a note, and a row of
-    verdicts where the study has acceptance limits. Sensitivities follow in tables of their own.
+    verdicts where the study has acceptance limits. A note says which designs disagree. Sensitivities
+    follow in tables of their own.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
@@ -33,6 +35,9 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         first = next(iter(entries.values()))
         condition = str(first["event_condition"].values)
         mark = "" if condition == event else table.note_mark(condition)
+        for each in disagreements(arrays):
+            if each.condition == condition:
+                mark += table.note_mark(str(each))
         table.rows.append((f"P({event}){mark}", table.cells(entries)))
         verdicts = {name: Acceptance.from_array(each) for name, each in entries.items()}
         if accepted := next(filter(None, verdicts.values()), None):
