@@ -21,7 +21,9 @@ from uqpen.designs.rare_events.curvature import (
 )
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.disagreements import disagreements
 from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
 from uqpen.statistics.rare_events.form_probability import DesignPoint, design_points
 from uqpen.statistics.rare_events.rare_event_probability import rare_event
 
@@ -158,6 +160,35 @@ def test_failed_runs_are_counted() -> None:
 
     found = probability(uqpen.run(study(fails, "depth > 3 m", starts=9)))
     assert "runs failed, and what lies there is not in it" in found.attrs["note"]
+
+
+def test_designs_that_disagree_are_named() -> None:
+    designs = {
+        "first_look": uqpen.Form(event="depth > 4 m"),
+        "sampled": uqpen.ImportanceSampling(event="depth > 4 m", samples=600),
+    }
+    model = uqpen.PythonModel(
+        paraboloid, {"a": "1", "b": "1", "c": "1"}, {"depth": "m"}, vectorized=True
+    )
+    tree = uqpen.run(uqpen.Study(model, INPUTS, designs=designs, seed=1))
+    expected = "the value of first_look lies outside the interval of sampled"
+    table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
+    assert expected in str(table.notes)
+    assert expected in str(list(answer(ArchiveView(tree, "")))).lower()
+    (entry,) = archive_json(tree)["designs"]["sampled"]["joint_probabilities"].values()
+    assert entry["disagrees_with"] == ["first_look"]
+
+
+def test_disjoint_intervals_are_a_disagreement_and_others_are_not() -> None:
+    def of(*values: float) -> xr.DataArray:
+        condition = {"event_condition": ("event", ["y > 1"])}
+        return xr.DataArray([values], dims=("event", "bound"), coords=condition)
+
+    near, overlapping, far = of(1.0, 0.9, 1.1), of(1.15, 1.05, 1.3), of(2.0, 1.8, 2.2)
+    found = list(disagreements({"a": near, "b": overlapping, "c": far}))
+    assert [(each.first, each.second) for each in found] == [("a", "c"), ("b", "c")]
+    assert "no mean of them is right" in str(found[0])
+    assert not list(disagreements({"a": near, "none": of(math.nan, math.nan, math.nan)}))
 
 
 def test_mistakes_are_met_before_a_run(tmp_path: Path) -> None:

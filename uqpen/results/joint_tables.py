@@ -9,6 +9,7 @@ import xarray as xr
 from uqpen.archive.read import group_names
 from uqpen.core.labels import JOINT_GROUP
 from uqpen.results.acceptance import Acceptance
+from uqpen.results.disagreements import disagreements
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -19,7 +20,7 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the table of a model's joint probabilities, if the study asks for any.
 
     An event has a row over all designs that know it, with its condition in a note, and a row of
-    verdicts where the study has acceptance limits.
+    verdicts where the study has acceptance limits. A note says which designs disagree.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
@@ -31,6 +32,9 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         first = next(iter(entries.values()))
         condition = str(first["event_condition"].values)
         mark = "" if condition == event else table.note_mark(condition)
+        for each in disagreements(arrays):
+            if each.condition == condition:
+                mark += table.note_mark(str(each))
         table.rows.append((f"P({event}){mark}", table.cells(entries)))
         verdicts = {name: Acceptance.from_array(each) for name, each in entries.items()}
         if accepted := next(filter(None, verdicts.values()), None):

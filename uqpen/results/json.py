@@ -30,6 +30,7 @@ from uqpen.core.labels import (
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import status_counts
 from uqpen.results.acceptance import Acceptance
+from uqpen.results.disagreements import disagreements
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
@@ -225,9 +226,19 @@ def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     joint = statistics.joint_probability(design)
     if joint is None:
         return {}
+    names = group_names(statistics.tree, JOINT_GROUP)
+    found = {name: statistics.joint_probability(name) for name in names}
+    arrays = {name: array for name, array in found.items() if array is not None}
     entries = _family_json(joint)
     for entry, condition in zip(entries.values(), joint["event_condition"].values, strict=True):
         entry["condition"] = str(condition)
+        pairs = (
+            (each.first, each.second)
+            for each in disagreements(arrays)
+            if each.condition == condition and design in (each.first, each.second)
+        )
+        if others := sorted(name for pair in pairs for name in pair if name != design):
+            entry["disagrees_with"] = others
     return {JOINT_GROUP: entries}
 
 

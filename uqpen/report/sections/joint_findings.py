@@ -15,6 +15,7 @@ from uqpen.report.sections.quoted_statistics import no_break
 from uqpen.report.sections.sentences import acceptance_sentence
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
+from uqpen.results.disagreements import disagreements
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
@@ -40,6 +41,18 @@ def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
                 f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
             )
             yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
+    yield from _disagreement_findings(view)
+
+
+def _disagreement_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield which designs disagree on the event of one that was made for it."""
+    found = {design: view.statistics.joint_probability(design) for design in view.designs}
+    arrays = {design: array for design, array in found.items() if array is not None}
+    of_events = {each for each in arrays if view.sampling(each) is Sampling.TOWARDS_EVENT}
+    for each in disagreements(arrays):
+        if of_events & {each.first, each.second}:
+            event = capitalized(plain_text(each.condition))
+            yield Finding(event, f"{capitalized(plain_text(str(each)))}.")
 
 
 def _stated(array: xr.DataArray) -> str:
