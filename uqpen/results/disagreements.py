@@ -34,8 +34,8 @@ class Disagreement(NamedTuple):
         if self.second_has_interval:
             return (
                 f"{self.first} and {self.second} disagree: their intervals do not overlap, which "
-                "chance hardly explains. One of them may have missed a part of the event, and no mean "
-                "of them is right"
+                "chance hardly explains. One of them may have missed a part of the event, "
+                "and no mean of them is right"
             )
         return f"the value of {self.second} lies outside the interval of {self.first}"
 
