@@ -168,7 +168,7 @@ class _CorrelatedColumns:
         return self._with_bounds(pair.value, pair.influence)
 
     def _pairs(self, weights: Sequence[FloatArray]) -> Iterator[CorrelatedPair]:
-        """Yield a pair for each of some weights; the number of values decides of which type."""
+        """Yield a pair for each of some weights; its type follows from the number of values."""
         if not weights:
             return iter(())
         if not self.sample.run_inputs.are_many:
