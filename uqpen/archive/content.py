@@ -16,7 +16,7 @@ from uqpen.core.arrays import raw_bytes
 from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import CONTENT
 
-__all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
+__all__ = ["group_hashes", "hash_record", "recorded_hashes"]
 
 
 def group_hashes(tree: xr.DataTree) -> dict[str, str]:
@@ -29,12 +29,10 @@ def group_hashes(tree: xr.DataTree) -> dict[str, str]:
     return {node.path: _group_hash(node.to_dataset(inherit=False)) for node in tree.subtree}
 
 
-def with_hashes(tree: xr.DataTree) -> xr.DataTree:
-    """Return the tree with its groups' hashes, in the form of sha256sum, as a root attribute."""
-    record = "\n".join(f"{digest}  {path}" for path, digest in group_hashes(tree).items())
-    copy = tree.copy()
-    copy.attrs = {**tree.attrs, CONTENT: record}
-    return copy
+def hash_record(tree: xr.DataTree) -> dict[str, str]:
+    """Return the hashes of a tree's groups, in the form of sha256sum, as a root attribute."""
+    lines = (f"{digest}  {path}" for path, digest in group_hashes(tree).items())
+    return {CONTENT: "\n".join(lines)}
 
 
 def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:

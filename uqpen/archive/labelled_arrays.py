@@ -62,7 +62,7 @@ def _coordinate(key: Hashable, given: Any) -> tuple[xr.Variable, xr.Index | None
     """Return a coordinate and its index; None for one that is not along its own dimension."""
     if given is BOUND_COORDINATE:
         return BOUND_COORDINATE.copy(deep=False), _BOUND_INDEX
-    variable = given if isinstance(given, xr.Variable) else xr.Variable(*given)
+    variable = given if isinstance(given, xr.Variable) else xr.as_variable(given, name=key)
     if variable.dims != (key,):
         return variable.to_base_variable(), None
     index = PandasIndex.from_variables({key: variable}, options={})

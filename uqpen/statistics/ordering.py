@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -90,19 +89,7 @@ class Ordering:
     @cached_property
     def rank_std(self) -> float:
         """The standard deviation of `mean_ranks`."""
-        if self.is_above is None:
-            return math.sqrt((float(len(self.order)) ** 2 - 1) / 12)
         return float(self.mean_ranks.std())
-
-    @property
-    def standardized_ranks(self) -> FloatArray:
-        """`mean_ranks` of mean 0 and variance 1; 0 where all values are equal."""
-        ranks = self.mean_ranks
-        if not self.rank_std > 0:
-            return np.zeros(len(ranks))
-        ranks -= (len(ranks) + 1) / 2
-        ranks /= self.rank_std
-        return ranks
 
     def sums_above(self, values: FloatArray) -> FloatArray:
         """Return for each run the sum of other values over the runs above; an equal one is half."""

@@ -124,7 +124,7 @@ class _CorrelatedColumns:
     @property
     def _standardized_columns(self) -> Iterator[FloatArray]:
         if self.is_ranked:
-            return (each.standardized_ranks for each in self.orderings)
+            return (standardized(each.mean_ranks) for each in self.orderings)
         return map(standardized, chain(self._inputs, [self.shape.deviations]))
 
     @property
