@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.archive.content import hash_record
+from uqpen.archive.content import with_hashes
 from uqpen.archive.estimates import estimate_array, pack
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts
@@ -90,8 +90,7 @@ def driven(moving: xr.DataTree) -> xr.DataTree:
     )
     tree = moving.copy()
     tree["statistics/mc/curve"] = xr.DataTree(pack(arrays))
-    tree.attrs |= hash_record(tree)
-    return tree
+    return with_hashes(tree)
 
 
 def blocks(tree: xr.DataTree) -> list[Block]:
@@ -181,9 +180,7 @@ def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
             group = group.assign_coords(time=np.linspace(0.0, 40 * 86_400.0, size))
             group["time"].attrs = attributes
         nodes[node.path] = group
-    found = xr.DataTree.from_dict(nodes)
-    found.attrs |= hash_record(found)
-    return found
+    return with_hashes(xr.DataTree.from_dict(nodes))
 
 
 def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
