@@ -150,7 +150,7 @@ class TestInterruption:
         write(tree, path)
         before = path.read_bytes()
 
-        def full_disk(tree: xr.DataTree, where: Path) -> None:
+        def full_disk(tree: xr.DataTree, where: Path, root_attributes: dict[str, str]) -> None:
             where.write_bytes(b"half of it")
             raise RuntimeError("NetCDF: HDF error")
 

@@ -43,6 +43,21 @@ def test_the_array_is_that_of_the_constructor() -> None:
     xr.testing.assert_identical(chosen, expected.sel({"input": "b", BOUND: "upper"}))
 
 
+@pytest.mark.parametrize(
+    "labels",
+    [
+        ["x", "z"],
+        ("input", ["x", "z"], {"long_name": "input"}),
+        xr.DataArray([1.0, 2.0], dims="input", name="input"),
+        xr.Variable("input", [1.0, 2.0], {"units": "m"}),
+    ],
+)
+def test_coordinates_are_what_the_constructor_takes(labels: object) -> None:
+    values = np.zeros(2)
+    array = labelled_array(values, ("input",), {"input": labels}, {})
+    xr.testing.assert_identical(array, xr.DataArray(values, {"input": labels}, ("input",)))
+
+
 def test_coordinates_keep_their_indexes() -> None:
     array = example()
     again = labelled_array(array.values, array.dims, array.coords, array.attrs, "mean")

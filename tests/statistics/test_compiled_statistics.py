@@ -17,7 +17,7 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sensitivity.compiled_pair import CompiledPair
+from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup, compiled_pairs
 from uqpen.statistics.sensitivity.correlated_pair import PairOfArrays, standardized
 from uqpen.statistics.sensitivity.correlations import correlations
 from uqpen.statistics.sensitivity.given_data import first_order
@@ -64,7 +64,9 @@ def test_residuals_in_bins_are_those_of_arrays(name: str, halved: bool) -> None:
     for column in range(3):
         bins = RegressionBins.from_sample(sample, column, halved=halved)
         arrays = ResidualVariance(bins, values)
-        loops = CompiledVariance.about(SortedBins.of(bins), values)
+        loops = CompiledVariance.about(
+            SortedBins.from_sample(sample, column, halved=halved), values
+        )
         assert loops.variance == pytest.approx(arrays.variance, rel=1e-13)
         assert loops.pair_noise == pytest.approx(arrays.pair_noise, rel=1e-13)
         np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-13)
@@ -83,8 +85,9 @@ def test_correlations_of_sums_are_those_of_arrays(ties: int, is_ranked: bool) ->
         ]
     )
     weights = np.array([[1.0, -0.3, 0.0, 0.0], [-0.2, 0.0, 0.0, 1.0]])
-    given = columns, weights, orderings if is_ranked else []
-    arrays, loops = PairOfArrays(*given), CompiledPair(*given)
+    own = orderings if is_ranked else []
+    arrays = PairOfArrays(weights, columns, own)
+    (loops,) = compiled_pairs(columns, [weights], ColumnGroup.of(own))
     assert loops.value == pytest.approx(arrays.value, rel=1e-13)
     np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-12)
 

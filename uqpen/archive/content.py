@@ -16,7 +16,7 @@ from uqpen.core.arrays import raw_bytes
 from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import CONTENT
 
-__all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
+__all__ = ["group_hashes", "hash_record", "recorded_hashes", "with_hashes"]
 
 
 def group_hashes(tree: xr.DataTree) -> dict[str, str]:
@@ -29,11 +29,16 @@ def group_hashes(tree: xr.DataTree) -> dict[str, str]:
     return {node.path: _group_hash(node.to_dataset(inherit=False)) for node in tree.subtree}
 
 
+def hash_record(tree: xr.DataTree) -> dict[str, str]:
+    """Return the hashes of a tree's groups, in the form of sha256sum, as a root attribute."""
+    lines = (f"{digest}  {path}" for path, digest in group_hashes(tree).items())
+    return {CONTENT: "\n".join(lines)}
+
+
 def with_hashes(tree: xr.DataTree) -> xr.DataTree:
-    """Return the tree with its groups' hashes, in the form of sha256sum, as a root attribute."""
-    record = "\n".join(f"{digest}  {path}" for path, digest in group_hashes(tree).items())
+    """Return a copy of the tree with `hash_record`."""
     copy = tree.copy()
-    copy.attrs = {**tree.attrs, CONTENT: record}
+    copy.attrs = {**tree.attrs, **hash_record(tree)}
     return copy
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from xarray.indexes import PandasIndex
@@ -62,11 +63,22 @@ def _coordinate(key: Hashable, given: Any) -> tuple[xr.Variable, xr.Index | None
     """Return a coordinate and its index; None for one that is not along its own dimension."""
     if given is BOUND_COORDINATE:
         return BOUND_COORDINATE.copy(deep=False), _BOUND_INDEX
-    variable = given if isinstance(given, xr.Variable) else xr.Variable(*given)
+    variable = _as_variable(key, given)
     if variable.dims != (key,):
         return variable.to_base_variable(), None
     index = PandasIndex.from_variables({key: variable}, options={})
     return index.create_variables({key: variable})[key], index
+
+
+def _as_variable(key: Hashable, given: Any) -> xr.Variable:
+    """Return a variable, or the one of what makes one; labels alone are along their own name."""
+    if isinstance(given, xr.Variable):
+        return given
+    if isinstance(given, xr.DataArray):
+        return given.variable
+    if isinstance(given, tuple):
+        return xr.Variable(*given)
+    return xr.Variable((key,) if np.ndim(given) else (), given)
 
 
 def _check(variable: xr.Variable, coordinates: Mapping[Hashable, xr.Variable]) -> None:

@@ -7,7 +7,7 @@ many times as long as everything else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,12 +27,16 @@ __all__ = ["read_groups", "write_tree"]
 _COORDINATES = "coordinates"
 
 
-def write_tree(tree: xr.DataTree, path: Path) -> None:
+def write_tree(
+    tree: xr.DataTree, path: Path, root_attributes: Mapping[str, str] | None = None
+) -> None:
     """Write a tree of numbers and texts such that xarray reads it back unchanged.
 
     No group may use a dimension of its parent groups. An existing file is overwritten. Values are
-    written by blocks, so those that are in another file need not be in memory.
+    written by blocks, so those that are in another file need not be in memory. Further attributes
+    of the root need no copy of the tree, which takes as long as its hashes.
     """
+    further = {"/": dict(root_attributes or {})}
     import netCDF4
 
     with netCDF4.Dataset(path, "w", format="NETCDF4") as root:
@@ -40,7 +44,8 @@ def write_tree(tree: xr.DataTree, path: Path) -> None:
             pair
             for node in tree.subtree
             for pair in _define_variables(
-                root.createGroup(node.path), node.to_dataset(inherit=False)
+                root.createGroup(node.path),
+                node.to_dataset(inherit=False).assign_attrs(further.get(node.path, {})),
             )
         ]
         for defined, variable in filled:

@@ -9,7 +9,7 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.checksum import append_checksum
-from uqpen.archive.content import with_hashes
+from uqpen.archive.content import hash_record
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import is_archive
 from uqpen.core.errors import ArchiveError
@@ -56,7 +56,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
     """
     temporary = _temporary_path(path)
     try:
-        write_tree(with_hashes(tree), temporary)
+        write_tree(tree, temporary, hash_record(tree))
         append_checksum(temporary)
         temporary.replace(os.path.realpath(path))
     except (OSError, RuntimeError) as error:

@@ -143,13 +143,13 @@ def _analyze_whole(
         samples = _samples(drawn, scalars)
         counts = {name: output_run_counts(drawn, name) for name in found}
         is_weighted = WEIGHT in drawn.template.coords
-        analyses = _sample_analyses(ANALYSES, only, is_weighted=is_weighted)
-        _run_analyses(analyses, scalars, samples, counts, found)
+        analyses = list(_sample_analyses(ANALYSES, only, is_weighted=is_weighted))
+        _run_one_by_one(analyses, scalars, samples, counts, found, keep=bool(outside))
         # One field after the other, as the values of one may be most of the memory.
         for quantity in fields:
             (sample,) = _samples(drawn, [quantity]).values()
             field = {quantity.output.name: FieldSample(sample, quantity.output)}
-            analyses = _sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted)
+            analyses = list(_sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted))
             _run_analyses(analyses, [quantity], field, counts, found)
     # A design that is made for a statistic estimates it better than its sample does.
     for analyses_of_designs, chosen in (
@@ -264,6 +264,28 @@ def _run_analyses(
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
                 found[name][statistic] = _with_counts(array, attributes[name])
+
+
+def _run_one_by_one(
+    analyses: Sequence[tuple[str, Analysis]],
+    quantities: Sequence[QuantityOfInterest],
+    samples: dict[str, Sample],
+    attributes: Mapping[str, Mapping[str, int | str]],
+    found: Mapping[str, OutputStatistics],
+    *,
+    keep: bool,
+) -> None:
+    """Put the statistics of one output after the other among those found.
+
+    What is made of an output ends with its sample, which is taken away unless it is to be kept.
+    What is made of the inputs is common to all outputs.
+    """
+    shared = [sample.run_inputs for sample in samples.values()]  # would end with the first sample
+    for quantity in quantities:
+        name = quantity.output.name
+        own = {name: samples[name] if keep else samples.pop(name)}
+        _run_analyses(analyses, [quantity], own, attributes, found)
+    shared.clear()
 
 
 def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:

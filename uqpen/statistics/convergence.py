@@ -105,7 +105,7 @@ def _growing_parts(sample: Sample) -> Iterator[Sample]:
         if sample.error_model is ErrorModel.REPLICATED:
             yield _part(sample, np.isin(sample.replicates, numbers[:end]))
         else:
-            yield _part(sample, np.arange(len(sample.replicates)) < end)
+            yield _first_points(sample, end)
 
 
 def _part(sample: Sample, is_taken: BoolArray) -> Sample:
@@ -119,6 +119,22 @@ def _part(sample: Sample, is_taken: BoolArray) -> Sample:
         columns=InputColumns.none(int(is_taken.sum())),
         replicates=sample.replicates[is_taken],
         weights=None if sample.weights is None else sample.weights[is_taken],
+    )
+
+
+def _first_points(sample: Sample, end: int) -> Sample:
+    """Return a sample of the first points, as views where the numbers of its runs ascend."""
+    if (np.diff(sample.used) < 0).any():
+        return _part(sample, np.arange(len(sample.replicates)) < end)
+    runs = slice(int(np.searchsorted(sample.used, end)))
+    return replace(
+        sample,
+        values=sample.values[runs],
+        used=sample.used[runs],
+        missing=sample.missing[sample.missing < end],
+        columns=InputColumns.none(end),
+        replicates=sample.replicates[:end],
+        weights=None if sample.weights is None else sample.weights[:end],
     )
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.ordering import Numbers, Ordering
 
 __all__ = ["InputColumns", "RunInputs"]
 
@@ -126,6 +126,16 @@ class RunInputs:
             return whole
         values = self.columns[number]
         return self.once(("ordering", number), lambda: whole.among(self.used, values))
+
+    def ranks_of_untied(self, number: int) -> Numbers:
+        """Return the ranks, from 0, of an input without equal values among all points, ascending.
+
+        Those of all points are the same for every input.
+        """
+        if self._is_whole:
+            return self.once("ranks", lambda: np.arange(len(self.used), dtype=np.int32))
+        order, level = self.ordering(number).order, self.columns.ordering(number).level
+        return self.once(("ranks", number), lambda: level[self.used][order])
 
     @cached_property
     def _is_whole(self) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
@@ -34,6 +36,8 @@ from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
+
+Made = TypeVar("Made")
 
 # With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
@@ -119,7 +123,7 @@ class Sample:
         whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
         found = {}
         for name in names:
-            values = np.asarray(handle.column(name)[used], dtype=np.float64)
+            values = _values_at(handle.column(name), used)
             found[name] = replace(whole, values=values)
             if absent_runs(handle, name) is not None:
                 exists = ~np.isnan(values)
@@ -251,6 +255,21 @@ class Sample:
         """Number of replicates with a completed run."""
         return int(self.replicate.max(initial=-1)) + 1
 
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
+        """Return what follows from the sample alone; of a single variable it is made once.
+
+        At places of a field it would be as large as the field.
+        """
+        if self.is_at_places:
+            return make()
+        if name not in self._made:
+            self._made[name] = make()
+        return cast(Made, self._made[name])
+
+    @cached_property
+    def _made(self) -> dict[str, object]:
+        return {}
+
     @property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
@@ -298,3 +317,12 @@ class Sample:
         """Degrees of freedom of a standard error over independent draws or replicates."""
         is_replicated = self.error_model is ErrorModel.REPLICATED
         return (self.replicate_count if is_replicated else self.effective_size) - 1
+
+
+def _values_at(column: npt.NDArray[Any], used: IntArray) -> FloatArray:
+    """Return a column at some runs, as floats; all of it as a read-only view."""
+    if len(used) < len(column):
+        return np.asarray(column[used], dtype=np.float64)
+    view = np.asarray(column, dtype=np.float64).view()
+    view.flags.writeable = False
+    return view

@@ -48,11 +48,14 @@ class SampleShape:
     @cached_property
     def mean(self) -> FloatArray:
         """The mean, also of values near the end of the numbers."""
+        return self.sample.once("mean", self._mean_of_values)
+
+    def _mean_of_values(self) -> FloatArray:
         values = self.sample.values
         if not self.sample.size:
             return np.full(values.shape[:-1], np.nan)
         # The sum of values over their largest cannot overflow.
-        largest = np.abs(values).max(axis=-1)
+        largest = np.maximum(values.max(axis=-1), -values.min(axis=-1))
         largest = np.where(largest > 0, largest, 1.0)
         means = self.sample.mean(values / largest[..., np.newaxis]) * largest
         return np.where(self.sample.is_constant, values[..., 0], means)
@@ -60,17 +63,27 @@ class SampleShape:
     @cached_property
     def scale(self) -> FloatArray:
         """The largest deviation; powers of values divided by it neither overflow nor vanish."""
+        return self.sample.once("largest deviation", self._largest_deviation)
+
+    def _largest_deviation(self) -> FloatArray:
         if not self.sample.size:
             return np.full(self.mean.shape, np.nan)
-        return np.abs(self.sample.values - self.mean[..., np.newaxis]).max(axis=-1)
+        # Rounding is monotonic, so the largest deviation is that of an end.
+        values = self.sample.values
+        return np.maximum(values.max(axis=-1) - self.mean, self.mean - values.min(axis=-1))
 
     @cached_property
     def deviations(self) -> FloatArray:
         """Deviations from the mean over `scale`, shape (..., run)."""
+        return self.sample.once("deviations", self._deviations)
+
+    def _deviations(self) -> FloatArray:
         varies = self.scale > 0
         scale = np.where(varies, self.scale, 1.0)
-        deviations = (self.sample.values - self.mean[..., np.newaxis]) / scale[..., np.newaxis]
-        return np.where(varies[..., np.newaxis], deviations, 0.0)
+        deviations: FloatArray = self.sample.values - self.mean[..., np.newaxis]
+        deviations /= scale[..., np.newaxis]
+        deviations[~varies] = 0.0
+        return deviations
 
     def _mean(self, powers: FloatArray) -> FloatArray:
         """Return the mean of powers of the deviations; NaN where these are all 0."""
@@ -92,6 +105,9 @@ class SampleShape:
     @cached_property
     def kurtosis(self) -> FloatArray:
         """Fourth standardized moment; 3 for a normal distribution."""
+        return self.sample.once("kurtosis", self._kurtosis)
+
+    def _kurtosis(self) -> FloatArray:
         return self._mean((self.deviations**2) ** 2) / _power(self._variance, 2)
 
     @cached_property

@@ -38,13 +38,10 @@ from uqpen.statistics.sensitivity.correlations import (
 )
 from uqpen.statistics.sensitivity.delta import FEWEST_RUNS as FEWEST_RUNS_FOR_DELTA
 from uqpen.statistics.sensitivity.delta import delta_array, delta_of_counts
-from uqpen.statistics.sensitivity.explained_variance import (
-    LocalRegressions,
-    SampledVariable,
-    VarianceParts,
-)
+from uqpen.statistics.sensitivity.explained_variance import LocalRegressions
 from uqpen.statistics.sensitivity.given_data import indices_name
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array, reason_of_output
+from uqpen.statistics.sensitivity.sampled_variable import SampledVariable
 from uqpen.statistics.tally import Tally
 
 __all__ = ["OutputSensitivity"]
@@ -150,8 +147,7 @@ class OutputSensitivity:
         if reason:
             return EstimateVector.without_bounds(np.asarray(np.nan), reason)
         shares = _Shares(self.found, self.found.sums[name], number)
-        parts = cast(VarianceParts, shares)  # which gives estimates of a variable, too
-        found = LocalRegressions(self.sample).estimates(variable, parts, shares.finer)
+        found = LocalRegressions(self.sample).estimates(variable, shares, shares.finer)
         method = texts.SCATTER_OF_PARTS.format(of=_parts_of(self.sample))
         return replace(found, method=np.where(found.has_bounds, method, found.method))
 

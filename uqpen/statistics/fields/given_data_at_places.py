@@ -17,14 +17,11 @@ from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.place_arrays import input_place_array
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample_shape import SampleShape
-from uqpen.statistics.sensitivity.explained_variance import (
-    LocalRegressions,
-    SampledVariable,
-    VarianceParts,
-)
+from uqpen.statistics.sensitivity.explained_variance import LocalRegressions, VarianceParts
 from uqpen.statistics.sensitivity.given_data import indices_name
 from uqpen.statistics.sensitivity.input_measures import input_array
 from uqpen.statistics.sensitivity.local_regression import ResidualVariance
+from uqpen.statistics.sensitivity.sampled_variable import SampledVariable
 
 __all__ = ["first_order_at_places"]
 

@@ -1,14 +1,16 @@
-"""Correlation of two weighted sums of columns, by compiled loops over their runs."""
+"""Correlations of weighted sums of columns, by compiled loops over their runs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.statistics.ordering import Numbers, Ordering
 from uqpen.statistics.sensitivity.correlated_pair import CorrelatedPair
 from uqpen.statistics.sensitivity.kernels import (
     add_sums_above,
@@ -17,23 +19,79 @@ from uqpen.statistics.sensitivity.kernels import (
     pair_sums,
 )
 
-__all__ = ["CompiledPair"]
+__all__ = ["ColumnGroup", "CompiledPair", "compiled_pairs"]
 
-_NONE_EQUAL = np.empty(0, dtype=np.bool_)
+# Values of columns whose orders are put together, and of sums that are added at a time.
+_MANY = 2**21
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnGroup:
+    """The orders of neighbouring columns, in arrays that a loop takes at a time.
+
+    Parameters
+    ----------
+    columns : slice
+        Which columns.
+    orders : ndarray of int, shape (column, run)
+    is_above : ndarray of bool, shape (column, run) or (0, 0)
+        As `add_sums_above` takes it.
+    rank_stds : ndarray, shape (column, 1)
+        Standard deviations of the ranks.
+    """
+
+    columns: slice
+    orders: Numbers
+    is_above: BoolArray
+    rank_stds: FloatArray
+
+    @classmethod
+    def of(cls, orderings: Sequence[Ordering]) -> list[ColumnGroup]:
+        """Return all columns together where they are small; else each by itself."""
+        if sum(len(each.order) for each in orderings) <= _MANY:
+            return [cls._of(0, orderings)] if orderings else []
+        return [cls._of(number, [each]) for number, each in enumerate(orderings)]
+
+    @classmethod
+    def _of(cls, first: int, orderings: Sequence[Ordering]) -> ColumnGroup:
+        is_above = np.empty((0, 0), dtype=np.bool_)
+        if any(each.is_above is not None for each in orderings):
+            distinct = np.ones(len(orderings[0].order), dtype=np.bool_)
+            is_above = np.stack(
+                [distinct if each.is_above is None else each.is_above for each in orderings]
+            )
+        single = len(orderings) == 1
+        orders = (
+            orderings[0].order[np.newaxis] if single else np.stack([o.order for o in orderings])
+        )
+        stds = np.array([[each.rank_std] for each in orderings])
+        return cls(slice(first, first + len(orderings)), orders, is_above, stds)
+
+    def factors(self, weights: FloatArray) -> FloatArray:
+        """Return the weights of its columns over the deviations of their ranks; 0 for none."""
+        varies = self.rank_stds > 0
+        return np.where(varies, weights[self.columns], 0.0) / np.where(varies, self.rank_stds, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledPair(CorrelatedPair):
-    """Two weighted sums of columns, added a few runs at a time."""
+    """Two weighted sums of columns, added a few runs at a time.
 
-    @cached_property
-    def _sums(self) -> FloatArray:
-        return pair_sums(self.columns, self.summed, self.weights)
+    Parameters
+    ----------
+    sums : ndarray, shape (run, 2)
+        Are written over when there is an influence.
+    groups : sequence of ColumnGroup
+        Of columns that have ranks, which other runs move; else none.
+    """
+
+    sums: FloatArray
+    groups: Sequence[ColumnGroup]
 
     @cached_property
     def _products(self) -> tuple[float, float, float]:
         """Mean squares of both sums, and their mean product."""
-        return pair_products(self._sums)
+        return pair_products(self.sums)
 
     @cached_property
     def value(self) -> float:
@@ -41,19 +99,28 @@ class CompiledPair(CorrelatedPair):
         square, other, product = self._products
         return product / math.sqrt(square) / math.sqrt(other)
 
-    @property
+    @cached_property
     def influence(self) -> FloatArray:
         """Influence of each run on the correlation, shape (run,)."""
-        runs = self.columns.shape[1]
-        influence, targets = np.empty(runs), np.empty((runs, 2))
-        stds = np.sqrt(self._products[:2])
-        pair_influence(self._sums, stds, self.value, targets, influence)
-        if self.orderings:
+        influence, stds = np.empty(len(self.sums)), np.sqrt(self._products[:2])
+        pair_influence(self.sums, stds, self.value, influence)
+        weights = (self.weights / stds[:, np.newaxis]).T
+        for group in self.groups:
             # A run moves the ranks of all others too.
-            weights = (self.weights / stds[:, np.newaxis]).T.tolist()
-            for k in self.summed.tolist():
-                own = self.orderings[k]
-                is_above = _NONE_EQUAL if own.is_above is None else own.is_above
-                factors = weights[k][0] / own.rank_std, weights[k][1] / own.rank_std
-                add_sums_above(own.order, is_above, targets, factors, influence)
+            factors = group.factors(weights)
+            if factors.any():
+                add_sums_above(group.orders, group.is_above, factors, self.sums, influence)
         return influence
+
+
+def compiled_pairs(
+    columns: FloatArray, weights: Sequence[FloatArray], groups: Sequence[ColumnGroup]
+) -> Iterator[CompiledPair]:
+    """Yield a pair of sums of columns, shape (column, run), for each of some weights."""
+    together = max(1, _MANY // (2 * columns.shape[1]))
+    for first in range(0, len(weights), together):
+        some = weights[first : first + together]
+        all_sums = pair_sums(columns, np.stack(some))
+        for sums, own in zip(all_sums, some, strict=True):
+            yield CompiledPair(own, sums, groups)
+        del all_sums, sums

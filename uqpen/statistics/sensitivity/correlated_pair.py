@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray
 from uqpen.statistics.ordering import Ordering
 
 __all__ = ["CorrelatedPair", "PairOfArrays", "standardized"]
@@ -21,17 +22,11 @@ class CorrelatedPair(ABC):
 
     Parameters
     ----------
-    columns : ndarray, shape (column, run)
-        Of mean 0 and variance 1.
     weights : ndarray, shape (2, column)
         Of the columns in both sums.
-    orderings : sequence of Ordering
-        Of each column if it has ranks, which other runs move; else none.
     """
 
-    columns: FloatArray
     weights: FloatArray
-    orderings: Sequence[Ordering]
 
     @property
     @abstractmethod
@@ -43,15 +38,21 @@ class CorrelatedPair(ABC):
     def influence(self) -> FloatArray:
         """Influence of each run on the correlation, shape (run,)."""
 
-    @property
-    def summed(self) -> IntArray:
-        """Numbers of the columns with a weight in either sum."""
-        return np.flatnonzero(self.weights.any(axis=0))
-
 
 @dataclass(frozen=True, eq=False)
 class PairOfArrays(CorrelatedPair):
-    """Two weighted sums of columns, each an array."""
+    """Two weighted sums of columns, each an array.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (column, run)
+        Of mean 0 and variance 1.
+    orderings : sequence of Ordering
+        Of each column if it has ranks, which other runs move; else none.
+    """
+
+    columns: FloatArray
+    orderings: Sequence[Ordering]
 
     @cached_property
     def _sums(self) -> list[FloatArray]:
@@ -90,8 +91,9 @@ class PairOfArrays(CorrelatedPair):
 def standardized(values: FloatArray) -> FloatArray:
     """Return values of mean 0 and variance 1; 0 where they do not vary."""
     centred = values - values.mean()
-    largest = np.abs(centred).max(initial=0.0)
-    if not np.ptp(values) > 0:
+    highest, lowest = centred.max(initial=-math.inf), centred.min(initial=math.inf)
+    if not highest > lowest:
         return np.zeros(len(values))
-    scaled: FloatArray = centred / largest
-    return scaled / float(np.sqrt((scaled**2).mean()))
+    centred /= max(highest, -lowest)
+    centred /= float(np.sqrt((centred**2).mean()))
+    return centred

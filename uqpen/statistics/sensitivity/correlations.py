@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -30,6 +31,9 @@ from uqpen.statistics.sensitivity.input_measures import (
 )
 from uqpen.statistics.sensitivity.residual_weights import ResidualWeights
 from uqpen.statistics.standard_errors import standard_error
+
+if TYPE_CHECKING:
+    from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup
 
 __all__ = ["CORRELATIONS", "FEWEST_RUNS", "correlation_array", "correlations", "shape_reason"]
 
@@ -61,12 +65,14 @@ def correlations(
     """
     if quantity.output.categories or not sample.inputs:
         return
-    of_values = _CorrelatedColumns(sample, is_ranked=False)
-    of_ranks = _CorrelatedColumns(sample, is_ranked=True)
-    for statistic, (is_ranked, is_partial, _) in CORRELATIONS.items():
-        columns, inputs = of_ranks if is_ranked else of_values, range(len(sample.inputs))
-        estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
-        yield statistic, correlation_array(statistic, estimates, sample, quantity)
+    for is_ranked in (False, True):
+        # The columns of values are not needed any more when those of ranks are made.
+        columns = _CorrelatedColumns(sample, is_ranked=is_ranked)
+        for statistic, (goes_by_ranks, is_partial, _) in CORRELATIONS.items():
+            if goes_by_ranks == is_ranked:
+                estimates = columns.correlations(is_partial=is_partial)
+                yield statistic, correlation_array(statistic, estimates, sample, quantity)
+        del columns
 
 
 def correlation_array(
@@ -110,10 +116,16 @@ class _CorrelatedColumns:
     @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
+        columns = np.empty((len(self.orderings), self.sample.size))
+        for row, column in zip(columns, self._standardized_columns, strict=True):
+            row[:] = column
+        return columns
+
+    @property
+    def _standardized_columns(self) -> Iterator[FloatArray]:
         if self.is_ranked:
-            return np.stack([standardized(each.mean_ranks) for each in self.orderings])
-        columns = chain(self._inputs, [self.shape.deviations])
-        return np.stack([standardized(column) for column in columns])
+            return (standardized(each.mean_ranks) for each in self.orderings)
+        return map(standardized, chain(self._inputs, [self.shape.deviations]))
 
     @property
     def _inputs(self) -> Iterator[FloatArray]:
@@ -134,26 +146,43 @@ class _CorrelatedColumns:
         # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
         return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
 
-    def correlation(self, i: int, *, is_partial: bool) -> Estimate:
-        """Estimate the correlation of the output with input `i`."""
-        if reason := reason_without_measure(self.sample, i, FEWEST_RUNS):
-            return Estimate.without_bounds(math.nan, reason)
-        weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
-        if weights is None:
-            return Estimate.without_bounds(math.nan, texts.LINEARLY_DEPENDENT)
-        pair = self._pair(self.standardized, np.stack(weights), self._orderings_of_ranks)
+    def correlations(self, *, is_partial: bool) -> list[Estimate]:
+        """Estimate the correlation of the output with each input."""
+        reasons, weights = [], []
+        for i in range(len(self.sample.inputs)):
+            reason, own = reason_without_measure(self.sample, i, FEWEST_RUNS), None
+            if not reason:
+                own = self._partial_weights(i) if is_partial else self._simple_weights(i)
+            if own is not None:
+                weights.append(np.stack(own))
+            reasons.append(reason or ("" if own is not None else texts.LINEARLY_DEPENDENT))
+        pairs = self._pairs(weights)
+        return [
+            Estimate.without_bounds(math.nan, reason) if reason else self._estimate(next(pairs))
+            for reason in reasons
+        ]
+
+    def _estimate(self, pair: CorrelatedPair) -> Estimate:
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
             return Estimate.without_bounds(pair.value, reason)
         return self._with_bounds(pair.value, pair.influence)
 
-    @cached_property
-    def _pair(self) -> Callable[..., CorrelatedPair]:
-        """The type of pair by the number of values."""
+    def _pairs(self, weights: Sequence[FloatArray]) -> Iterator[CorrelatedPair]:
+        """Yield a pair for each of some weights; its type follows from the number of values."""
+        if not weights:
+            return iter(())
         if not self.sample.run_inputs.are_many:
-            return PairOfArrays
-        from uqpen.statistics.sensitivity.compiled_pair import CompiledPair
+            columns, orderings = self.standardized, self._orderings_of_ranks
+            return (PairOfArrays(each, columns, orderings) for each in weights)
+        from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
 
-        return CompiledPair
+        return compiled_pairs(self.standardized, weights, self._groups)
+
+    @cached_property
+    def _groups(self) -> list[ColumnGroup]:
+        from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup
+
+        return ColumnGroup.of(self._orderings_of_ranks)
 
     @property
     def _orderings_of_ranks(self) -> list[Ordering]:

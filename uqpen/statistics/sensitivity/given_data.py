@@ -21,8 +21,9 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
-from uqpen.statistics.sensitivity.explained_variance import LocalRegressions, SampledVariable
+from uqpen.statistics.sensitivity.explained_variance import LocalRegressions
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
+from uqpen.statistics.sensitivity.sampled_variable import SampledVariable
 
 __all__ = ["event_first_order", "first_order", "indices_name"]
 
@@ -94,7 +95,9 @@ class _Indices:
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
         has_doubtful_source = bool(SampleShape(self.sample).is_doubtful)
-        variable = SampledVariable(replace(self.sample, values=values), has_doubtful_source)
+        is_own = values is self.sample.values
+        sample = self.sample if is_own else replace(self.sample, values=values)
+        variable = SampledVariable(sample, has_doubtful_source)
         estimates = self.regressions.indices(variable).each()
         name = indices_name(title, self.sample)
         array = input_array(estimates, self.sample.inputs, name, level=self.sample.level)

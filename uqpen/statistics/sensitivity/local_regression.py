@@ -12,10 +12,17 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.ordering import Numbers, Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["FEWEST_RUNS_FOR_A_SLOPE", "Lines", "RegressionBins", "ResidualVariance"]
+__all__ = [
+    "FEWEST_RUNS_FOR_A_SLOPE",
+    "Lines",
+    "RegressionBins",
+    "ResidualVariance",
+    "bin_labels",
+    "labels_of_ranks",
+]
 
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
@@ -64,26 +71,8 @@ class RegressionBins:
         halved : bool
             True to cut the bins into two, where each half has runs enough for a line.
         """
-        values, ordering = sample.columns[column], sample.columns.ordering(column)
-        rank = _ranks(values, ordering)
-        if sample.error_model is ErrorModel.REPLICATED:
-            replicates = int(sample.replicates.max()) + 1
-            pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
-            if halved and replicates >= 2 * pieces * FEWEST_RUNS_FOR_A_SLOPE:
-                pieces *= 2
-            in_a_bin = replicates / pieces
-            # Whole strata are cut, so that no bin lies across the border of two.
-            block = rank * pieces // replicates
-        else:
-            in_a_bin, block = _runs_in_a_bin(sample) / (2 if halved else 1), rank
-        count = np.bincount(block[sample.used], minlength=len(rank))
-        # Failed runs leave gaps in strata, so these are merged until they fill a bin.
-        full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
-        label = full[block[sample.used]]
-        # A value without an equal fills no bin by itself.
-        is_tied = ordering.is_above is not None
-        label = _separate_atoms(label, values[sample.used], in_a_bin) if is_tied else _dense(label)
-        return cls(label, _positions_in_bin(label, rank[sample.used].astype(np.float64)))
+        label, rank = bin_labels(sample, column, halved=halved)
+        return cls(label, _positions_in_bin(label, rank.astype(np.float64)))
 
     @cached_property
     def size(self) -> FloatArray:
@@ -245,6 +234,39 @@ class ResidualVariance:
         left_out = self.bins.in_slots(self.residual) * self.bins.in_slots(scale)
         left_out *= np.sqrt(weights)[:, None, None]
         return np.einsum("vbj,vbk->bjk", left_out, left_out)
+
+
+def bin_labels(sample: Sample, column: int, *, halved: bool) -> tuple[IntArray, IntArray]:
+    """Return the bin of each run, as `RegressionBins` has it, and the rank of its input."""
+    values, ordering = sample.columns[column], sample.columns.ordering(column)
+    rank = _ranks(values, ordering)[sample.used]
+    label = labels_of_ranks(sample, rank, halved=halved)
+    # A value without an equal fills no bin by itself.
+    if ordering.is_above is None:
+        return _dense(label), rank
+    in_a_bin, _ = _blocks(sample, rank, halved=halved)
+    return _separate_atoms(label, values[sample.used], in_a_bin), rank
+
+
+def labels_of_ranks(sample: Sample, rank: Numbers, *, halved: bool) -> IntArray:
+    """Return the bins of runs by the ranks of an input among all points; some may be empty."""
+    in_a_bin, block = _blocks(sample, rank, halved=halved)
+    count = np.bincount(block, minlength=len(sample.replicates))
+    # Failed runs leave gaps in strata, so these are merged until they fill a bin.
+    full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
+    return full[block]
+
+
+def _blocks(sample: Sample, rank: Numbers, *, halved: bool) -> tuple[float, Numbers]:
+    """Return the number of runs in a bin, and the blocks of runs that are not cut by bins."""
+    if sample.error_model is not ErrorModel.REPLICATED:
+        return _runs_in_a_bin(sample) / (2 if halved else 1), rank
+    replicates = int(sample.replicates.max()) + 1
+    pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
+    if halved and replicates >= 2 * pieces * FEWEST_RUNS_FOR_A_SLOPE:
+        pieces *= 2
+    # Whole strata are cut, so that no bin lies across the border of two.
+    return replicates / pieces, rank.astype(np.int64) * pieces // replicates
 
 
 def _runs_in_a_bin(sample: Sample) -> float:
