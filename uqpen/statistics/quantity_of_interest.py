@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.model import Output
-from uqpen.core.settings import Context, probabilities, setting, validate
+from uqpen.core.settings import Context, probabilities, setting, text, validate
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
@@ -48,6 +48,8 @@ class QuantityOfInterest:
         Contents of the lower tolerance limits: probabilities of lying at or above the limit.
     tolerance_interval_contents : tuple of float
         Contents of the tolerance intervals: probabilities of lying between their ends.
+    caveat : str, optional
+        Sentence on what a reader has to mind of all numbers of this output.
     confidence_level : float
         Confidence level of the intervals of its statistics.
     """
@@ -62,6 +64,7 @@ class QuantityOfInterest:
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
     lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
     tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
+    caveat: str | None = text(expected="a sentence in quotes", default=None)
     confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:
