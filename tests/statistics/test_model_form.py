@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.results.source_statistics import SourceStatistics
 
 STUDY = """
 seed = 5
@@ -88,7 +89,9 @@ def test_shares_are_those_of_an_analysis_of_variance(
 def test_an_event_has_shares_of_its_own(tmp_path: Path) -> None:
     # P(y > 1) is 0 and 1 by the two: all of the variance of the event is model form.
     tree = of_models(tmp_path, "x", "x + 1")
-    event = tree["model_form/sample/y"]["exceedance_model_form_share"]
+    statistics = SourceStatistics.of_model_form(tree)
+    event = statistics.get("sample", "y", "exceedance_model_form_share")
+    assert event is not None
     assert event["threshold"].values.tolist() == ["1 m", "9 m"]
     assert event.values[0, 0] == pytest.approx(1.0, abs=1e-12)
     # No run has shown the event in neither or in both, so its error is not known.

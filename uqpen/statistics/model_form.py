@@ -158,7 +158,7 @@ def _standardized(values: FloatArray) -> FloatArray:
 
 
 def _few_events(sample: Sample, values: FloatArray, *, is_event: bool) -> str:
-    """Return the reason why too few runs tell an event; empty where there are enough."""
+    """Return the reason why too few runs show an event; empty where there are enough."""
     if not is_event:
         return ""
     # Of one model at least: another may show the event always or never.
