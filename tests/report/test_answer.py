@@ -151,7 +151,8 @@ def test_of_several_models_the_differences_stand_first(
     told = _told(tree, "original")
     assert told[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
     assert told[1].startswith("rigid minus original: Mean difference: depth of penetration ")
-    assert told[2].startswith("Did all runs succeed?: original: ")
+    assert told[2].startswith("How much is model form?: Of the variance of depth of penetration, ")
+    assert told[3].startswith("Did all runs succeed?: original: ")
     at = [told.index(f"By {model} alone") for model in ("original", "smoothed", "rigid")]
     first, other = told[at[0] : at[1]], told[at[2] :]
     assert first[1].startswith("Depth of penetration above 60 cm: In 11.0 % of cases (")

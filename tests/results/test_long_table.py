@@ -64,8 +64,13 @@ def _rows(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 
 def test_its_columns_say_what_of_what_and_how_sure(table: pd.DataFrame) -> None:
     assert list(table.columns) == COLUMNS
-    assert list(dict.fromkeys(table["kind"])) == ["design", "publication", "difference"]
-    assert list(dict.fromkeys(table["model"])) == ["one", "two", "two minus one"]
+    assert list(dict.fromkeys(table["kind"])) == [
+        "design",
+        "publication",
+        "difference",
+        "model form",
+    ]
+    assert list(dict.fromkeys(table["model"])) == ["one", "two", "two minus one", ""]
 
 
 def test_it_agrees_with_the_json(tree: xr.DataTree, table: pd.DataFrame) -> None:

@@ -16,6 +16,7 @@ from uqpen.core.labels import (
     ABSENT,
     BOUND,
     BOUNDS,
+    CAVEAT,
     CITED,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
@@ -58,7 +59,7 @@ _ATTRIBUTES = {
     ),
     **dict.fromkeys((ABSENT, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
+    **dict.fromkeys((CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
         (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
         "count",

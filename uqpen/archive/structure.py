@@ -21,7 +21,7 @@ from uqpen.archive.layout import (
 from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
 from uqpen.core.blocks import block_ranges, is_true_by_blocks
-from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS
+from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS, MODEL_FORM_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
     BOUND,
@@ -31,6 +31,7 @@ from uqpen.core.labels import (
     FAILURES_GROUP,
     JOINT_GROUP,
     KIND,
+    MODEL_FORM,
     MODELS,
     RUN,
     RUNS,
@@ -84,6 +85,11 @@ def _study_faults(tree: xr.DataTree) -> Iterator[str]:
         if MODELS not in tree.children or name not in models:
             yield f"/{DIFFERENCES}/{name}: of no model"
         yield from (f"/{DIFFERENCES}/{name}{fault}" for fault in _pair_faults(pair))
+    for name, source in _children(tree, MODEL_FORM):
+        for output, child in source.children.items():
+            dataset = child.to_dataset(inherit=False)
+            for fault in find_dataset_faults(dataset, MODEL_FORM_STATISTICS):
+                yield f"/{MODEL_FORM}/{name}/{output}: {fault}"
 
 
 def _pair_faults(tree: xr.DataTree) -> Iterator[str]:

@@ -40,6 +40,7 @@ __all__ = [
     "JOINT_STATISTICS",
     "LOWER_CONTENT",
     "LOWER_THRESHOLD",
+    "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
@@ -360,6 +361,22 @@ JOINT_STATISTICS = _by_name(
     ]
 )
 
+# Shares of the variance over several models, which count the same.
+_MODEL_FORM_SHARES = {
+    "model_form_share": "share of the variance between models",
+    "parameter_share": "share of the variance between inputs",
+    "interaction_share": "share of the variance of models and inputs together",
+}
+MODEL_FORM_STATISTICS = _by_name(
+    [
+        *(Statistic(name, title) for name, title in _MODEL_FORM_SHARES.items()),
+        *(
+            Statistic(f"exceedance_{name}", f"{title}, of exceeding a value", (THRESHOLD,))
+            for name, title in _MODEL_FORM_SHARES.items()
+        ),
+    ]
+)
+
 # The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
 INTERVAL_RECIPE = max(
     each.recipe
@@ -367,6 +384,7 @@ INTERVAL_RECIPE = max(
         *CATALOGUE.values(),
         *FAILURE_STATISTICS.values(),
         *JOINT_STATISTICS.values(),
+        *MODEL_FORM_STATISTICS.values(),
     )
 )
 

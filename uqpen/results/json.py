@@ -12,6 +12,7 @@ from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_
 from uqpen.core.catalogue import CATALOGUE, SENSITIVITY_EVENT
 from uqpen.core.labels import (
     AGREEMENT,
+    CAVEAT,
     CONFIDENCE_LEVEL,
     COST_SPENT,
     DIFFERENCES,
@@ -35,6 +36,7 @@ from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
 from uqpen.results.field_json import field_json
+from uqpen.results.model_form_tables import model_form_json
 from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
@@ -88,8 +90,9 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None
         where there is none, with how its interval was made. A field has ``dimensions``, and lists
         along them in place of the numbers of its figures. Of several models, all that under
-        ``models.<name>``, and their differences under ``differences.<name>``. The
-        ``confidence_level`` of all intervals, where it is not 0.95.
+        ``models.<name>``, their differences under ``differences.<name>``, and the shares of model
+        form under ``model_form.<design>.<output>``. The ``confidence_level`` of all intervals,
+        where it is not 0.95.
     """
     head = archive_identity(tree)
     if CONFIDENCE_LEVEL in tree.attrs:
@@ -105,6 +108,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         **head,
         "models": {name: _model_json(model) for name, model in models.items()},
         "differences": differences,
+        **model_form_json(tree),
     }
 
 
@@ -262,6 +266,8 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
     """Return all estimates that a source has of an output."""
     found: dict[str, Any] = {"units": array.attrs.get("units", DIMENSIONLESS)}
     found |= field_json(array)
+    if caveat := statistics.caveat(source, str(array.name)):
+        found[CAVEAT] = caveat
     along = field_dimensions(array)
     arrays = statistics.statistics(source, str(array.name))
     found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}

@@ -27,7 +27,7 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
     -------
     DataFrame
         The columns of `SourceStatistics.to_frame`. The model is empty where an archive has one
-        alone, and such as ``fine minus coarse`` for a difference.
+        alone and for the shares of model form, and such as ``fine minus coarse`` for a difference.
 
     Examples
     --------
@@ -44,4 +44,5 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
     for other in group_names(tree, DIFFERENCES):
         differences = SourceStatistics.of_differences(tree, other)
         rows += differences.rows(other, functions=functions)
+    rows += SourceStatistics.of_model_form(tree).rows(functions=functions)
     return rows_frame(rows)

@@ -8,7 +8,7 @@ import xarray as xr
 
 from uqpen.archive.read import model_trees
 from uqpen.core.errors import QuantityError, UnknownNameError
-from uqpen.core.labels import DIFFERENCES, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
+from uqpen.core.labels import DIFFERENCES, MODEL_FORM, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
 from uqpen.core.lookup import choices
 from uqpen.results.field_places import FieldPlace, find_place
 from uqpen.results.table import first_runs, output_names
@@ -16,7 +16,7 @@ from uqpen.results.table import first_runs, output_names
 __all__ = ["select_output"]
 
 # The depth of the groups of outputs, below each group of a model that has some.
-_DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3}
+_DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3, MODEL_FORM: 2}
 # Groups that have values along the dimensions of a field.
 _ALONG_FIELDS = (RUNS, STATISTICS_GROUP, DIFFERENCES)
 

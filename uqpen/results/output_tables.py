@@ -17,6 +17,7 @@ from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.missing_run_tables import missing_run_tables
+from uqpen.results.model_form_tables import model_form_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
@@ -73,6 +74,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
             for table in missing_run_tables(model, surrogate):
                 yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
+    yield from model_form_tables(tree)
 
 
 def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -135,6 +137,7 @@ def statistics_table(
     unit = _shown_unit(described)
     label = label_at_place(name, first_runs(tree)[name])
     table = OutputTable(label_with_unit(label, unit), sources)
+    table.title += table.note_mark(statistics.caveat(sources[0], name))
     add_runs(table, tree)
     add_failed_runs(table, tree)
     add_absent_runs(table, tree, name)

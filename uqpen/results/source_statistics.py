@@ -13,6 +13,7 @@ from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
+    CAVEAT,
     CITED,
     CONDITIONAL,
     COST_SPENT,
@@ -22,6 +23,7 @@ from uqpen.core.labels import (
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MISSING,
+    MODEL_FORM,
     RUNS,
     RUNS_ABSENT,
     SOURCE_KIND,
@@ -63,6 +65,13 @@ class SourceStatistics:
         tree, own = archive.children[DIFFERENCES].children[model], model_trees(archive)[model]
         return cls(tree, is_difference=True, described_by=own)
 
+    @classmethod
+    def of_model_form(cls, archive: xr.DataTree) -> SourceStatistics:
+        """Return the shares of the variance over several models, which have no model."""
+        first = next(iter(model_trees(archive).values()))
+        tree = archive.children.get(MODEL_FORM, xr.DataTree())
+        return cls(tree, is_difference=True, described_by=first)
+
     @property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
@@ -88,9 +97,12 @@ class SourceStatistics:
         return [] if self.node is None else [str(name) for name in self.node.children]
 
     def kind(self, source: str) -> str:
-        """Return ``design``, ``surrogate``, ``publication``, or ``difference`` of two models."""
+        """Return ``design``, ``surrogate``, ``publication``, or what several models have in common.
+
+        That is ``difference`` of two models, or ``model form`` of all.
+        """
         if self.is_difference:
-            return "difference"
+            return "difference" if self.minus(source) else "model form"
         return str(self._dataset(source).attrs.get(SOURCE_KIND, "design"))
 
     def decision(self, source: str) -> StatedDecision | None:
@@ -161,6 +173,10 @@ class SourceStatistics:
         """Return the input that a publication calls the largest contribution; empty for none."""
         attributes = self._dataset(publication, output).attrs
         return str(attributes.get(LARGEST_CONTRIBUTION, ""))
+
+    def caveat(self, source: str, output: str) -> str:
+        """Return what the study says that a reader has to mind of an output; empty for nothing."""
+        return str(self._dataset(source, output).attrs.get(CAVEAT, ""))
 
     def citation(self, publication: str) -> str:
         """Return the reference of a publication."""

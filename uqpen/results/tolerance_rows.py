@@ -20,7 +20,7 @@ from uqpen.results.digits import (
 from uqpen.results.source_statistics import SourceStatistics, source_entries
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark
 
-__all__ = ["add_tolerance_limits"]
+__all__ = ["add_tolerance_limits", "tolerance_cell"]
 
 
 class _Kind(NamedTuple):
@@ -67,6 +67,14 @@ def add_tolerance_limits(
         for content, found in source_entries(arrays, kind.dimension):
             cells = [_cell(table, kind, found.get(each), shown) for each in table.columns]
             table.rows.append((kind.label.format(content=percent_text(content)), cells))
+
+
+def tolerance_cell(
+    table: OutputTable, statistic: str, array: xr.DataArray | None, shown: Scale
+) -> str | None:
+    """Return the cell of a tolerance limit, or None for another statistic."""
+    kind = next((each for each in _KINDS if each.statistic == statistic), None)
+    return None if kind is None else _cell(table, kind, array, shown)
 
 
 def _cell(table: OutputTable, kind: _Kind, array: xr.DataArray | None, shown: Scale) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.model import Output
-from uqpen.core.settings import Context, probabilities, read_list, setting, validate
+from uqpen.core.settings import Context, probabilities, read_list, setting, text, validate
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
@@ -70,6 +70,8 @@ class QuantityOfInterest:
         Probabilities below the quantiles beyond which the mean is requested.
     return_periods : tuple of float
         Numbers of cases, above 1; the value exceeded once in each on average is requested.
+    caveat : str, optional
+        Sentence on what a reader has to mind of all numbers of this output.
     confidence_level : float
         Confidence level of the intervals of its statistics.
     """
@@ -93,6 +95,7 @@ class QuantityOfInterest:
         default=(),
         key="return_periods",
     )
+    caveat: str | None = text(expected="a sentence in quotes", default=None)
     confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:

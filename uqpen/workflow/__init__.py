@@ -18,7 +18,7 @@ from uqpen.models.source import BuiltInModel
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
-from uqpen.workflow.model_groups import difference_groups, model_groups
+from uqpen.workflow.model_groups import difference_groups, model_form_groups, model_groups
 from uqpen.workflow.root_attributes import level_attribute, root_attributes
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
@@ -77,6 +77,7 @@ def analyse_runs(
         for path, dataset in model_groups(study, name, runs, steps):
             groups[f"{root}{path}"] = dataset
     groups |= dict(difference_groups(study, runs, steps))
+    groups |= dict(model_form_groups(study, runs))
     if files := files_group(study.files(), study.folder):
         groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)

@@ -14,6 +14,7 @@ from uqpen.core.labels import (
     FAILURES_GROUP,
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
+    MODEL_FORM,
     RUN,
     RUNS,
     RUNS_SPENT,
@@ -27,6 +28,7 @@ from uqpen.statistics.decision import decision_attributes
 from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.model_differences import model_differences
+from uqpen.statistics.model_form import model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.study.study import ValidatedStudy, Variant
@@ -37,7 +39,7 @@ from uqpen.workflow.source import Groups, Source
 from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
 from uqpen.workflow.surrogate_source import surrogate_source
 
-__all__ = ["difference_groups", "model_groups"]
+__all__ = ["difference_groups", "model_form_groups", "model_groups"]
 
 
 def model_groups(
@@ -78,8 +80,9 @@ def model_groups(
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
+    caveats = {each.output.name: each.caveat for each in quantities if each.caveat}
     for name, source in sources.items():
-        yield from source.groups(f"/{STATISTICS_GROUP}/{name}")
+        yield from source.groups(f"/{STATISTICS_GROUP}/{name}", caveats)
     for name, publication in study.published.items():
         yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
     steps.start("trajectory at the nominal inputs", model)
@@ -114,6 +117,20 @@ def difference_groups(
                 path = f"/{DIFFERENCES}/{other}/{design}/{output}"
                 marked = mark_uncertified({"": statistics}, pair[0].attrs)[""]
                 yield path, pack(marked).assign_attrs({"minus": first})
+
+
+def model_form_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
+    """Yield the groups of the shares of model form; a stand-in is no model of its own."""
+    alternatives = [name for name, each in study.models.items() if each.stand_in is None]
+    for design in study.designs:
+        of_design = {name: runs[name][design] for name in alternatives}
+        if len(of_design) > 1:
+            for output, statistics in model_form_shares(
+                of_design, study.quantities_of_interest
+            ).items():
+                (first, *_) = of_design.values()
+                marked = mark_uncertified({"": statistics}, first.attrs)[""]
+                yield f"/{MODEL_FORM}/{design}/{output}", pack(marked)
 
 
 def _trajectory(study: ValidatedStudy, variant: Variant) -> xr.Dataset | None:

@@ -35,6 +35,7 @@ from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
 from uqpen.report.sections.method_agreement import agreement_text
 from uqpen.report.sections.missing_runs import missing_run_sentences
 from uqpen.report.sections.model_answer import model_answer
+from uqpen.report.sections.model_verdicts import caveat_text
 from uqpen.report.sections.published_agreement import published_sentences
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
 from uqpen.report.shapes import vertical_line
@@ -101,6 +102,8 @@ def _stated_blocks(
     of_events = (*joint_findings(view, design), *rare_event_findings(view))
     if every := (*decision_findings(view), *verdicts, *of_events):
         yield Findings(every, is_verdict=True)
+    if caveat := caveat_text(view, main_outputs(view), design):
+        yield Text(caveat)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:
         yield Quote(stated)

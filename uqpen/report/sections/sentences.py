@@ -28,14 +28,14 @@ from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
-__all__ = ["OutputSentences", "acceptance_sentence", "output_sentences"]
+__all__ = ["EVENTS", "OutputSentences", "acceptance_sentence", "output_sentences"]
 
 # Requested statistics of an output that are stated, and categories in a sentence.
 _MOST_STATED = 3
 _MOST_CATEGORIES = 4
 
 # Where an output lies in the event of a probability.
-_EVENTS = {"exceedance": "above", "below": "below"}
+EVENTS = {"exceedance": "above", "below": "below"}
 
 
 class OutputSentences(NamedTuple):
@@ -61,8 +61,8 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     estimates = [(each, array) for each, array in found if array is not None]
     if not estimates:
         return None
-    limits = [each for each in estimates if each[0].statistic in _EVENTS]
-    others = [each for each in estimates if each[0].statistic not in _EVENTS]
+    limits = [each for each in estimates if each[0].statistic in EVENTS]
+    others = [each for each in estimates if each[0].statistic not in EVENTS]
     return OutputSentences(
         output,
         tuple(_verdict(*each, design) for each in limits),
@@ -86,7 +86,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     elif counts_events and array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
-    event = f"{name} {_EVENTS[quantity.statistic]} {threshold}"
+    event = f"{name} {EVENTS[quantity.statistic]} {threshold}"
     return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 

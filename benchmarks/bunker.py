@@ -1,0 +1,255 @@
+"""Do the methods agree on the wall? Probabilities and thicknesses of the rod in concrete, by each.
+
+Run it as ``python benchmarks/bunker.py --output FILE.csv``, with uqpen installed. A method whose
+rows are in the file is not asked again; more seeds (``--first``) and files add up:
+``--from FILE.csv … --markdown docs/rod_models.md``. The inputs are those of ``studies/bunker.toml``
+that the Walker-Anderson model takes. Depths are those in a target without a rear face.
+
+Ten million runs are made by blocks. Their intervals are exact for a binomial count
+(Clopper-Pearson), and a thickness has a one-sided bound (Wilks). All other methods are designs of
+uqpen, with the intervals that an archive has.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from coverage_table import Place
+
+import uqpen
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.designs import DESIGNS
+from uqpen.execution import Evaluator
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.statistics.intervals import clopper_pearson, upper_rank
+from uqpen.study.study import ValidatedStudy
+
+FloatArray = npt.NDArray[np.float64]
+STUDY = Path(__file__).resolve().parent.parent / "studies" / "bunker.toml"
+DEPTH = "penetration_depth"
+THRESHOLDS = (54, 60, 80, 100, 150, 200, 300)  # cm
+CONTENTS = (0.95, 0.99, 0.999, 0.9999, 0.99999)
+# Events for which it is worth moving runs towards them, and one that every method sees.
+ASKED = (60, 150, 300)
+LEVEL = 0.95
+MANY = 10_000_000
+BLOCK = 65_536
+TABLE = Place("the wall")
+
+
+class Answer(NamedTuple):
+    """What a method says of one quantity, with a seed; an end that is not known is NaN."""
+
+    method: str
+    seed: int
+    quantity: str
+    runs: int
+    estimate: float
+    lower: float
+    upper: float
+
+
+def study_text(seed: int, designs: str) -> str:
+    """Return a study of the Walker-Anderson model with the inputs of the wall's study."""
+    inputs = STUDY.read_text(encoding="utf-8").partition("[inputs]\n")[2].partition("\n\n")[0]
+    exceeds = ", ".join(f'"{each} cm"' for each in THRESHOLDS)
+    hold = ", ".join(map(str, CONTENTS))
+    return (
+        f'seed = {seed}\n[model]\nuse = "walker-anderson"\n[inputs]\n{inputs}\n'
+        f'[outputs.{DEPTH}]\nunit = "cm"\nexceeds = [{exceeds}]\nhold = [{hold}]\n{designs}'
+    )
+
+
+def by_design(seed: int, settings: str) -> list[Answer]:
+    """Ask a design whose runs are a sample."""
+    tree = uqpen.run(uqpen.parse_study(study_text(seed, f"[designs.only]\n{settings}")))
+    statistics = SourceStatistics(tree)
+    runs = int(tree["runs/only"].sizes["run"])
+    found = []
+    for name, label, scale in (
+        ("exceedance", "P(> {})", 1.0),
+        ("tolerance_limit", "{:g} %", 100.0),
+    ):
+        array = statistics.get("only", DEPTH, name)
+        for entry in array if array is not None else ():
+            key = (
+                entry["threshold"].item() if name == "exceedance" else 100 * entry["content"].item()
+            )
+            numbers = (scale * entry.values).tolist()
+            found.append(Answer("", seed, label.format(key), runs, *numbers))
+    return found
+
+
+def towards_event(seed: int, kind: str) -> list[Answer]:
+    """Ask a design for rare events, once for each event."""
+    found = []
+    for threshold in ASKED:
+        event = f'event = "{DEPTH} > {threshold} cm"'
+        settings = f'[designs.only]\nkind = "{kind}"\n{event}\n'
+        tree = uqpen.run(uqpen.parse_study(study_text(seed, settings)))
+        array = SourceStatistics(tree).joint_probability("only")
+        runs = int(tree["runs/only"].sizes["run"])
+        if array is not None:
+            numbers = array.values[0].tolist()
+            found.append(Answer("", seed, f"P(> {threshold} cm)", runs, *numbers))
+    return found
+
+
+def by_blocks(seed: int, runs: int = MANY) -> list[Answer]:
+    """Make very many independent runs, of which the depths alone are kept."""
+    settings = '[designs.only]\nkind = "monte-carlo"\nruns = 10\n'
+    study = uqpen.parse_study(study_text(seed, settings))
+    study.model.prepare()
+    depths = np.sort(np.concatenate([*_depths(study, seed, runs)]))
+    size = depths.size
+    found = []
+    for threshold in THRESHOLDS:
+        events = int(size - np.searchsorted(depths, threshold / 100, side="right"))
+        lower, upper = (float(end) for end in clopper_pearson(events, size, LEVEL))
+        found.append(Answer("", seed, f"P(> {threshold} cm)", size, events / size, lower, upper))
+    for content in CONTENTS:
+        estimate = 100 * float(np.quantile(depths, content))
+        rank = float(upper_rank(size, content, LEVEL))
+        upper = np.nan if np.isnan(rank) else 100 * float(depths[int(rank) - 1])
+        found.append(Answer("", seed, f"{100 * content:g} %", size, estimate, np.nan, upper))
+    return found
+
+
+def _depths(study: ValidatedStudy, seed: int, runs: int) -> Iterator[FloatArray]:
+    """Yield the depths of the admissible runs, in metres, by blocks."""
+    evaluator, stream = Evaluator(study.model), Stream(seed, "benchmarks", "bunker")
+    dimension = len(study.joint.random)
+    for number, start in enumerate(range(0, runs, BLOCK)):
+        unit = stream.generator(number).random((min(BLOCK, runs - start), dimension))
+        points = study.joint.points(unit, {})
+        size = len(unit)
+        inputs = {
+            str(name): np.broadcast_to(points[name].values, size).astype(np.float64)
+            for name in points.data_vars
+        }
+        depths = evaluator(inputs).outputs[DEPTH]
+        yield depths[np.isfinite(depths)]
+
+
+def methods() -> dict[str, Callable[[int], list[Answer]]]:
+    """Return the methods by name, each a function of the seed."""
+    found: dict[str, Callable[[int], list[Answer]]] = {
+        "Monte Carlo, 10 000": lambda seed: by_design(seed, 'kind = "monte-carlo"\nruns = 10_000'),
+        "Monte Carlo, 10 million": by_blocks,
+        "Sobol' points, 16 × 4096": lambda seed: by_design(
+            seed, 'kind = "sobol-sequence"\nruns = 65_536\nreplicates = 16'
+        ),
+    }
+    for kind in ("subset-simulation", "importance-sampling", "active-learning"):
+        if kind in DESIGNS:
+            found[kind] = lambda seed, kind=kind: towards_event(seed, kind)
+    return found
+
+
+def answers(
+    wanted: Sequence[str], seeds: Sequence[int], known: Sequence[Answer]
+) -> Iterator[Answer]:
+    """Yield the answers of the methods that no answer is known of, each as it comes."""
+    made = {(each.method, each.seed) for each in known}
+    for seed in seeds:
+        for name, ask in methods().items():
+            if (not wanted or name in wanted) and (name, seed) not in made:
+                start = time.perf_counter()
+                found = ask(seed)
+                print(f"{name}, seed {seed}: {time.perf_counter() - start:.1f} s", flush=True)
+                yield from (each._replace(method=name) for each in found)
+
+
+def page(rows: Sequence[Answer]) -> Iterator[str]:
+    """Yield the lines of the table: a row a quantity, a column a method, of the first seed each."""
+    first: dict[str, int] = {}
+    for row in rows:
+        first[row.method] = min(row.seed, first.get(row.method, row.seed))
+    shown = [row for row in rows if row.seed == first[row.method]]
+    names = list(dict.fromkeys(row.method for row in shown))
+    yield f"| | {' | '.join(names)} |"
+    yield f"|---|{'---|' * len(names)}"
+    cells = {(row.quantity, row.method): row for row in shown}
+    labels = [f"P(> {each} cm)" for each in THRESHOLDS] + [f"{100 * c:g} %" for c in CONTENTS]
+    for label in labels:
+        texts = [_cell(cells.get((label, name))) for name in names]
+        head = label if label.startswith("P") else f"thickness [cm] for {label}"
+        yield f"| {head} | {' | '.join(texts)} |"
+    counts = (
+        " + ".join(f"{runs:,}".replace(",", " ") for runs in _runs(shown, name)) for name in names
+    )
+    yield f"| runs | {' | '.join(counts)} |"
+
+
+def _runs(rows: Sequence[Answer], method: str) -> list[int]:
+    """Return the numbers of runs of a method: one for all quantities, or one for each."""
+    found = [row.runs for row in rows if row.method == method]
+    return found[:1] if len(set(found)) == 1 else found
+
+
+def _cell(row: Answer | None) -> str:
+    if row is None:
+        return "–"
+    if row.quantity.startswith("P"):
+        return f"{row.estimate:.4g} ({row.lower:.3g} to {row.upper:.3g})"
+    bound = "too few runs for a bound" if np.isnan(row.upper) else f"at most {row.upper:.4g}"
+    return f"{row.estimate:.4g}, {bound}"
+
+
+def read(paths: Sequence[Path]) -> list[Answer]:
+    """Read files of answers; one that is not there has none."""
+    found = []
+    for path in paths:
+        if path.exists():
+            with path.open(newline="", encoding="utf-8") as file:
+                for method, seed, quantity, runs, *numbers in list(csv.reader(file))[1:]:
+                    values = map(float, numbers)
+                    found.append(Answer(method, int(seed), quantity, int(runs), *values))
+    return found
+
+
+def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
+    """Yield answers, each after it has been added to a file."""
+    is_new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        if is_new:
+            writer.writerow(Answer._fields)
+        for row in rows:
+            writer.writerow(row)
+            file.flush()
+            yield row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--methods", nargs="+", default=[])
+    parser.add_argument("--output", type=Path, metavar="FILE.csv")
+    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    options = parser.parse_args()
+    rows = read(options.files)
+    if not options.files:
+        rows = read([options.output]) if options.output else []
+        seeds = range(options.first, options.first + options.seeds)
+        with one_blas_thread():
+            found = answers(options.methods, seeds, rows)
+            rows += kept(found, options.output) if options.output else found
+    lines = "\n".join(page(rows))
+    print(lines)
+    if options.markdown:
+        TABLE.fill(options.markdown, lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""The study of the wall with few runs: its verdict, its caveat, its tables, and its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
+
+pytestmark = pytest.mark.slow
+
+STUDY = Path(__file__).parents[2] / "studies" / "bunker.toml"
+MODELS = [
+    "walker_anderson", "smoothed", "alekseevskii_tate", "hydrodynamic", "drucker_prager", "rigid",
+]  # fmt: skip
+CAVEAT = "These are depths in a target without a rear face: a wall of that thickness fails earlier."
+
+
+@pytest.fixture(scope="session")
+def bunker() -> xr.DataTree:
+    """The archive of the study, with 400 runs."""
+    text = STUDY.read_text(encoding="utf-8").replace("runs = 10_000", "runs = 400")
+    return uqpen.run(uqpen.parse_study(text, name="bunker"))
+
+
+def test_all_models_answer_the_same_questions(bunker: xr.DataTree) -> None:
+    told = archive_json(bunker)
+    assert list(told["models"]) == MODELS
+    for model in MODELS:
+        depth = told["models"][model]["designs"]["monte_carlo"]["outputs"]["penetration_depth"]
+        assert depth["caveat"] == CAVEAT
+        thresholds = [54, 60, 80, 100, 150, 200, 300]
+        assert list(depth["exceedance"]) == [f"{each} cm" for each in thresholds]
+        assert list(depth["hold"]) == ["0.95", "0.99", "0.999", "0.9999", "0.99999"]
+        # Too few runs for a bound, and how many it takes.
+        assert depth["hold"]["0.9999"]["upper"] is None
+        assert depth["hold"]["0.9999"]["runs_needed"] == 29_956
+    shares = told["model_form"]["monte_carlo"]["penetration_depth"]
+    parts = [shares[name]["estimate"] for name in ("model_form_share", "parameter_share")]
+    # Rods that never erode go twice as deep as all others.
+    assert parts[0] > 0.5 > parts[1] > 0
+
+
+def test_the_caveat_stands_below_each_table_of_depths(bunker: xr.DataTree) -> None:
+    tables = [each for each in output_tables(bunker) if ": penetration_depth [cm]" in each.title]
+    of_models = [each for each in tables if " minus " not in each.title]
+    assert len(of_models) == len(MODELS)
+    assert all(each.notes[0] == CAVEAT for each in of_models)
+
+
+def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+    page = show("bunker")
+    verdict = page.locator(".verdicts").first.inner_text()
+    assert verdict.startswith("Depth of penetration above 60\u00a0cm")
+    text = " ".join(verdict.split())
+    assert "The limit of the study, at most 5 % of cases, is not met by" in text
+    assert "met by 1 of 6 models (hydrodynamic at most" in text
+    assert page.get_by_text(CAVEAT).first.is_visible()
+    assert page.get_by_text("How much is model form?").first.is_visible()
+    table = page.locator("table", has_text="Depth of penetration by model").first
+    assert table.locator("thead th").all_inner_texts()[0].startswith("walker_anderson")
+    assert "an upper bound needs at least 29956 runs" in page.content()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_on_the_page_is_wider_than_it(bunker: xr.DataTree, show: Any, width: int) -> None:
+    page = show("bunker")
+    page.set_viewport_size({"width": width, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width

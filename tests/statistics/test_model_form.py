@@ -1,0 +1,132 @@
+"""Shares of model form: exact answers of models whose variances are known, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.results.source_statistics import SourceStatistics
+
+STUDY = """
+seed = 5
+[models.first]
+python = "models.py:first"
+vectorized = true
+inputs = {{ x = "1", z = "1" }}
+outputs = {{ y = "m" }}
+[models.second]
+python = "models.py:second"
+vectorized = true
+inputs = {{ x = "1", z = "1" }}
+outputs = {{ y = "m" }}
+[inputs]
+x = {{ uniform = {{ lower = 0, upper = 1 }} }}
+z = {{ uniform = {{ lower = 0, upper = 1 }} }}
+[outputs.y]
+exceeds = ["1 m", "9 m"]
+[designs.sample]
+{design}
+[designs.rule]
+kind = "quadrature"
+order = 2
+"""
+MONTE_CARLO = 'kind = "monte-carlo"\nruns = 4000'
+SHARES = ("model_form_share", "parameter_share", "interaction_share")
+
+
+def of_models(
+    folder: Path, first: str, second: str, design: str = MONTE_CARLO, extra: str = ""
+) -> xr.DataTree:
+    """The archive of two models, each a line of NumPy in x and z."""
+    source = "import numpy as np\n"
+    for name, line in (("first", first), ("second", second)):
+        source += f"def {name}(x, z):\n    return {{'y': {line}}}\n"
+    (folder / "models.py").write_text(source)
+    return uqpen.run(uqpen.parse_study(STUDY.format(design=design) + extra, folder=folder))
+
+
+def shares(tree: xr.DataTree) -> np.ndarray:
+    group = tree["model_form/sample/y"]
+    return np.array([group[name].values for name in SHARES])
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "exact"),
+    [
+        # A shift by 1: Var E[y|M] = 1/4, Var E[y|X] = 1/12.
+        ("x", "x + 1", (3 / 4, 1 / 4, 0.0)),
+        # Opposite slopes: the mean over models does not depend on x.
+        ("x", "1 - x", (0.0, 0.0, 1.0)),
+        # Different inputs: half of each variance is common.
+        ("x", "z", (0.0, 1 / 2, 1 / 2)),
+        # Var E[y|M] = (1/2)² / 4 = 1/16; E[y|X] = 3x/2; Var y = 1/16 + (1/12 + 4/12)/2 = 13/48.
+        ("x", "2 * x", (3 / 13, 9 / 13, 1 / 13)),
+    ],
+)
+@pytest.mark.parametrize(
+    "design",
+    [
+        MONTE_CARLO,
+        'kind = "latin-hypercube"\nruns = 4000',
+        'kind = "sobol-sequence"\nruns = 256\nreplicates = 16',
+    ],
+)
+def test_shares_are_those_of_an_analysis_of_variance(
+    tmp_path: Path, first: str, second: str, exact: tuple[float, float, float], design: str
+) -> None:
+    found = shares(of_models(tmp_path, first, second, design))
+    assert found[:, 0] == pytest.approx(exact, abs=0.03)  # about four errors of 4 000 draws
+    assert found[:, 0].sum() == pytest.approx(1.0, abs=1e-12)
+    margin = 1e-9 + 0.5 * (found[:, 2] - found[:, 1])  # half as wide again: 4 of 5 designs' seeds
+    assert (found[:, 1] - margin <= exact).all()
+    assert (exact <= found[:, 2] + margin).all()
+
+
+def test_an_event_has_shares_of_its_own(tmp_path: Path) -> None:
+    # P(y > 1) is 0 and 1 by the two: all of the variance of the event is model form.
+    tree = of_models(tmp_path, "x", "x + 1")
+    statistics = SourceStatistics.of_model_form(tree)
+    event = statistics.get("sample", "y", "exceedance_model_form_share")
+    assert event is not None
+    assert event["threshold"].values.tolist() == ["1 m", "9 m"]
+    assert event.values[0, 0] == pytest.approx(1.0, abs=1e-12)
+    # No run has shown the event in neither or in both, so its error is not known.
+    assert np.isnan(event.values[0, 1:]).all()
+    assert np.isnan(event.values[1]).all()
+    assert event["note"].values.tolist() == [
+        "fewer than ten runs lie on one side",
+        "the event occurs in all runs or in none",
+    ]
+
+
+def test_only_runs_that_all_models_completed_count(tmp_path: Path) -> None:
+    tree = of_models(tmp_path, "x", "np.where(x > 0.5, np.nan, x + 1)")
+    share = tree["model_form/sample/y"]["model_form_share"]
+    failed = int((tree["models/first/runs/sample"]["x"] > 0.5).sum())
+    assert share.attrs["runs_used"] == 4000 - failed
+    assert "missing" in share.attrs
+    # Of x below one half: Var = (1/2)² / 12.
+    assert share.values[0] == pytest.approx((1 / 4) / (1 / 4 + 1 / 48), abs=0.01)
+
+
+def test_a_stand_in_is_no_model_of_its_own(tmp_path: Path) -> None:
+    of_models(tmp_path, "x", "x + 1")
+    text = STUDY.format(design=MONTE_CARLO).replace(
+        "[models.second]", '[models.second]\nstands_for = "first"\ncost = 0.1'
+    )
+    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
+    assert "model_form" not in tree.children
+
+
+def test_a_design_that_is_no_sample_has_none(tmp_path: Path) -> None:
+    assert list(of_models(tmp_path, "x", "x + 1")["model_form"].children) == ["sample"]
+
+
+def test_models_that_agree_in_everything_have_a_share_of_zero(tmp_path: Path) -> None:
+    found = shares(of_models(tmp_path, "x", "x"))
+    assert found[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    assert found[1] == pytest.approx([1.0, 1.0, 1.0], abs=1e-12)

@@ -1,0 +1,235 @@
+"""Shares of an output's variance: of the form of the model, of its inputs, and of both together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.blocks import LoadedDataset
+from uqpen.core.catalogue import MODEL_FORM_STATISTICS, THRESHOLD
+from uqpen.core.labels import SAMPLING, STATUS
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
+from uqpen.execution import common_runs, worst_status_runs
+from uqpen.statistics import texts
+from uqpen.statistics.analyze import OutputStatistics, run_counts
+from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.standard_errors import standard_error
+
+__all__ = ["model_form_shares"]
+
+# A smaller share is 0 but for rounding.
+_ROUNDING = 1e-12
+_SHARES = ("model_form_share", "parameter_share", "interaction_share")
+
+
+def model_form_shares(
+    runs: Mapping[str, xr.Dataset], quantities: Sequence[QuantityOfInterest]
+) -> dict[str, OutputStatistics]:
+    """Split the variance of each output over several models that count the same.
+
+    With M for the model and X for the inputs, Var y = Var E[y|M] + Var E[y|X] + the rest, as in an
+    analysis of variance with two factors. All models have the same points, so each part is known
+    from the same runs. The same is done with the event that a threshold is exceeded.
+
+    Parameters
+    ----------
+    runs : mapping of str to Dataset
+        The runs of each model in one design.
+    quantities : sequence of QuantityOfInterest
+        One for each output.
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        By output, ``model_form_share``, ``parameter_share`` and ``interaction_share``; the same of
+        events as ``exceedance_model_form_share`` and so on along ``threshold``. Of the runs that
+        all models with that output completed. Empty where the design is no sample of the inputs, or
+        fewer than two models have the output.
+    """
+    found: dict[str, OutputStatistics] = {}
+    if not all(Sampling(each.attrs[SAMPLING]).is_sample for each in runs.values()):
+        return found
+    for quantity in quantities:
+        output = quantity.output
+        having = [each for each in runs.values() if output.name in each]
+        if len(having) > 1 and output.is_number and not output.categories:
+            found[output.name] = _of_output(common_runs(having), quantity)
+    return found
+
+
+def _of_output(runs: Sequence[xr.Dataset], quantity: QuantityOfInterest) -> OutputStatistics:
+    name, level = quantity.output.name, quantity.confidence_level
+    worst = worst_status_runs(runs)
+    worst = worst.assign({name: worst[name].copy()})
+    values = np.stack([np.asarray(each[name].values, dtype=np.float64) for each in runs])
+    is_used = (worst[STATUS].values == Status.OK) & np.isfinite(values).all(axis=0)
+    sample = Sample.from_runs(worst, name)
+    kept = np.flatnonzero(is_used)
+    sample = _with_values(sample, kept, values[0, kept], level)
+    of_value = _shares(sample, values[:, kept])
+    counts = {**run_counts(LoadedDataset.of(worst)), "runs_used": int(kept.size)}
+    arrays = dict(_value_arrays(of_value, level))
+    if quantity.thresholds:
+        events = [
+            _shares(sample, (values[:, kept] > each.value).astype(np.float64), is_event=True)
+            for each in quantity.thresholds
+        ]
+        arrays |= dict(_event_arrays(events, quantity))
+    return {key: array.assign_attrs(counts) for key, array in arrays.items()}
+
+
+def _with_values(sample: Sample, used: IntArray, values: FloatArray, level: float) -> Sample:
+    return replace(sample, used=used, values=values, level=level)
+
+
+def _value_arrays(
+    estimates: Sequence[Estimate], level: float
+) -> Iterator[tuple[str, xr.DataArray]]:
+    for name, estimate in zip(_SHARES, estimates, strict=True):
+        title = MODEL_FORM_STATISTICS[name].title
+        yield name, estimate.to_array(units="1", long_name=title, level=level)
+
+
+def _event_arrays(
+    events: Sequence[Sequence[Estimate]], quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    for position, share in enumerate(_SHARES):
+        name = f"exceedance_{share}"
+        yield (
+            name,
+            Estimate.stack(
+                [each[position] for each in events],
+                THRESHOLD,
+                units="1",
+                long_name=MODEL_FORM_STATISTICS[name].title,
+                coordinates=threshold_coordinates(quantity),
+                level=quantity.confidence_level,
+            ),
+        )
+
+
+def _shares(sample: Sample, values: FloatArray, *, is_event: bool = False) -> list[Estimate]:
+    """Estimate the three shares from values of shape (model, run)."""
+    nothing = np.full(3, np.nan)
+    if not values.shape[1]:
+        return _without_bounds(nothing, texts.NO_RUN)
+    if sample.weights is not None:
+        return _without_bounds(nothing, texts.NOT_WEIGHTED)
+    if values.min() == values.max():
+        return _without_bounds(nothing, texts.CONSTANT_EVENT if is_event else texts.CONSTANT_OUTPUT)
+    parts = _Parts(sample, _standardized(values))
+    reason = sample.reason_without_intervals or _few_events(sample, values, is_event=is_event)
+    if reason:
+        return _without_bounds(parts.shares, reason)
+    half = student_quantile(parts.freedom, sample.level) * parts.errors
+    label = "nominal"
+    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+        label = "conservative"
+    method = texts.DELTA_METHOD.format(error_model=sample.error_model)
+    note = "" if is_event else _tail_note(sample, values)
+    return [
+        Estimate(share, share - width, min(share + width, 1.0), method, label, note)
+        for share, width in zip(parts.shares.tolist(), half.tolist(), strict=True)
+    ]
+
+
+def _without_bounds(shares: FloatArray, reason: str) -> list[Estimate]:
+    return [Estimate.without_bounds(share, reason) for share in shares.tolist()]
+
+
+def _standardized(values: FloatArray) -> FloatArray:
+    """Return values about their mean over the largest deviation, whose squares do not overflow."""
+    largest = np.abs(values).max()
+    scaled = values / (largest if largest > 0 else 1.0)
+    deviations = scaled - scaled.mean()
+    standardized: FloatArray = deviations / np.abs(deviations).max()
+    return standardized
+
+
+def _few_events(sample: Sample, values: FloatArray, *, is_event: bool) -> str:
+    """Return the reason why too few runs show an event; empty where there are enough."""
+    if not is_event:
+        return ""
+    # Of one model at least: another may show the event always or never.
+    has_enough = has_enough_runs_around(sample, values.sum(axis=1))
+    return "" if has_enough.any() else texts.TOO_ONE_SIDED
+
+
+def _tail_note(sample: Sample, values: FloatArray) -> str:
+    """Return the note on the model with the heaviest tail."""
+    shapes = [SampleShape(_with_values(sample, sample.used, each, sample.level)) for each in values]
+    varying = [each for each in shapes if not each.sample.is_constant]
+    if not varying:
+        return ""
+    heaviest = max(varying, key=lambda each: float(each.kurtosis))
+    if heaviest.hidden_tail:
+        return texts.DOUBTFUL_AS.format(reason=texts.ONLY_RUNS.format(runs=sample.size))
+    if heaviest.is_heavy:
+        return texts.DOUBTFUL_AS.format(reason=heaviest.tail_note)
+    return texts.DOUBTFUL_TAIL if heaviest.is_doubtful else ""
+
+
+class _Parts:
+    """Variances of a table of models and runs, and the errors of their shares.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs that make up the columns.
+    values : ndarray, shape (model, run)
+
+    Attributes
+    ----------
+    shares : ndarray, shape (3,)
+        Of the models, of the runs, and of both together; their sum is 1.
+    errors : ndarray, shape (3,)
+        Standard errors of the shares, by the delta method.
+    freedom : float
+        Their degrees of freedom.
+    """
+
+    def __init__(self, sample: Sample, values: FloatArray) -> None:
+        runs = values.shape[1]
+        unbiased = runs / (runs - 1) if runs > 1 else 1.0
+        means = values.mean(axis=1, keepdims=True)
+        deviations = values - means
+        about_mean = (means - means.mean())[:, 0]
+        of_runs = deviations.mean(axis=0)
+        differences = deviations - of_runs
+        noise, _ = standard_error(sample, differences)
+        # The scatter of the models' means by chance is not their form.
+        noise_of_form = float(np.nan_to_num(noise**2).mean())
+        form = float((about_mean**2).mean()) - noise_of_form
+        within = float((deviations**2).mean()) * unbiased
+        parameters = float((of_runs**2).mean()) * unbiased
+        total = form + within
+        shares = np.array([form, parameters, within - parameters]) / total
+        self.shares: FloatArray = np.where(np.abs(shares) < _ROUNDING, 0.0, shares)
+        influence_of_form = 2 * (about_mean[:, np.newaxis] * differences).mean(axis=0)
+        influence_of_within = (deviations**2).mean(axis=0)
+        influence_of_parameters = of_runs**2
+        parts = np.stack(
+            [
+                influence_of_form,
+                influence_of_parameters,
+                influence_of_within - influence_of_parameters,
+            ]
+        )
+        influence_of_total = influence_of_form + influence_of_within
+        influence = (parts - self.shares[:, np.newaxis] * influence_of_total) / total
+        linear, self.freedom = standard_error(sample, influence)
+        # Where the models' means agree, the error is that of the squares of the noise. The product
+        # of errors bounds their covariance.
+        squared = np.sqrt(2) * noise_of_form / total * np.array([1.0, 0.0, 0.0])
+        self.errors: FloatArray = np.sqrt(linear**2 + squared**2)
