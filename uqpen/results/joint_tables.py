@@ -22,8 +22,8 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the table of a model's joint probabilities, if the study requests any.
 
     An event has a row over all designs that know it, with its condition in a note, and a row of
-    verdicts where the study has acceptance limits. A note says which designs disagree. Sensitivities
-    follow in tables of their own.
+    verdicts where the study has acceptance limits. A note says which designs disagree.
+    Sensitivities follow in tables of their own.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
