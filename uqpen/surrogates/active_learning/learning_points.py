@@ -67,7 +67,7 @@ def choose_batch(
     """Return the states of the next batch, one after the other by the criterion.
 
     Every second point is chosen by the criterion times the probability that a state stands for.
-    Otherwise the points near the limit, of which there are always some, would keep all others from
+    Otherwise the points near the limit, as there are always some, would keep all others from
     being run, where a small doubt concerns far more inputs.
 
     A run takes its share of the deviations around it before its result is known, as they do not
