@@ -29,8 +29,9 @@ _ITERATIONS = 3
 # this, divided by the number of parts.
 _LEAST_SHARE = 0.3
 
-# A fitted normal distribution has lighter tails than the event may have. So it is widened.
-_WIDENING = 1.5
+# A fitted normal distribution has lighter tails than the event may have. So its covariance is
+# widened, by 1.5 for two inputs and less for more: the volume grows with a power of the dimension.
+_WIDENING = 0.7
 
 
 def effective_size(weights: FloatArray) -> float:
@@ -110,4 +111,4 @@ def _fitted(points: FloatArray, weights: FloatArray) -> GaussianComponent:
     size = effective_size(weights)
     prior = dimension + dimension**2 / 10
     covariance = (size * scatter + prior * np.eye(dimension)) / (size + prior)
-    return GaussianComponent(mean, _WIDENING * covariance)
+    return GaussianComponent(mean, (1 + _WIDENING / math.sqrt(dimension)) * covariance)
