@@ -199,7 +199,7 @@ def _cell(row: Answer | None) -> str:
     if row is None:
         return "–"
     if row.quantity.startswith("P"):
-        return f"{row.estimate:.4g} ({row.lower:.3g} to {row.upper:.3g})"
+        return f"{row.estimate:.4g} ({row.lower:.4g} to {row.upper:.4g})"
     bound = "too few runs for a bound" if np.isnan(row.upper) else f"at most {row.upper:.4g}"
     return f"{row.estimate:.4g}, {bound}"
 
