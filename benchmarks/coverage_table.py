@@ -306,10 +306,7 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. Means and standard deviations have
 the sentence on tails in all cells, as those of few plain runs have; plain runs have no standard
-deviation below 200. A mean of Pareto's variable from 500 runs shows why.
-`benchmarks/corrected_coverage.py` makes these tables. Here seeds take turns with two families of
-draws, but for 500 runs of Ishigami's and Pareto's functions: each seed has draws of its own, as in
-the script now.
+deviation below 200. `benchmarks/corrected_coverage.py` makes these tables.
 """
 
 _INDICES_FROM_DRAWS = """\

@@ -179,13 +179,20 @@ def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
     assert "for any outcome of the missing runs" in found.attrs["interval"]
 
 
+def test_few_runs_in_a_replicate_are_told() -> None:
+    few = probability(uqpen.run(study(event="depth > 3 m", samples=400)))
+    assert "replicates of fewer than 1000 runs" in few.attrs["note"]
+    enough = probability(uqpen.run(study(event="depth > 3 m", samples=1000)))
+    assert "replicates of fewer" not in enough.attrs["note"]
+
+
 def test_an_event_that_no_run_shows_has_no_number() -> None:
     def never(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
         return {"depth": np.minimum(a, 1.0), "speed": b}
 
     found = probability(uqpen.run(study(never, "depth > 2 m", samples=200)))
     assert np.isnan(found.values).all()
-    assert "no run of any replicate shows the event" in found.attrs["note"]
+    assert "no run shows the event" in found.attrs["note"]
 
 
 def test_the_note_bounds_what_no_draw_met(tree: xr.DataTree) -> None:

@@ -82,9 +82,7 @@ PART_NOT_MET = (
     "parts of the event that no run has met are not in it: as near to the medians as the nearest "
     "run that shows it, the runs would have met one of {probability:.2g} or more, with 95 %"
 )
-EVENT_NEVER_SEEN = (
-    "no run of any replicate shows the event: its probability is too small for these runs"
-)
+EVENT_NEVER_SEEN = "no run shows the event: its probability is too small for these runs"
 SEEN_IN_SOME = "not all replicates have met the event: the interval may be too narrow"
 NO_ADMISSIBLE_REPLICATE = "a replicate has no admissible draw"
 UNMET_PART = (
@@ -92,6 +90,9 @@ UNMET_PART = (
     "of {probability:.2g} or more, with 95 %"
 )
 FEW_DRAWS_DECIDE = "weights: {size:.2g} effective draws decide a replicate"
+FEW_RUNS_IN_REPLICATES = (
+    "replicates of fewer than {runs} runs: intervals of {few} runs each covered in 88 to 94 %"
+)
 REPLICATES_DIFFER = (
     "the replicates differ by more than their draws explain: some have met a part of the event "
     "that others have not, and the interval may be too narrow"

@@ -33,6 +33,9 @@ __all__ = ["importance_estimate"]
 # Fewer effective draws in a replicate hardly say how much it scatters.
 _FEW_EFFECTIVE = 10
 
+# With as few runs in a replicate as the second number, intervals cover less often than they say.
+_ENOUGH_RUNS, _FEW_RUNS = 1000, 400
+
 # Replicates whose estimates differ with less than this probability differ by more than chance.
 _SIGNIFICANT = 0.001
 
@@ -75,7 +78,10 @@ def importance_estimate(runs: xr.Dataset, outcomes: EventOutcomes, level: float)
             return Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
         found.append(each)
     estimate = replicate_interval([each.probability for each in found], level)
-    return estimate.with_note(estimate.note, *_warnings(found), _unmet(runs, outcomes))
+    few = texts.FEW_RUNS_IN_REPLICATES.format(runs=_ENOUGH_RUNS, few=_FEW_RUNS)
+    is_few = len(replicate) < _ENOUGH_RUNS * len(found) and not math.isnan(estimate.value)
+    notes = (*_warnings(found), few if is_few else "", _unmet(runs, outcomes))
+    return estimate.with_note(estimate.note, *notes)
 
 
 def _replicate(runs: xr.Dataset, outcomes: EventOutcomes, members: IntArray) -> _Replicate | None:
