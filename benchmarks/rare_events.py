@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import Place
+from scipy import special
 from scipy.special import ndtr
 
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
@@ -266,8 +267,9 @@ def answers(
 
 def page(rows: Sequence[Answer]) -> Iterator[str]:
     """Yield the lines of the table."""
-    yield "| event | method | seeds | runs | bias | variation seen | upper/lower | coverage |"
-    yield "|---|---|---|---|---|---|---|---|"
+    columns = ("event", "method", "seeds", "runs", "bias", "variation seen", "stated")
+    yield f"| {' | '.join((*columns, 'upper/lower', 'coverage'))} |"
+    yield "|---" * 9 + "|"
     groups: dict[tuple[str, str], list[Answer]] = {}
     for row in rows:
         groups.setdefault((row.problem, row.method), []).append(row)
@@ -279,16 +281,33 @@ def page(rows: Sequence[Answer]) -> Iterator[str]:
 
 def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
     runs, estimate, lower, upper = np.array([each[3:7] for each in found], dtype=np.float64).T
+    title = f"| {problem.title} | {method} | {len(found)} | {runs.mean():.0f} "
+    has_number = np.isfinite(estimate)
+    if not has_number.any():
+        return title + "| – | – | – | – | no number, with the reason |"
     exact = problem.probability
+    estimate, lower, upper = (each[has_number] for each in (estimate, lower, upper))
     bias = estimate.mean() / exact - 1
-    variation = np.sqrt(np.mean((estimate / exact - 1) ** 2))
-    covers = np.mean((lower <= exact) & (exact <= upper))
-    with np.errstate(divide="ignore"):
-        width = np.median(np.where(lower > 0, upper / np.maximum(lower, 1e-300), np.inf))
-    return (
-        f"| {problem.title} | {method} | {len(found)} | {runs.mean():.0f} | {100 * bias:+.1f} % "
-        f"| {100 * variation:.1f} % | {width:.2g} | {100 * covers:.1f} % |"
-    )
+    seen = np.sqrt(np.mean((estimate / exact - 1) ** 2))
+    covers = f"{100 * np.mean((lower <= exact) & (exact <= upper)):.1f} %"
+    if not has_number.all():
+        covers += f" of {np.count_nonzero(has_number)}"
+    ratio = np.where(lower > 0, upper / np.maximum(lower, 1e-300), np.inf)
+    stated = np.median(np.log(ratio)) / 2 / _quantile(method)
+    texts = (f"{100 * each:.1f} %" if math.isfinite(each) else "–" for each in (seen, stated))
+    seen_text, stated_text = texts
+    width = np.median(ratio)
+    width_text = f"{width:.2g}" if math.isfinite(width) else "–"
+    return f"{title}| {100 * bias:+.1f} % | {seen_text} | {stated_text} | {width_text} | {covers} |"
+
+
+def _quantile(method: str) -> float:
+    """Return how many standard errors an interval reaches to a side: of five replicates, or normal.
+
+    An interval is from m / c to m * c, or nearly so.
+    """
+    has_replicates = method in ("importance-sampling", "subset-simulation")
+    return float(special.stdtrit(4, 0.975) if has_replicates else special.ndtri(0.975))
 
 
 def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
