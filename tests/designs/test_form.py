@@ -91,6 +91,23 @@ def test_it_has_no_interval_and_says_why(tree: xr.DataTree) -> None:
     assert not list(find_faults(tree))
 
 
+def test_design_points_stand_in_archive_json_and_a_table(tree: xr.DataTree) -> None:
+    found = tree["joint_probabilities/rare"]
+    assert found["reliability_index"].dims == ("design_point", "bound")
+    assert found["reliability_index"].values[0, 0] == pytest.approx(4, rel=1e-9)
+    assert found["importance_factor"].values[0, :, 0] == pytest.approx([0.36, 0.64, 0], abs=1e-9)
+    at = tree["runs/rare"].sel(run=found["design_point_run"].item())
+    assert [at[name].item() for name in "abc"] == pytest.approx([2.4, 3.2, 0], abs=1e-7)
+    (entry,) = archive_json(tree)["designs"]["rare"]["joint_probabilities"].values()
+    (point,) = entry["design_points"]
+    assert point["importance_factor"]["b"]["estimate"] == pytest.approx(0.64)
+    assert "nothing in it measures the error" in point["reliability_index"]["note"]
+    (table,) = (each for each in output_tables(tree) if each.title == "rare: design points")
+    rows = {label: cells[0] for label, cells in table.rows}
+    assert rows["reliability index"].startswith("4.000")
+    assert rows["importance of b"].startswith("0.640")
+
+
 def test_curvatures_are_those_of_a_paraboloid() -> None:
     (point,) = points_of(uqpen.run(study(paraboloid, "depth > 4 m")))
     # The limit is a = 4 + 0.1 b² + 0.05 c². The point is found to within 0.05 of the step.

@@ -32,6 +32,7 @@ __all__ = [
     "CATEGORY",
     "CONTENT_LEVEL",
     "CURVE",
+    "DESIGN_POINT",
     "DIMENSIONS",
     "EVENT",
     "FAILURE_STATISTICS",
@@ -77,6 +78,8 @@ CATEGORY = "category"
 EVENT = "event"
 # An event whose sensitivities to the inputs' distributions a study requests.
 SENSITIVITY_EVENT = "sensitivity_event"
+# A design point of a rare event, by its number; the nearest to the median comes first.
+DESIGN_POINT = "design_point"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 # A curve or field of a run, by the number of the run.
@@ -133,6 +136,7 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
             {"event_at_most": "number", "event_at_least": "number"},
         ),
         SENSITIVITY_EVENT: DimensionLabels("text"),
+        DESIGN_POINT: DimensionLabels("count", {"design_point_run": "count"}),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
         RUNS_SO_FAR: DimensionLabels("count"),
@@ -357,6 +361,20 @@ JOINT_STATISTICS = _by_name(
                 ("std_elasticity", "elasticity of an event's probability to a standard deviation"),
                 ("sensitivity_effective_runs", "effective number of runs with an event"),
             )
+        ),
+        *(
+            Statistic(name, title, (DESIGN_POINT,), note_is_of_estimate=True)
+            for name, title in (
+                ("reliability_index", "distance of a design point from the median"),
+                ("first_order_probability", "probability beyond the plane at a design point"),
+                ("second_order_probability", "probability beyond the paraboloid at a design point"),
+            )
+        ),
+        Statistic(
+            "importance_factor",
+            "share of an input in the direction to a design point",
+            (DESIGN_POINT, INPUT),
+            note_is_of_estimate=True,
         ),
     ]
 )

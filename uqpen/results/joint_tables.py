@@ -7,11 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import xarray as xr
 
 from uqpen.archive.read import group_names
-from uqpen.core.catalogue import SENSITIVITY_EVENT
+from uqpen.core.catalogue import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.labels import INPUT, JOINT_GROUP
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.disagreements import disagreements
-from uqpen.results.measure_labels import EVENT_INDICES, EVENT_SENSITIVITIES
+from uqpen.results.measure_labels import (
+    DESIGN_POINT_MEASURES,
+    EVENT_INDICES,
+    EVENT_SENSITIVITIES,
+)
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -23,7 +27,7 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
     An event has a row over all designs that know it, with its condition in a note, and a row of
     verdicts where the study has acceptance limits. A note says which designs disagree.
-    Sensitivities follow in tables of their own.
+    Sensitivities and design points follow in tables of their own.
     """
     statistics = SourceStatistics(tree)
     found = {name: statistics.joint_probability(name) for name in group_names(tree, JOINT_GROUP)}
@@ -46,6 +50,29 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             table.rows.append((f"accepted: {accepted}", cells))
     yield table
     yield from _sensitivity_tables(statistics, list(arrays))
+    for design in arrays:
+        yield from _design_point_table(design, statistics.joint_statistics(design))
+
+
+def _design_point_table(
+    design: str, statistics: Mapping[str, xr.DataArray]
+) -> Iterator[OutputTable]:
+    """Yield the table of the design points that a design has found, if there are any."""
+    indices = statistics.get("reliability_index")
+    if indices is None:
+        return
+    runs = indices[f"{DESIGN_POINT}_run"].values.tolist()
+    numbers = indices[DESIGN_POINT].values.tolist()
+    columns = [f"point {number}, run {run}" for number, run in zip(numbers, runs, strict=True)]
+    table = OutputTable(f"{design}: design points", columns)
+    for measure in DESIGN_POINT_MEASURES:
+        cells = [table.cell(entry) for entry in statistics[measure.statistic]]
+        table.rows.append((measure.label, cells))
+    factors = statistics["importance_factor"]
+    for position, name in enumerate(factors[INPUT].values.tolist()):
+        cells = [table.cell(entry[position]) for entry in factors]
+        table.rows.append((f"importance of {name}", cells))
+    yield table
 
 
 def _sensitivity_tables(

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, SENSITIVITY_EVENT
+from uqpen.core.catalogue import CATALOGUE, DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.labels import (
     AGREEMENT,
     CAVEAT,
@@ -238,10 +238,6 @@ def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     entries = _family_json(joint)
     for entry, condition in zip(entries.values(), joint["event_condition"].values, strict=True):
         entry["condition"] = str(condition)
-    for name, array in statistics.joint_statistics(design).items():
-        for of_event in array if SENSITIVITY_EVENT in array.dims else ():
-            entry = entries[str(of_event[SENSITIVITY_EVENT].item())]
-            entry.setdefault("sensitivities", {})[name] = entries_json(of_event)
         pairs = (
             (each.first, each.second)
             for each in disagreements(arrays)
@@ -249,7 +245,29 @@ def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         )
         if others := sorted(name for pair in pairs for name in pair if name != design):
             entry["disagrees_with"] = others
+    of_design = statistics.joint_statistics(design)
+    for name, array in of_design.items():
+        for of_event in array if SENSITIVITY_EVENT in array.dims else ():
+            entry = entries[str(of_event[SENSITIVITY_EVENT].item())]
+            entry.setdefault("sensitivities", {})[name] = entries_json(of_event)
+    if points := _design_points_json(of_design):
+        next(iter(entries.values()))["design_points"] = points
     return {JOINT_GROUP: entries}
+
+
+def _design_points_json(statistics: Mapping[str, xr.DataArray]) -> list[dict[str, Any]]:
+    """Return the design points of an event, the nearest first; empty where none is known."""
+    indices = statistics.get("reliability_index")
+    if indices is None:
+        return []
+    points: list[dict[str, Any]] = [
+        {"run": int(run)} for run in indices[f"{DESIGN_POINT}_run"].values
+    ]
+    for name, array in statistics.items():
+        for point, entry in zip(points, array, strict=True) if DESIGN_POINT in array.dims else ():
+            of_inputs = INPUT in entry.dims
+            point[name] = entries_json(entry) if of_inputs else estimate_json(entry)
+    return points
 
 
 def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:

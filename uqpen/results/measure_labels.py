@@ -8,6 +8,7 @@ __all__ = [
     "ASSOCIATIONS",
     "CATEGORY_INDICES",
     "CHANGES",
+    "DESIGN_POINT_MEASURES",
     "EFFECTS",
     "EVENT_INDICES",
     "EVENT_SENSITIVITIES",
@@ -74,6 +75,11 @@ ASSOCIATIONS = (
     Measure("partial_rank", "partial, ranks"),
     Measure("partial", "partial"),
     Measure("delta", "delta"),
+)
+DESIGN_POINT_MEASURES = (
+    Measure("reliability_index", "reliability index"),
+    Measure("first_order_probability", "probability, first order"),
+    Measure("second_order_probability", "probability, second order"),
 )
 EVENT_INDICES = (Measure("event_first_order", "first order"),)
 EVENT_SENSITIVITIES = (

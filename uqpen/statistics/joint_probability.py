@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     CORRECTION_WEIGHT,
     EQUIVALENT_RUNS,
     SAMPLING,
+    SEARCH_START,
     STATUS,
     SURROGATE_ESTIMATE,
 )
@@ -35,6 +36,8 @@ from uqpen.statistics.distribution_function.probabilities import (
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.joint_event import JointEvent
+from uqpen.statistics.rare_events.design_point_arrays import design_point_arrays
+from uqpen.statistics.rare_events.form_probability import design_points
 from uqpen.statistics.rare_events.learned_probability import learned_probability
 from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
 from uqpen.statistics.sample import Sample
@@ -68,8 +71,9 @@ def joint_probabilities(
     Returns
     -------
     dict of str to DataArray
-        ``joint_probability`` along ``event`` and ``bound``. Empty without an event, or for a design
-        that is no sample of the inputs.
+        ``joint_probability`` along ``event`` and ``bound``; from FORM, the arrays of
+        `design_point_arrays` as well. Empty without an event, or for a design that is no sample of
+        the inputs.
     """
     handle = LoadedDataset.of(runs)
     if Sampling(handle.attrs[SAMPLING]) is Sampling.TOWARDS_EVENT:
@@ -113,7 +117,12 @@ def _of_rare_event(
             EQUIVALENT_RUNS: learned.equivalent_runs,
         }
         array = array.assign_coords({key: (EVENT, [each]) for key, each in companions.items()})
-    return {"joint_probability": array.assign_attrs(run_counts(LoadedDataset.of(runs)))}
+    counts = run_counts(LoadedDataset.of(runs))
+    found = {"joint_probability": array}
+    is_search = SEARCH_START in runs.coords
+    if is_search and (points := design_points(runs, event, event.outcomes(runs))):
+        found |= dict(design_point_arrays(points, runs))
+    return {name: each.assign_attrs(counts) for name, each in found.items()}
 
 
 def _array(
