@@ -38,9 +38,13 @@ def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path: Path)
     (table,) = missing_run_tables(tree, "pce")
     assert "these are predictions of the surrogate, not results" in table.notes
     rows = dict(table.rows)
-    assert rows["y > 0.7"][-1] == rows["y < 9"][-1] == "100 %"
     fit = archive_json(tree)["surrogates"]["pce"]["outputs"]["y"]["fit"]
     failed = tree["runs/mc"]["a"].values > 0.7
+    all_of_them = f"{failed.sum()} of {failed.sum()}"
+    assert rows["y > 0.7"][-1] == rows["y < 9"][-1] == all_of_them
+    some = round(fit["missing_runs_shares"][1] * failed.sum())
+    assert 0 < some < failed.sum()
+    assert rows["y > 1.2"][-1] == f"{some} of {failed.sum()}"
     assert fit["missing_runs_predicted"] == failed.sum()
     assert 0.7 < fit["missing_runs_lowest"] < fit["missing_runs_highest"] < 2
     assert fit["missing_runs_beyond"] == ["> 0.7", "> 1.2", "< 9"]
