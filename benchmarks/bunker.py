@@ -42,6 +42,7 @@ ASKED = (60, 150, 300)
 LEVEL = 0.95
 MANY = 10_000_000
 BLOCK = 65_536
+MOST_RUNS = "Monte Carlo, 10 million"
 TABLE = Place("the wall")
 
 
@@ -143,7 +144,7 @@ def methods() -> dict[str, Callable[[int], list[Answer]]]:
     """Return the methods by name, each a function of the seed."""
     found: dict[str, Callable[[int], list[Answer]]] = {
         "Monte Carlo, 10 000": lambda seed: by_design(seed, 'kind = "monte-carlo"\nruns = 10_000'),
-        "Monte Carlo, 10 million": by_blocks,
+        MOST_RUNS: by_blocks,
         "Sobol' points, 16 × 4096": lambda seed: by_design(
             seed, 'kind = "sobol-sequence"\nruns = 65_536\nreplicates = 16'
         ),
@@ -169,7 +170,33 @@ def answers(
 
 
 def page(rows: Sequence[Answer]) -> Iterator[str]:
-    """Yield the lines of the table: a row a quantity, a column a method, of the first seed each."""
+    """Yield the lines of both tables: the first seed's answers, and how many seeds agree."""
+    yield from _first_answers(rows)
+    if any(row.seed != rows[0].seed for row in rows):
+        yield ""
+        yield from _agreement(rows)
+
+
+def _agreement(rows: Sequence[Answer]) -> Iterator[str]:
+    """Yield how many seeds of a method have an interval that contains what most runs say."""
+    most = {row.quantity: row for row in rows if row.method == MOST_RUNS}
+    seeds: dict[str, set[int]] = {}
+    for row in rows:
+        seeds.setdefault(row.method, set()).add(row.seed)
+    names = [name for name, own in seeds.items() if len(own) > 1]
+    yield f"| seeds whose interval contains the value of {MOST_RUNS} | {' | '.join(names)} |"
+    yield f"|---|{'---|' * len(names)}"
+    for label in (f"P(> {each} cm)" for each in THRESHOLDS):
+        texts = []
+        for name in names:
+            own = [row for row in rows if (row.method, row.quantity) == (name, label)]
+            inside = sum(row.lower <= most[label].estimate <= row.upper for row in own)
+            texts.append(f"{inside} of {len(own)}" if own else "–")
+        yield f"| {label} | {' | '.join(texts)} |"
+
+
+def _first_answers(rows: Sequence[Answer]) -> Iterator[str]:
+    """Yield a row a quantity, a column a method, of the first seed each."""
     first: dict[str, int] = {}
     for row in rows:
         first[row.method] = min(row.seed, first.get(row.method, row.seed))
