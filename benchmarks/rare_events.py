@@ -297,7 +297,7 @@ def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
     texts = (f"{100 * each:.1f} %" if math.isfinite(each) else "–" for each in (seen, stated))
     seen_text, stated_text = texts
     width = np.median(ratio)
-    width_text = f"{width:.2g}" if math.isfinite(width) else "–"
+    width_text = f"{width:.3g}" if math.isfinite(width) else "–"
     return f"{title}| {100 * bias:+.1f} % | {seen_text} | {stated_text} | {width_text} | {covers} |"
 
 
