@@ -19,7 +19,7 @@ __all__ = ["FirstRuns"]
 
 
 class _FailedRun(NamedTuple):
-    """How a run failed, and the folder in which its files are kept, if any."""
+    """Failure of a run, and the folder in which its files are kept, if any."""
 
     status: Status
     reason: str

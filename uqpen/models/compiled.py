@@ -1,4 +1,4 @@
-"""How functions of models are compiled by Numba.
+"""Compilation of functions of models by Numba.
 
 Numba's cache notices no change in this module: what it does to a function has to stay, or the
 function's own module has to change with it.

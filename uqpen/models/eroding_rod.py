@@ -28,7 +28,7 @@ DEFAULT_TOLERANCE = 1e-6
 
 
 class Penetration(NamedTuple):
-    """What became of each run of a batch; arrays of shape (run,).
+    """Results of a batch of runs; arrays of shape (run,).
 
     Attributes
     ----------

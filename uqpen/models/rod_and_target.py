@@ -1,4 +1,4 @@
-"""What the models of a rod going into a thick target have in common.
+"""Common parts of the models of a rod going into a thick target.
 
 Depths are those in a target without a rear face; a wall of that thickness fails earlier.
 
@@ -63,7 +63,7 @@ ALTERNATIVES = (("projectile_sound_speed", "projectile_young_modulus"),)
 
 
 class Termination(IntEnum):
-    """How erosion ends."""
+    """Kinds of endings of erosion."""
 
     BREAKDOWN = 0
     """The tail becomes as slow as the nose; the rest of the rod goes on as a rigid body."""
@@ -104,7 +104,7 @@ def sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
 
 
 def conditions(inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """What the inputs must satisfy together; see `uqpen.core.model.Model.conditions`."""
+    """Yield the conditions on the inputs together; see `uqpen.core.model.Model.conditions`."""
     yield inputs["plasticity_radius"] > inputs["crater_radius"], "plasticity_radius > crater_radius"
     if "projectile_sound_speed" in inputs and "projectile_young_modulus" in inputs:
         given = inputs["projectile_sound_speed"]

@@ -74,7 +74,7 @@ def trajectory_dataset(course: Trajectory) -> xr.Dataset:
 def rigid_motion(
     depth: FloatArray, rest: float, u0: float, inertia: float, resistance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """How a rigid rod comes to rest.
+    """Return the motion of a rigid rod that comes to rest.
 
     Parameters
     ----------

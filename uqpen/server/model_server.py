@@ -44,11 +44,11 @@ _REQUESTS = (*_SUPPORTED, *_DERIVATIVES, *_BY_SHARED_MEMORY)
 
 
 class Offer(Protocol):
-    """What a server needs of a model: see `ServedModel`."""
+    """Interface of a model that a server offers, such as `ServedModel`."""
 
     @property
     def name(self) -> str:
-        """Its name for the clients."""
+        """Name of the model for the clients."""
 
     @property
     def input_size(self) -> int:

@@ -52,7 +52,7 @@ _SINGULAR = 1e10
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What the correlations depend on.
+    """Parameters that the correlations depend on.
 
     Parameters
     ----------

@@ -23,7 +23,12 @@ from uqpen.designs.rare_events.design_point_search import (
     search_design_points,
     starting_points,
 )
-from uqpen.designs.rare_events.limit_state import LimitState, limit_state, parse_limit_state
+from uqpen.designs.rare_events.limit_state import (
+    LimitState,
+    check_event_outputs,
+    limit_state,
+    parse_limit_state,
+)
 from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
 from uqpen.designs.rare_events.single_model import check_single_model
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
@@ -65,8 +70,7 @@ class Form(Design):
     curvature: bool = flag(default=True)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        for problem in parse_limit_state(self.event).check_outputs(requested):
-            yield problem.within("event")
+        yield from check_event_outputs(self.event, requested)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]

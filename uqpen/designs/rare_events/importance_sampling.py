@@ -27,7 +27,12 @@ from uqpen.designs.rare_events.design_point_search import (
 )
 from uqpen.designs.rare_events.gaussian_mixture import GaussianMixture, log_normal_density
 from uqpen.designs.rare_events.importance_stages import ImportanceStages
-from uqpen.designs.rare_events.limit_state import LimitState, limit_state, parse_limit_state
+from uqpen.designs.rare_events.limit_state import (
+    LimitState,
+    check_event_outputs,
+    limit_state,
+    parse_limit_state,
+)
 from uqpen.designs.rare_events.replicates import Made, Replicate, Wanted, advance_together
 from uqpen.designs.rare_events.single_model import check_single_model
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
@@ -81,8 +86,7 @@ class ImportanceSampling(Design):
     start: str = choice("form", "cross-entropy", default="form")
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        for problem in parse_limit_state(self.event).check_outputs(requested):
-            yield problem.within("event")
+        yield from check_event_outputs(self.event, requested)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]

@@ -20,7 +20,14 @@ from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 
-__all__ = ["EventLimit", "EventOutcomes", "LimitState", "limit_state", "parse_limit_state"]
+__all__ = [
+    "EventLimit",
+    "EventOutcomes",
+    "LimitState",
+    "check_event_outputs",
+    "limit_state",
+    "parse_limit_state",
+]
 
 _EVENT = (
     'an event such as "depth > 3 m", a list of limits that must all be met, or '
@@ -186,6 +193,12 @@ def parse_limit_state(text: str) -> LimitState:
     is_any = _OR in text
     parts = text.split(_OR if is_any else _AND)
     return LimitState(tuple(map(_parse_limit, parts)), is_any)
+
+
+def check_event_outputs(event: str, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+    """Yield the problems between the text of a design's event and the outputs of a study."""
+    for problem in parse_limit_state(event).check_outputs(requested):
+        yield problem.within("event")
 
 
 def limit_state() -> Any:

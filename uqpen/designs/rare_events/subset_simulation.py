@@ -18,7 +18,12 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
 from uqpen.designs.rare_events.conditional_sampling import ConditionalSampling
-from uqpen.designs.rare_events.limit_state import LimitState, limit_state, parse_limit_state
+from uqpen.designs.rare_events.limit_state import (
+    LimitState,
+    check_event_outputs,
+    limit_state,
+    parse_limit_state,
+)
 from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
 from uqpen.designs.rare_events.single_model import check_single_model
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
@@ -63,8 +68,7 @@ class SubsetSimulation(Design):
             yield Problem(("samples",), str(self.samples), f"a multiple of {STEPS + 1}")
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        for problem in parse_limit_state(self.event).check_outputs(requested):
-            yield problem.within("event")
+        yield from check_event_outputs(self.event, requested)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""What several models say together: of the limits of a study, and how much is model form."""
+"""Verdicts of several models on the limits of a study, and the share of model form."""
 
 from __future__ import annotations
 

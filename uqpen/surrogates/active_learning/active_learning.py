@@ -24,9 +24,11 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, number
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.rare_events.gaussian_mixture import inflation
 from uqpen.designs.rare_events.limit_state import (
     EventOutcomes,
     LimitState,
+    check_event_outputs,
     limit_state,
     parse_limit_state,
 )
@@ -42,7 +44,6 @@ from uqpen.surrogates.active_learning.learning_points import (
     choose_batch,
 )
 from uqpen.surrogates.active_learning.limit_state_surrogate import LimitStateSurrogate
-from uqpen.surrogates.active_learning.normal_mixture import inflated_deviation
 from uqpen.surrogates.active_learning.surrogate_states import SurrogateStates, surrogate_states
 
 __all__ = ["ActiveLearning"]
@@ -93,8 +94,7 @@ class ActiveLearning(Design):
     tolerance: float = number(above=0, below=1, default=0.005)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        for problem in parse_limit_state(self.event).check_outputs(requested):
-            yield problem.within("event")
+        yield from check_event_outputs(self.event, requested)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]
@@ -155,7 +155,7 @@ class ActiveLearning(Design):
     ) -> FloatArray:
         """Return the next points to learn from; without a surrogate, draws of inflated inputs."""
         rng, dimension = stream.generator("points"), points.shape[1]
-        drawn: FloatArray = inflated_deviation(dimension) * rng.standard_normal((size, dimension))
+        drawn: FloatArray = inflation(dimension) * rng.standard_normal((size, dimension))
         if surrogate is None or states is None:
             return drawn
         incomplete = points[outcomes.missing | ~outcomes.belongs]
@@ -168,7 +168,7 @@ class ActiveLearning(Design):
 def _first_points(size: int, dimension: int, stream: Stream) -> FloatArray:
     """Return a Latin hypercube of the inflated inputs, in standard normal space."""
     hypercube = qmc.LatinHypercube(dimension, rng=stream.generator("first"))
-    found: FloatArray = inflated_deviation(dimension) * ndtri(hypercube.random(size))
+    found: FloatArray = inflation(dimension) * ndtri(hypercube.random(size))
     return found
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
+from uqpen.designs.rare_events.gaussian_mixture import inflation
 from uqpen.surrogates.active_learning.limit_state_surrogate import LimitStateSurrogate
-from uqpen.surrogates.active_learning.normal_mixture import NormalMixture, inflated_deviation
+from uqpen.surrogates.active_learning.normal_mixture import NormalMixture
 from uqpen.surrogates.active_learning.surrogate_states import SurrogateStates
 
 __all__ = ["CorrectionPoints", "draw_correction"]
@@ -87,7 +88,7 @@ def draw_correction(
     ----------
     Veach, E. & Guibas, L. J. (1995). SIGGRAPH '95, 419-428 (the weights).
     """
-    inflated = NormalMixture.of_scales([1.0], [inflated_deviation(dimension)], dimension)
+    inflated = NormalMixture.of_scales([1.0], [inflation(dimension)], dimension)
     nominal = NormalMixture.of_scales([1.0], [1.0], dimension)
     if surrogate is None or states is None:
         rng = stream.generator("far")

@@ -42,7 +42,7 @@ class PredictedEvents:
 
     @property
     def occurs(self) -> BoolArray:
-        """Where the event is predicted."""
+        """True where the event is predicted."""
         return np.asarray(self.performance > 0)
 
 

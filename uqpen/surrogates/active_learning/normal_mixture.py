@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from uqpen.core.arrays import FloatArray
 
-__all__ = ["NormalMixture", "inflated_deviation"]
+__all__ = ["NormalMixture"]
 
 # Numbers of components that are tried, and steps of each fit.
 _COMPONENTS, _STEPS = (1, 2, 4, 8), 25
@@ -127,14 +127,6 @@ class NormalMixture:
 
     def _wider(self) -> NormalMixture:
         return NormalMixture(self.shares, self.means, _WIDER * self.factors)
-
-
-def inflated_deviation(dimension: int) -> float:
-    """Return the standard deviation of a normal distribution that looks for unknown parts.
-
-    Its draws are about as far from the origin as events of probability 1e-3 to 1e-6 are.
-    """
-    return 1 + 1.2 / math.sqrt(dimension / 2)
 
 
 def _covariance(
