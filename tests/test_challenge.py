@@ -63,7 +63,7 @@ def challenge(study: Path, runs: int) -> Iterator[str]:
     offers = hidden_offers(str(study), make_offers(str(study)))
     count = study.with_name("count.jsonl")
     with (
-        RunBudget(count, runs, {"model": "v1"}) as budget,
+        RunBudget(count, runs, {"model": {"version": 1}}) as budget,
         ModelServer(offers, port=0, budget=budget) as server,
     ):
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
@@ -156,13 +156,13 @@ def test_clients_at_once_cannot_spend_more(study: Path) -> None:
 class TestCount:
     def test_a_line_of_a_killed_server_grants_nothing(self, tmp_path: Path) -> None:
         path = tmp_path / "count.jsonl"
-        with RunBudget(path, 5, {"a": "v1"}) as budget:
+        with RunBudget(path, 5, {"a": {"version": 1}}) as budget:
             budget.grant("a", [1.0])
         path.write_bytes(path.read_bytes() + b'{"model": "a", "inp')
-        with RunBudget(path, 5, {"a": "v1"}) as budget:
+        with RunBudget(path, 5, {"a": {"version": 1}}) as budget:
             assert budget.left("a") == 4
             budget.grant("a", [2.0])
-        with RunBudget(path, 5, {"a": "v1"}) as budget:
+        with RunBudget(path, 5, {"a": {"version": 1}}) as budget:
             assert budget.left("a") == 3
 
     @pytest.mark.parametrize(
@@ -177,16 +177,16 @@ class TestCount:
         path = tmp_path / "count.jsonl"
         path.write_bytes(content)
         with pytest.raises(ModelError, match=message):
-            RunBudget(path, 5, {"a": "v1"})
+            RunBudget(path, 5, {"a": {"version": 1}})
         assert path.read_bytes() == content
 
     @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
     def test_two_servers_cannot_count_in_one_file(self, tmp_path: Path) -> None:
         with (
-            RunBudget(tmp_path / "count.jsonl", 5, {"a": "v1"}),
+            RunBudget(tmp_path / "count.jsonl", 5, {"a": {"version": 1}}),
             pytest.raises(ModelError, match="another server counts its runs in this file"),
         ):
-            RunBudget(tmp_path / "count.jsonl", 5, {"a": "v1"})
+            RunBudget(tmp_path / "count.jsonl", 5, {"a": {"version": 1}})
 
 
 @contextlib.contextmanager

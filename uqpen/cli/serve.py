@@ -89,7 +89,7 @@ def serve(
     shown = hidden_offers(model, offered) if hidden else offered
     for offer in offered:
         offer.model.prepare()
-    with _open_budget(budget, count_file, model, offered, shown) as counted:
+    with _open_budget(budget, count_file, model, shown) as counted:
         try:
             server = ModelServer(shown, host, port, counted)
         except OSError as error:
@@ -125,7 +125,6 @@ def _open_budget(
     runs: int | None,
     path: Path | None,
     model: str,
-    offers: Sequence[ServedModel],
     shown: Sequence[ServedModel | HiddenModel],
 ) -> AbstractContextManager[RunBudget | None]:
     """Open the count of a budget; None where there is no budget."""
@@ -134,31 +133,12 @@ def _open_budget(
     if runs is None:
         return nullcontext()
     count = path or Path("archives", f"{Path(model).stem}.count.jsonl")
-    models = {each.name: _identity(offer, each) for offer, each in zip(offers, shown, strict=True)}
+    identities = {each.name: each.identity for each in shown}
     try:
-        return RunBudget(count, runs, models)
+        return RunBudget(count, runs, identities)
     except OSError as error:
         message = f"{count}: runs cannot be counted there: {error.strerror or error}"
         raise click.UsageError(message) from None
-
-
-def _identity(offer: ServedModel, shown: ServedModel | HiddenModel) -> str:
-    """Return a hash of what decides the result of a run with a vector."""
-    import hashlib
-    import json
-
-    from uqpen.server import HiddenModel
-
-    known: dict[str, object] = {
-        "identity": offer.model.identity(),
-        "inputs": offer.varied_inputs,
-        "held": dict(offer.fixed_inputs),
-    }
-    if isinstance(shown, HiddenModel):
-        entries = shown.joint.random
-        known["random"] = {each.variable.name: repr(each.distribution) for each in entries}
-        known["dependence"] = shown.joint.dependence_text
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
 def make_offers(

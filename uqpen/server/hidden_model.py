@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -35,6 +36,15 @@ class HiddenModel:
     name: str
     served: ServedModel
     joint: JointDistribution
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides the result of a run with a vector, for JSON."""
+        return {
+            **self.served.identity,
+            "random": {each.variable.name: repr(each.distribution) for each in self.joint.random},
+            "dependence": self.joint.dependence_text,
+        }
 
     @property
     def input_size(self) -> int:

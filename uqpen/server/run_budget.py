@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import sys
@@ -32,8 +33,9 @@ class RunBudget:
         The file. If it exists, its count goes on.
     runs : int
         Runs of each model that are granted in all.
-    models : mapping of str to str
-        By name, a hash of what decides the result of a run. A file of other models is refused.
+    identities : mapping of str to mapping
+        By name, all that decides the result of a run of a model. The file has a hash of it, and
+        one of other models is refused.
 
     Raises
     ------
@@ -44,7 +46,8 @@ class RunBudget:
         If it cannot be read or written.
     """
 
-    def __init__(self, path: Path, runs: int, models: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, runs: int, identities: Mapping[str, Mapping[str, Any]]) -> None:
+        models = {name: _hash(identity) for name, identity in identities.items()}
         self.path = path
         self.runs = runs
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -132,3 +135,7 @@ def _parse_entry(line: bytes) -> dict[str, Any] | None:
 def _sync(file: BinaryIO) -> None:
     file.flush()
     os.fsync(file.fileno())
+
+
+def _hash(identity: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()

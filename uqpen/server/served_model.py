@@ -78,6 +78,15 @@ class ServedModel:
         return self.model.outputs
 
     @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides the result of a run with a vector, for JSON."""
+        return {
+            "identity": self.model.identity(),
+            "inputs": self.varied_inputs,
+            "held": dict(self.fixed_inputs),
+        }
+
+    @property
     def input_size(self) -> int:
         """Length of the input vector."""
         return len(self.varied_inputs)
