@@ -1,4 +1,4 @@
-"""The tasks by uqpen: studies in Python, with whatever statistics a study has."""
+"""The tasks by uqpen: studies in Python, which leave out sensitivities where a task has none."""
 
 from __future__ import annotations
 
@@ -33,7 +33,12 @@ def by_numbers(x1: float, x2: float, x3: float) -> dict[str, float]:
 
 
 def archive_of(
-    design: Any, seed: int, *, vectorized: bool = True, **surrogates: Any
+    design: Any,
+    seed: int,
+    *,
+    vectorized: bool = True,
+    sensitivity: bool = False,
+    **surrogates: Any,
 ) -> uqpen.Archive:
     model = uqpen.PythonModel(
         by_arrays if vectorized else by_numbers,
@@ -47,6 +52,8 @@ def archive_of(
         designs={"design": design},
         surrogates=surrogates,
         seed=seed,
+        sensitivity=sensitivity,
+        convergence=False,
     )
     return uqpen.run(study)
 
@@ -81,12 +88,13 @@ def one_by_one(runs: int, seed: int) -> Figures:
 
 
 def given_data(runs: int, seed: int) -> Figures:
-    return indices(archive_of(uqpen.MonteCarlo(runs=runs), seed), "first_order")
+    design = uqpen.MonteCarlo(runs=runs)
+    return indices(archive_of(design, seed, sensitivity=True), "first_order")
 
 
 def sobol(runs: int, seed: int) -> Figures:
     design = uqpen.Saltelli(base=runs // (DIMENSION + 2))
-    return indices(archive_of(design, seed), "first_order", "total_order")
+    return indices(archive_of(design, seed, sensitivity=True), "first_order", "total_order")
 
 
 def expansion(runs: int, seed: int) -> Figures:

@@ -57,7 +57,7 @@ def one_by_one(runs: int, seed: int) -> Figures:
 
 def sobol(runs: int, seed: int) -> Figures:
     # A number would seed each input alike, and all three inputs of a point would be equal.
-    stream = np.random.RandomState(seed)  # noqa: NPY002
+    stream = np.random.RandomState(seed)
     analysis = SobolSensitivity(model(), JointIndependent(INPUTS), random_state=stream)
     analysis.run(n_samples=runs // (DIMENSION + 2), n_bootstrap_samples=100, confidence_level=0.95)
     return {

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "OutputStatistics",
+    "all_analyses_but",
     "analyze",
     "analyze_failures",
     "drawn_runs",
@@ -96,6 +97,14 @@ def analyze(
         else:
             found = _analyze_whole(handle, quantities, only, outside)
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
+
+
+def all_analyses_but(left_out: Collection[str]) -> frozenset[str] | None:
+    """Return the keys of all analyses but some, as `analyze` takes them; None for all of them."""
+    if not left_out:
+        return None
+    of_designs = [*ANALYSES_OF_DESIGNS.values(), *FIELD_ANALYSES_OF_DESIGNS.values()]
+    return frozenset().union(ANALYSES, FIELD_ANALYSES, *of_designs).difference(left_out)
 
 
 def goes_by_blocks(runs: BlockedRuns, in_memory: int) -> bool:

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import CONVERGENCE, SENSITIVITY
 from uqpen.core.model import Model, violated_conditions
-from uqpen.core.settings import count, number, text
+from uqpen.core.settings import count, flag, number, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
@@ -124,6 +125,13 @@ class _Heading:
         default=LEVEL,
     )
     budget: int | None = count(minimum=FEWEST_RUNS, default=None)
+    sensitivity: bool = flag(default=True)
+    convergence: bool = flag(default=True)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Analyses that are not wanted."""
+        return tuple(name for name in (SENSITIVITY, CONVERGENCE) if not getattr(self, name))
 
 
 def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> ValidatedStudy:
@@ -195,6 +203,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         confidence_level=heading.confidence_level,
         joint_events=events,
         plan=tuple(each.text for each in plan.tables),
+        left_out=heading.left_out,
     )
 
 

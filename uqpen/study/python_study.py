@@ -22,7 +22,8 @@ __all__ = ["Study", "load_study"]
 
 # The order of the tables in the text of a study.
 _ORDER = (
-    "title", "seed", "confidence_level", "budget", "analyses", "model", "models", "inputs",
+    "title", "seed", "confidence_level", "budget", "sensitivity", "convergence", "analyses",
+    "model", "models", "inputs",
     "joint", "dependence", "constraints", "outputs", "joint_probabilities", "designs", "surrogates",
     "published", "failures",
 )  # fmt: skip
@@ -67,6 +68,8 @@ class Study(ValidatedStudy):
         Confidence level of all intervals; 0.95 by default.
     budget : int, optional
         Number of runs in place of designs and surrogates, which are planned.
+    sensitivity, convergence : bool
+        False leaves these statistics out, which are most of the work of a fast model's study.
     folder : Path
         Folder to which the paths of files are relative.
 
@@ -111,6 +114,8 @@ class Study(ValidatedStudy):
         analyses: Sequence[str] = (),
         confidence_level: float | None = None,
         budget: int | None = None,
+        sensitivity: bool = True,
+        convergence: bool = True,
         folder: str | Path = ".",
     ) -> None:
         made = StudyContent(
@@ -119,6 +124,8 @@ class Study(ValidatedStudy):
                 "seed": seed,
                 "confidence_level": confidence_level,
                 "budget": budget,
+                "sensitivity": None if sensitivity is True else sensitivity,
+                "convergence": None if convergence is True else convergence,
                 "model": {"use": model} if isinstance(model, str) else model,
                 "models": models,
                 "inputs": inputs,

@@ -111,6 +111,8 @@ class ValidatedStudy:
         Events of several outputs whose probabilities are requested.
     plan : tuple of str
         What was planned from a budget and why, a line each.
+    left_out : tuple of str
+        Analyses that it leaves out: ``"sensitivity"``, ``"convergence"``.
     """
 
     name: str
@@ -132,6 +134,7 @@ class ValidatedStudy:
     confidence_level: float = LEVEL
     joint_events: tuple[JointEvent, ...] = ()
     plan: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:

@@ -23,7 +23,7 @@ from uqpen.core.labels import (
     SURROGATES,
     TRAJECTORY,
 )
-from uqpen.statistics.analyze import analyze, analyze_failures
+from uqpen.statistics.analyze import all_analyses_but, analyze, analyze_failures
 from uqpen.statistics.decision import decision_attributes
 from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
 from uqpen.statistics.joint_probability import joint_probabilities
@@ -60,7 +60,12 @@ def model_groups(
             **cost_attributes(study, model, design, runs),
         }
         steps.start(f"statistics of {design}", model)
-        found = analyze(design_runs, quantities, outside=study.analyses)
+        found = analyze(
+            design_runs,
+            quantities,
+            only=all_analyses_but(study.left_out),
+            outside=study.analyses,
+        )
         found = use_stand_ins(study, model, design, runs, found)
         outputs = mark_uncertified(found, design_runs.attrs)
         sources[design] = Source(attributes, outputs)

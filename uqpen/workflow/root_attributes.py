@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.core.catalogue import INTERVAL_RECIPE
-from uqpen.core.labels import CONFIDENCE_LEVEL, RECIPE
+from uqpen.core.labels import CONFIDENCE_LEVEL, LEFT_OUT, RECIPE
 from uqpen.core.model import Model
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.study import ValidatedStudy
@@ -25,6 +25,7 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
         "study_sha256": study.sha256,
         # As text: a seed may be larger than any integer of NetCDF.
         "seed": str(study.seed),
+        **({LEFT_OUT: ", ".join(study.left_out)} if study.left_out else {}),
         **({} if study.has_several_models else model_identity(study.model)),
         **provenance(),
         **of_python_functions(),

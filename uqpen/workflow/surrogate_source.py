@@ -9,7 +9,7 @@ import xarray as xr
 from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_RECIPE
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
-from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
 from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
@@ -79,7 +79,7 @@ def _surrogate_results(
     steps.start(f"estimates of {name}", model)
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
     quantities = study.model_quantities(variant.model)
-    found = surrogate_statistics(draws, quantities)
+    found = surrogate_statistics(draws, quantities, only=all_analyses_but(study.left_out))
     evidence = correction_evidence(draws, folds, training, check, quantities)
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
