@@ -32,9 +32,9 @@ from coverage_table import Place
 HERE = Path(__file__).resolve().parent
 TABLE = Place("peers")
 OURS = "uqpen"
-# What a package needs beside what it declares. chaospy's documentation takes sparse regressions
-# from scikit-learn; the tasks of OpenTURNS give and take arrays of NumPy. EasyVVUQ imports a package
-# that it does not declare, and UQpy 4.1 fails with NumPy 2.
+# What a package needs beside what it declares. chaospy has its sparse regressions
+# from scikit-learn; the tasks of OpenTURNS give and take arrays of NumPy. EasyVVUQ imports a
+# package that it does not declare, and UQpy 4.1 fails with NumPy 2.
 BESIDE = {
     "chaospy": ("scikit-learn",),
     "easyvvuq": ("six",),
