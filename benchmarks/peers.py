@@ -15,6 +15,7 @@ import json
 import os
 import platform
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -79,7 +80,7 @@ class Package(NamedTuple):
         done = _child(self.python, self.name, task, str(runs), str(seed), most=most)
         seconds = _children_seconds() - before
         if done.returncode:
-            over = seconds >= most
+            over = done.returncode in (-signal.SIGXCPU, -signal.SIGKILL)
             return f"more than {most} s" if over else f"fails: {_last_line(done.stderr)}"
         return Measured(seconds, json.loads(_last_line(done.stdout)))
 
