@@ -8,6 +8,7 @@ runs is NaN.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -207,10 +208,19 @@ def order_statistic_ranks(
     The number of runs below the quantile is binomial, so the interval needs no assumption about
     the distribution. Ranks are discrete, so its coverage is at least `level`.
     """
+    if isinstance(probability, float):
+        return _enclosing_ranks(runs, probability, level)
     tail = (1 - level) / 2
     upper = upper_rank(runs, probability, 1 - tail)
     mirrored = upper_rank(runs, 1 - np.asarray(probability, dtype=np.float64), 1 - tail)
     return runs + 1 - mirrored, upper
+
+
+@lru_cache(1024)
+def _enclosing_ranks(runs: int, probability: float, level: float) -> tuple[float, float]:
+    """Return the ranks of `order_statistic_ranks`, which hundreds of outputs have in common."""
+    low, high = order_statistic_ranks(runs, np.asarray(probability), level)
+    return float(low), float(high)
 
 
 def upper_rank(runs: int, probability: npt.ArrayLike, confidence: float) -> FloatArray:
