@@ -187,11 +187,21 @@ def clopper_pearson(
     Effective numbers of runs need not be whole.
     """
     k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
-    distinct, place = np.unique(k, return_inverse=True)
-    if n.ndim == 0 and distinct.size < k.size:
+    if n.ndim == 0:
         # Few numbers of events stand at many places, and the inverse takes its time.
-        ends = clopper_pearson(distinct, n, level)
-        return ends[0][place].reshape(k.shape), ends[1][place].reshape(k.shape)
+        distinct, place = np.unique(k, return_inverse=True)
+        lower, upper = _exact_intervals(distinct.tobytes(), float(n), level)
+        return lower[place].reshape(k.shape), upper[place].reshape(k.shape)
+    return _binomial_ends(k, n, level)
+
+
+@lru_cache(64)
+def _exact_intervals(events: bytes, runs: float, level: float) -> tuple[FloatArray, FloatArray]:
+    """Return the intervals of some numbers of events, which hundreds of outputs have in common."""
+    return _binomial_ends(np.frombuffer(events), np.asarray(runs), level)
+
+
+def _binomial_ends(k: FloatArray, n: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     tail = (1 - level) / 2
     quantile = scipy.special.betaincinv
     with np.errstate(invalid="ignore"):
