@@ -113,7 +113,8 @@ def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.V
 
 def interval_text(array: xr.DataArray, name: str) -> str:
     """Return one of `INTERVAL_TEXTS` of a single entry of an estimate array; empty for none."""
-    return str(array.coords[name].values) if name in array.coords else ""
+    text = array.coords.variables.get(name)
+    return "" if text is None else str(text.values)
 
 
 def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]) -> xr.Dataset:
@@ -211,9 +212,8 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
     for key in _CORRECTIONS:
         if (beside := dataset.variables.get(f"{name}_{key}")) is not None:
             texts[key] = beside
-    coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return labelled_array(array.values, array.dims, coordinates, attributes, name)
+    return labelled_array(array.values, array.dims, array.coords, attributes, name, texts)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
