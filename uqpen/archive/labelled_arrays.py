@@ -144,11 +144,12 @@ def _as_variable(key: Hashable, given: Any) -> xr.Variable:
         return given.variable
     if not isinstance(given, tuple):
         return xr.Variable((key,) if np.ndim(given) else (), given)
+    dims, values, attributes, *_ = (*given, None)
     # xarray looks for dates among objects, which takes longer than all else.
-    is_ready = isinstance(given[1], np.ndarray) and (
-        given[1].dtype.kind in "Uifb" or (given[1].dtype.kind == "O" and _are_texts(given[1]))
+    is_ready = isinstance(values, np.ndarray) and (
+        values.dtype.kind in "Uifb" or (values.dtype.kind == "O" and _are_texts(values))
     )
-    return xr.Variable(*given, fastpath=is_ready)
+    return xr.Variable(dims, values, attributes, fastpath=is_ready)
 
 
 def _check(variable: xr.Variable, coordinates: Mapping[Hashable, xr.Variable]) -> None:

@@ -106,7 +106,7 @@ class EstimateVector:
     def stack(cls, parts: Sequence[EstimateVector], axis: int = -1) -> EstimateVector:
         """Return estimates as one, along a further dimension, usually behind that of the places."""
         columns = zip(*(each._columns() for each in parts), strict=True)
-        return cls(*(np.stack(column, axis) for column in columns))
+        return cls(*(_stacked(column, axis) for column in columns))
 
     @classmethod
     def from_array(cls, array: xr.DataArray) -> EstimateVector:
@@ -163,6 +163,14 @@ class EstimateVector:
     @property
     def _texts(self) -> tuple[Any, ...]:
         return self.method, self.label, self.note
+
+
+def _stacked(parts: Sequence[npt.NDArray[Any]], axis: int) -> npt.NDArray[Any]:
+    """Return what `numpy.stack` does, which makes an array of each single entry first."""
+    if parts[0].ndim:
+        return np.stack(parts, axis)
+    is_text = parts[0].dtype.kind == "O"
+    return np.array([part[()] for part in parts], dtype=object if is_text else None)
 
 
 def _objects(texts: Any) -> npt.NDArray[np.object_]:

@@ -202,8 +202,7 @@ def _exact_intervals(events: bytes, runs: float, level: float) -> tuple[FloatArr
 
 
 def _binomial_ends(k: FloatArray, n: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    tail = (1 - level) / 2
-    quantile = scipy.special.betaincinv
+    tail, quantile = (1 - level) / 2, scipy.special.betaincinv
     with np.errstate(invalid="ignore"):
         lower = np.where(k > 0, quantile(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
         upper = np.where(k < n, quantile(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
@@ -218,19 +217,24 @@ def order_statistic_ranks(
     The number of runs below the quantile is binomial, so the interval needs no assumption about
     the distribution. Ranks are discrete, so its coverage is at least `level`.
     """
-    if isinstance(probability, float):
-        return _enclosing_ranks(runs, probability, level)
-    tail = (1 - level) / 2
-    upper = upper_rank(runs, probability, 1 - tail)
-    mirrored = upper_rank(runs, 1 - np.asarray(probability, dtype=np.float64), 1 - tail)
-    return runs + 1 - mirrored, upper
+    if np.ndim(probability) == 0:
+        low, high = _enclosing_ranks(runs, float(np.asarray(probability)), level)
+        return np.asarray(low), np.asarray(high)
+    return _ranks(runs, np.asarray(probability, dtype=np.float64), level)
 
 
 @lru_cache(1024)
 def _enclosing_ranks(runs: int, probability: float, level: float) -> tuple[float, float]:
-    """Return the ranks of `order_statistic_ranks`, which hundreds of outputs have in common."""
-    low, high = order_statistic_ranks(runs, np.asarray(probability), level)
+    """Return the ranks of one quantile, which hundreds of outputs have in common."""
+    low, high = _ranks(runs, np.asarray(probability), level)
     return float(low), float(high)
+
+
+def _ranks(runs: int, probability: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    tail = (1 - level) / 2
+    upper = upper_rank(runs, probability, 1 - tail)
+    mirrored = upper_rank(runs, 1 - probability, 1 - tail)
+    return runs + 1 - mirrored, upper
 
 
 def upper_rank(runs: int, probability: npt.ArrayLike, confidence: float) -> FloatArray:
