@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.archive.labelled_arrays import BOUND_COORDINATE, labelled_array
+from uqpen.archive.labelled_arrays import BOUND_COORDINATE, array_entries, labelled_array
 from uqpen.core.labels import BOUND, BOUNDS
 
 LABELS = np.array(["a", "b"], dtype=object)
@@ -63,6 +63,23 @@ def test_coordinates_keep_their_indexes() -> None:
     again = labelled_array(array.values, array.dims, array.coords, array.attrs, "mean")
     xr.testing.assert_identical(again, array)
     assert again.xindexes["input"] is array.xindexes["input"]
+
+
+@pytest.mark.parametrize("dims", [("input", BOUND), (BOUND, "input")])
+def test_entries_are_those_of_an_iteration(dims: tuple[str, ...]) -> None:
+    array = example().transpose(*dims)
+    for entry, expected in zip(array_entries(array), array, strict=True):
+        xr.testing.assert_identical(entry, expected)
+        assert list(entry.xindexes) == list(expected.xindexes)
+
+
+def test_equal_labels_have_one_index() -> None:
+    assert example().xindexes["input"] is example().xindexes["input"]
+    first, second = (
+        labelled_array(np.zeros(2), ("at",), {"at": np.array(labels)}, {})
+        for labels in ([0.0, 1.0], [-0.0, 1.0])
+    )
+    assert np.signbit([first["at"].values[0], second["at"].values[0]]).tolist() == [False, True]
 
 
 def test_attributes_of_a_coordinate_are_those_of_one_array() -> None:

@@ -16,7 +16,8 @@ from click.testing import CliRunner
 from uqpen.cli.options import quiet_option
 from uqpen.cli.printable import SPELLED_OUT
 from uqpen.cli.progress import show_progress
-from uqpen.cli.screen import show_tables
+from uqpen.cli.screen import plain_table, show_table, show_tables, standard_output
+from uqpen.results.table import OutputTable
 
 STUDY = """
 seed = 1
@@ -52,6 +53,22 @@ def test_rules_are_as_long_as_the_rows_where_characters_are_spelled_out(
     for number in rules:
         heading, rule, first = lines[number - 1 : number + 2]
         assert len(heading) == len(rule) == len(first)
+
+
+@pytest.mark.parametrize("columns", [30, 80])
+def test_a_table_is_that_of_rich(
+    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    rows = [("mean of 値", ["1.00 ± 0.12", "–"]), ("sd", ["0.5", "0.4 (0.3 … 0.5) and so on"])]
+    names = ["first order\nof monte_carlo", "sobol"]
+    show_table(standard_output(), OutputTable("y [m]", names, rows))
+    shown = capsys.readouterr().out
+    parts = [names] if columns == 80 else [[name] for name in names]
+    for part in parts:
+        cells = [(label, *(own[names.index(name)] for name in part)) for label, own in rows]
+        standard_output().print(plain_table(["", *part], cells))
+    assert shown == "\ny [m]\n" + capsys.readouterr().out
 
 
 def test_a_quiet_study_shows_its_results_alone(

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics import ordering
+from uqpen.statistics import estimate_vector, ordering
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
@@ -108,3 +108,17 @@ def test_memory_of_loops_is_fewer_columns() -> None:
     runs = runs_of(size)
     analyze(runs_of(90_000), QUANTITIES)  # imports, and compiles
     assert peak_in_columns(runs) < 27  # 24.0 measured, for 3 inputs and 2 outputs
+
+
+def test_growing_parts_make_one_array_of_each_statistic(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Counter[str]()
+    array = estimate_vector.estimate_array
+
+    def counted(*values: Any, **described: Any) -> xr.DataArray:
+        made[described["long_name"]] += 1
+        return array(*values, **described)
+
+    monkeypatch.setattr(estimate_vector, "estimate_array", counted)
+    found = analyze(runs_of(700), QUANTITIES[:1], only=["convergence"])["y"]
+    assert found["convergence_mean"].sizes["runs_so_far"] > 5
+    assert set(made.values()) == {1}

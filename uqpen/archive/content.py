@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.file_variables import value_blocks
 from uqpen.core.arrays import raw_bytes
-from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import CONTENT
 
 __all__ = ["group_hashes", "hash_record", "recorded_hashes", "with_hashes"]
@@ -64,24 +64,27 @@ def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
     Before each piece comes its length, so that no two sequences of pieces look alike.
     """
     attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
-    yield from _attribute_bytes(attributes)
+    yield _attribute_bytes(attributes)
     for dimension, size in sorted(dataset.sizes.items(), key=lambda pair: str(pair[0])):
-        yield from _text_bytes(dimension)
-        yield from _text_bytes(size)
+        yield _text_bytes(dimension, size)
+    coordinates = set(dataset.coords)
     for name, variable in sorted(dataset.variables.items(), key=lambda pair: str(pair[0])):
-        kind = "coordinate" if name in dataset.coords else "variable"
-        for text in (kind, name, " ".join(map(str, variable.dims))):
-            yield from _text_bytes(text)
+        kind = "coordinate" if name in coordinates else "variable"
+        yield _text_bytes(kind, name, " ".join(map(str, variable.dims)))
         yield from _value_bytes(variable)
-        yield from _attribute_bytes(variable.attrs)
+        yield _attribute_bytes(variable.attrs)
 
 
-def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes | memoryview]:
-    yield from _text_bytes(len(attributes))
+def _attribute_bytes(attributes: dict[Any, Any]) -> bytes:
+    pieces: list[bytes | memoryview] = [_text_bytes(len(attributes))]
     for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
-        yield from _text_bytes(name)
-        # NetCDF does not distinguish a single value from a list of one.
-        yield from _value_bytes(np.ravel(np.asarray(value)))
+        pieces.append(_text_bytes(name))
+        if type(value) is str:  # as most are, of an array of one text
+            pieces.append(_text_bytes("text", (1,), value))
+        else:
+            # NetCDF does not distinguish a single value from a list of one.
+            pieces.extend(_value_bytes(np.ravel(np.asarray(value))))
+    return b"".join(pieces)
 
 
 def _value_bytes(values: Any) -> Iterator[bytes | memoryview]:
@@ -90,33 +93,22 @@ def _value_bytes(values: Any) -> Iterator[bytes | memoryview]:
     The content of a variable comes by blocks, as that of a file need not fit the memory.
     """
     is_text = values.dtype.kind in "OUS"
-    yield from _text_bytes("text" if is_text else values.dtype.name)
-    yield from _text_bytes(values.shape)
+    yield _text_bytes("text" if is_text else values.dtype.name, values.shape)
     if is_text:
-        for block in _blocks(values):
-            for value in block.ravel().tolist():
-                yield from _text_bytes(value)
+        for _, block in value_blocks(values):
+            yield _text_bytes(*block.ravel().tolist())
         return
     little = values.dtype.newbyteorder("<")
     yield _length_bytes(values.size * values.dtype.itemsize)
-    for block in _blocks(values):
+    for _, block in value_blocks(values):
         yield raw_bytes(block.astype(little, copy=False))
 
 
-def _blocks(values: Any) -> Iterator[Any]:
-    """Yield the values of an array or a variable by blocks along its first dimension."""
-    if not values.shape:
-        yield np.asarray(values)
-        return
-    for start, stop in block_ranges(values.shape[0]):
-        yield np.asarray(values[start:stop])
-
-
-def _text_bytes(value: object) -> Iterator[bytes]:
+def _text_bytes(*values: object) -> bytes:
+    """Return values as texts, each behind its length."""
     # A damaged file may hold half characters; they have to have a hash as well.
-    text = str(value).encode("utf-8", "surrogatepass")
-    yield _length_bytes(len(text))
-    yield text
+    texts = [str(value).encode("utf-8", "surrogatepass") for value in values]
+    return b"".join(piece for text in texts for piece in (_length_bytes(len(text)), text))
 
 
 def _length_bytes(length: int) -> bytes:

@@ -18,13 +18,11 @@ narrower has ``equivalent_runs``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 
 from uqpen.archive.labelled_arrays import BOUND_COORDINATE, labelled_array
@@ -102,8 +100,9 @@ def estimate_array(
     return labelled_array(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
         (*dims, BOUND),
-        {BOUND: BOUND_COORDINATE, **own, **(coordinates or {})},
+        {BOUND: BOUND_COORDINATE, **(coordinates or {})},
         {"units": units, "long_name": long_name, **(attributes or {})},
+        texts=own,
     )
 
 
@@ -114,7 +113,8 @@ def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.V
 
 def interval_text(array: xr.DataArray, name: str) -> str:
     """Return one of `INTERVAL_TEXTS` of a single entry of an estimate array; empty for none."""
-    return str(array.coords[name].values) if name in array.coords else ""
+    text = array.coords.variables.get(name)
+    return "" if text is None else str(text.values)
 
 
 def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]) -> xr.Dataset:
@@ -123,16 +123,17 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
     coordinates: dict[str, Any] = {}
     for name, array in dict(arrays).items():
         attributes = dict(array.attrs)
+        own = array.coords.variables  # each alone would be an array with coordinates of its own
         coordinates |= {
-            str(key): each.variable
-            for key, each in array.coords.items()
-            if key not in (*INTERVAL_TEXTS, *_CORRECTIONS)
+            str(key): each
+            for key, each in own.items()
+            if key not in INTERVAL_TEXTS and key not in _CORRECTIONS
         }
         variables |= _packed_corrections(name, array)
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
-            codes, known = _coded_texts(array)
+            codes, known = _coded_texts(own)
             if len(known) > 1:
                 variables[f"{name}{_CODES}"] = _codes(name, array, codes, known)
             else:
@@ -158,15 +159,14 @@ def _packed_corrections(name: str, array: xr.DataArray) -> dict[str, Any]:
     }
 
 
-def _coded_texts(array: xr.DataArray) -> tuple[IntArray, list[tuple[str, ...]]]:
+def _coded_texts(
+    coordinates: Mapping[Any, xr.Variable],
+) -> tuple[IntArray, list[tuple[str, ...]]]:
     """Return the position of each entry's texts in a list, and the list in order of appearance."""
-    together = np.zeros(math.prod(array.shape[:-1]), dtype=np.int64)
-    columns = [np.ravel(array.coords[text].values) for text in INTERVAL_TEXTS]
-    for column in columns:
-        own, distinct = pd.factorize(column)
-        together, _ = pd.factorize(together * len(distinct) + own)
-    _, first = np.unique(together, return_index=True)
-    return together, [tuple(str(column[each]) for column in columns) for each in first]
+    columns = (coordinates[text].values.ravel().tolist() for text in INTERVAL_TEXTS)
+    places: dict[tuple[Any, ...], int] = {}
+    codes = [places.setdefault(entry, len(places)) for entry in zip(*columns, strict=True)]
+    return np.array(codes, dtype=np.int64), [tuple(map(str, entry)) for entry in places]
 
 
 def _codes(
@@ -212,9 +212,8 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
     for key in _CORRECTIONS:
         if (beside := dataset.variables.get(f"{name}_{key}")) is not None:
             texts[key] = beside
-    coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return labelled_array(array.values, array.dims, coordinates, attributes, name)
+    return labelled_array(array.values, array.dims, array.coords, attributes, name, texts)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:

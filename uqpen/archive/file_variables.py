@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from uqpen.core.blocks import block_ranges
 from uqpen.core.streams import BLOCK
 
-__all__ = ["CodedTexts", "OpenFile", "is_in_memory", "lazy_dataset"]
+__all__ = ["CodedTexts", "OpenFile", "is_in_memory", "lazy_dataset", "value_blocks"]
 
 _Key = tuple[Any, ...]
 
@@ -104,6 +106,21 @@ class CodedTexts(_LazyValues):
 def is_in_memory(variable: xr.Variable) -> bool:
     """Return True if the values of a variable need not be read from a file."""
     return not isinstance(variable._data, indexing.LazilyIndexedArray)
+
+
+def value_blocks(variable: Any) -> Iterator[tuple[Any, npt.NDArray[Any]]]:
+    """Yield the values of a variable or an array by blocks along its first dimension.
+
+    Each comes with its place. Values in memory are not indexed through xarray, which takes longer
+    than to write or hash a few of them.
+    """
+    if isinstance(variable, xr.Variable) and is_in_memory(variable):
+        variable = variable.values
+    if not variable.shape:
+        yield ..., np.asarray(variable)
+        return
+    for start, stop in block_ranges(variable.shape[0]):
+        yield slice(start, stop), np.asarray(variable[start:stop])
 
 
 def lazy_dataset(

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset
-from uqpen.core.blocks import block_ranges
+from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
 from uqpen.core.limits import RUNS_IN_MEMORY
 
 if TYPE_CHECKING:
@@ -45,7 +44,8 @@ def write_tree(
             for node in tree.subtree
             for pair in _define_variables(
                 root.createGroup(node.path),
-                node.to_dataset(inherit=False).assign_attrs(further.get(node.path, {})),
+                node.to_dataset(inherit=False),
+                further.get(node.path, {}),
             )
         ]
         for defined, variable in filled:
@@ -105,9 +105,11 @@ def _read_dataset(group: Any, path: str, read: _Reader) -> xr.Dataset:
     )
 
 
-def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:
+def _define_variables(
+    group: Any, dataset: xr.Dataset, further: Mapping[str, str]
+) -> Iterator[tuple[Any, Any]]:
     """Define the variables of a group; yield each, still empty, with the one to write."""
-    group.setncatts(dataset.attrs)
+    group.setncatts({**dataset.attrs, **further})
     for dimension, size in dataset.sizes.items():
         group.createDimension(str(dimension), size)
     beside = _coordinate_names(dataset)
@@ -133,11 +135,8 @@ def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, An
 def _fill(defined: Any, variable: xr.Variable) -> None:
     """Write the values of a variable, by blocks along its first dimension."""
     kind = object if variable.dtype.kind in "OU" else None
-    if not variable.dims:
-        defined[...] = np.asarray(variable.values, dtype=kind)
-        return
-    for start, stop in block_ranges(variable.shape[0]):
-        defined[start:stop] = np.asarray(variable[start:stop].values, dtype=kind)
+    for place, values in value_blocks(variable):
+        defined[place] = np.asarray(values, dtype=kind)
 
 
 def _coordinate_names(dataset: xr.Dataset) -> dict[str, list[str]]:

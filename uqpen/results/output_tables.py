@@ -82,8 +82,9 @@ def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     level = _level_text(tree)
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
+        statistics = SourceStatistics(model)
         for output, attributes in _outputs(model).items():
-            if table := statistics_table(model, output, attributes):
+            if table := statistics_table(statistics, output, attributes):
                 yield replace(table, title=f"{head}{table.title}{level}")
 
 
@@ -99,10 +100,12 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
     for output in fields if everything or len(fields) == 1 else ():
         if table := generalized_table(model, output):
             yield table
+    statistics = SourceStatistics(model)
     for output, attributes in _outputs(model).items():
-        if table := statistics_table(model, output, attributes):
+        if table := statistics_table(statistics, output, attributes):
             yield table
-        measures = named_tables(model, output, _shown_unit(attributes), everything=everything)
+        unit = _shown_unit(attributes)
+        measures = named_tables(statistics, output, unit, everything=everything)
         yield from (table for _, table in measures)
     yield from joint_tables(model)
     yield from failure_tables(model)
@@ -115,34 +118,33 @@ def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:
 
 
 def statistics_table(
-    tree: xr.DataTree, name: str, described: Mapping[str, Any]
+    statistics: SourceStatistics, name: str, described: Mapping[str, Any]
 ) -> OutputTable | None:
     """Return the statistics of one output from all sources; None where no source has any.
 
     Parameters
     ----------
-    tree : DataTree
-        The part of an archive on one model.
+    statistics : SourceStatistics
+        Of one model.
     name : str
         The output's.
     described : mapping
         The output's attributes.
     """
     is_categorical = "flag_meanings" in described
-    statistics = SourceStatistics(tree)
     sources = list(statistics.by_source(name, "share" if is_categorical else "mean"))
     sources += _designs_of_tails(statistics, name, sources)
     if not sources:
         return None
     unit = _shown_unit(described)
-    label = label_at_place(name, first_runs(tree)[name])
+    label = label_at_place(name, first_runs(statistics.tree)[name])
     table = OutputTable(label_with_unit(label, unit), sources)
     table.title += table.note_mark(statistics.caveat(sources[0], name))
-    add_runs(table, tree)
-    add_failed_runs(table, tree)
-    add_absent_runs(table, tree, name)
+    add_runs(table, statistics)
+    add_failed_runs(table, statistics)
+    add_absent_runs(table, statistics, name)
     if is_categorical:
-        add_shares(table, tree, name)
+        add_shares(table, statistics, name)
     else:
         StatisticsRows(table, statistics, name, scale(unit)).add()
         add_decisions(table, statistics, name)

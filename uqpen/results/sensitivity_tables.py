@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
+from uqpen.archive.labelled_arrays import array_entries
 from uqpen.core.catalogue import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
@@ -39,7 +40,7 @@ __all__ = ["generalized_table", "named_tables"]
 
 
 def named_tables(
-    tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
+    statistics: SourceStatistics, output: str, unit: str, *, everything: bool = False
 ) -> Iterator[tuple[str, OutputTable]]:
     """Yield a table for each type of measure of an output in the unit that is shown.
 
@@ -48,8 +49,8 @@ def named_tables(
 
     Parameters
     ----------
-    tree : DataTree
-        The part of an archive on one model.
+    statistics : SourceStatistics
+        Of one model.
     output, unit : str
         The name of the output, and the unit to show it in.
     everything : bool
@@ -60,10 +61,10 @@ def named_tables(
     tuple
         A name, such as "shares", "responses" or "effects", and a table.
     """
-    statistics, shares = SourceStatistics(tree), index_titles(tree)
+    shares = index_titles(statistics.tree)
     indices = list(_columns(statistics, output, shares.ordered(INDICES)))
     if not everything:
-        shown = best_sources(tree, ((each.source, each.array) for each in indices))
+        shown = best_sources(statistics.tree, ((each.source, each.array) for each in indices))
         indices = [each for each in indices if each.source in shown]
     if indices:
         table = _table(f"{output}: {shares.title('its variance')}", indices, note=shares.note)
@@ -140,7 +141,10 @@ def _table(
     """Return a table with a row for each input or pair of inputs, and a note on all of them."""
     table = OutputTable(title, [f"{each.label}\n{each.source}" for each in columns])
     table.title += table.note_mark(note)
-    entries = [dict(zip(_entry_names(each.array), each.array, strict=True)) for each in columns]
+    entries = [
+        dict(zip(_entry_names(each.array), array_entries(each.array), strict=True))
+        for each in columns
+    ]
     for name in dict.fromkeys(name for of_column in entries for name in of_column):
         cells = [table.cell(of_column.get(name), convert) for of_column in entries]
         table.rows.append((name, cells))
@@ -148,7 +152,7 @@ def _table(
 
 
 def _entry_names(array: xr.DataArray) -> list[str]:
-    return list(map(str, array[array.dims[0]].values))
+    return list(map(str, array.coords.variables[array.dims[0]].values))
 
 
 def _add_claims(table: OutputTable, statistics: SourceStatistics, output: str) -> None:

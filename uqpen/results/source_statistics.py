@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
@@ -55,7 +56,7 @@ class SourceStatistics:
     is_difference: bool = False
     described_by: xr.DataTree | None = None
     # Estimate arrays by source and output: to take one out of its group takes its time.
-    _arrays: dict[tuple[str, str], UnpackedStatistics] = field(
+    _arrays: dict[tuple[str, ...], UnpackedStatistics] = field(
         default_factory=dict, compare=False, repr=False
     )
 
@@ -198,7 +199,10 @@ class SourceStatistics:
             ``input``. Empty for a design that is no sample and lost no run. The attributes of
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
-        return UnpackedStatistics(read_group(self.tree, FAILURES_GROUP, design))
+        key = ("", FAILURES_GROUP, design)
+        if key not in self._arrays:
+            self._arrays[key] = UnpackedStatistics(read_group(self.tree, FAILURES_GROUP, design))
+        return self._arrays[key]
 
     def joint_probability(self, design: str) -> xr.DataArray | None:
         """Return a design's probabilities of events of several outputs; None without any.
@@ -220,7 +224,7 @@ class SourceStatistics:
         chances = self.failures(design).get("probability")
         if chances is None:
             return {}
-        return dict(zip(chances[STATUS].values.tolist(), chances, strict=True))
+        return dict(zip(chances[STATUS].values.tolist(), array_entries(chances), strict=True))
 
     def run_accounts(self, design: str) -> dict[str, str]:
         """Return the attributes by which failed runs qualify the statistics of a design."""
@@ -286,6 +290,7 @@ def source_entries(
     The entries are the same for all sources; a coordinate has their labels.
     """
     first = next(iter(arrays.values()), None)
-    labels = [] if first is None else first[coordinate].values.tolist()
+    labels = [] if first is None else first.coords.variables[coordinate].values.tolist()
+    entries = {source: array_entries(array) for source, array in arrays.items()}
     for position, label in enumerate(labels):
-        yield label, {source: array[position] for source, array in arrays.items()}
+        yield label, {source: own[position] for source, own in entries.items()}

@@ -126,13 +126,13 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
     return int(runs.sizes[RUN]) if runs else None
 
 
-def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
+def add_runs(table: OutputTable, statistics: SourceStatistics) -> None:
     """Add a row of the number of runs that each source took."""
-    cells, statistics = [], SourceStatistics(tree)
+    cells = []
     for source in table.columns:
-        spent = runs_spent(tree, source)
+        spent = runs_spent(statistics.tree, source)
         text = NOTHING if spent is None else grouped_number(spent)
-        runs = read_group(tree, RUNS, source)
+        runs = read_group(statistics.tree, RUNS, source)
         cost = _cost_text(statistics.cost_spent(source))
         for note in (stopping_text(runs), str(runs.attrs.get(AGREEMENT, "")), cost):
             text += table.note_mark(note)
@@ -159,12 +159,10 @@ def add_decisions(table: OutputTable, statistics: SourceStatistics, output: str)
         table.rows.append((claim, cells))
 
 
-def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:
+def add_failed_runs(table: OutputTable, statistics: SourceStatistics) -> None:
     """Add a row of the failed runs of each design, and their probability for each status."""
-    statistics = SourceStatistics(tree)
-    groups = {source: read_group(tree, RUNS, source) for source in table.columns}
+    groups = {source: read_group(statistics.tree, RUNS, source) for source in table.columns}
     counts = {source: status_counts(runs) for source, runs in groups.items() if runs}
-    chances = {source: statistics.status_probabilities(source) for source in table.columns}
     cells = []
     for source in table.columns:
         failed = [f"{n} {STATUS_TEXT[s]}" for s, n in counts.get(source, {}).items() if n and s]
@@ -176,13 +174,13 @@ def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:
     for status in Status:
         if status is not Status.OK and any(each[status] for each in counts.values()):
             meaning = status.meaning
+            chances = {source: statistics.status_probabilities(source) for source in table.columns}
             found = {source: each[meaning] for source, each in chances.items() if meaning in each}
             table.rows.append((f"P({STATUS_TEXT[status]})", table.cells(found)))
 
 
-def add_absent_runs(table: OutputTable, tree: xr.DataTree, output: str) -> None:
+def add_absent_runs(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
     """Add a row of the completed runs without a value of an output, where there are any."""
-    statistics = SourceStatistics(tree)
     found = [statistics.absence(source, output) for source in table.columns]
     if not any(found):
         return
@@ -203,8 +201,8 @@ def _qualifications(statistics: SourceStatistics, design: str) -> Iterator[str]:
         yield f"statistics use the completed runs; {accounts[MISSING]} failed"
 
 
-def add_shares(table: OutputTable, tree: xr.DataTree, name: str) -> None:
+def add_shares(table: OutputTable, statistics: SourceStatistics, name: str) -> None:
     """Add a row for each category of an output."""
-    arrays = SourceStatistics(tree).by_source(name, "share", table.columns)
+    arrays = statistics.by_source(name, "share", table.columns)
     for label, found in source_entries(arrays, "category_label"):
         table.rows.append((f"share {label}", table.cells(found)))

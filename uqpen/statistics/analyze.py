@@ -298,10 +298,11 @@ def _run_one_by_one(
 
 
 def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:
-    """Return a statistic with the counts of its runs, and all conditions that it has."""
+    """Return a statistic that was just made, with the counts of its runs and all its conditions."""
     conditions = [each[CONDITIONAL] for each in (attributes, array.attrs) if CONDITIONAL in each]
     joined = {CONDITIONAL: " and ".join(map(str, conditions))} if conditions else {}
-    return array.assign_attrs({**attributes, **joined})
+    array.attrs |= {**attributes, **joined}  # as `assign_attrs`, without its copy
+    return array
 
 
 def run_counts(runs: BlockedRuns) -> dict[str, int | str]:

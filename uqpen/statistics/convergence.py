@@ -18,23 +18,31 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,
     category_probabilities,
+    category_shares,
     exceedance_probabilities,
+    requested_below,
+    requested_exceedances,
 )
-from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.distribution_function.quantiles import (
+    quantile_estimates,
+    requested_quantiles,
+)
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.moments.sample_moments import sample_moments
+from uqpen.statistics.moments.sample_moments import mean_estimate, sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, input_sample
 
 __all__ = ["convergence", "convergence_of_parts", "part_sizes", "reason_without_parts"]
 
-# The statistics that are followed, and who estimates them from every part, each as its first.
+# The statistics that are followed: whose first array is that of the whole, and who estimates them
+# from every smaller part. An array for each part would take most of the time.
 _ANALYSES = {
-    "mean": sample_moments,
-    "quantile": quantile_estimates,
-    "exceedance": exceedance_probabilities,
-    "below": below_probabilities,
-    "share": category_probabilities,
+    "mean": (sample_moments, mean_estimate),
+    "quantile": (quantile_estimates, requested_quantiles),
+    "exceedance": (exceedance_probabilities, requested_exceedances),
+    "below": (below_probabilities, requested_below),
+    "share": (category_probabilities, category_shares),
 }
 # Parts at the most, and the fewest runs of one.
 _MOST, _FEWEST = 16, 20
@@ -80,10 +88,13 @@ def convergence_of_parts(
     parts: Sequence[Sample], sizes: Sequence[int], quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the same from the parts and their numbers of points."""
-    for name, analysis in _ANALYSES.items():
-        estimates = [array for part in parts for _, array in islice(analysis(part, quantity), 1)]
-        if estimates:
-            yield f"convergence_{name}", _stack_parts(estimates, np.array(sizes), parts[-1].level)
+    *smaller, whole = parts
+    for name, (analysis, estimate) in _ANALYSES.items():
+        for _, last in islice(analysis(whole, quantity), 1):
+            estimates = [estimate(part, quantity) for part in smaller]
+            estimates.append(EstimateVector.from_array(last))
+            stacked = EstimateVector.stack(estimates, axis=0)
+            yield f"convergence_{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
 
 
 def _reason(sample: Sample) -> str:
@@ -162,21 +173,17 @@ def part_sizes(runs: int, replicates: int) -> list[int]:
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
 
 
-def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray, level: float) -> xr.DataArray:
-    """Put the estimate arrays of all parts along ``runs_so_far``."""
-    last = arrays[-1]
+def _along_parts(
+    estimates: EstimateVector, last: xr.DataArray, sizes: IntArray, level: float
+) -> xr.DataArray:
+    """Return the estimates of all parts along ``runs_so_far``, as the array of the last is."""
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
-    own = {
-        str(key): each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS
-    }
+    own = {key: each for key, each in last.coords.variables.items() if key not in INTERVAL_TEXTS}
     described = {"units": "1", "long_name": "runs so far, including failed ones"}
-    texts = {
-        name: np.stack([each.coords[name].values for each in arrays]) for name in INTERVAL_TEXTS
-    }
     return estimate_array(
-        np.stack([each.values for each in arrays]),
-        {RUNS_SO_FAR: len(arrays), **dims},
-        texts,
+        estimates.bounds,
+        {RUNS_SO_FAR: len(sizes), **dims},
+        estimates.texts,
         units=last.attrs["units"],
         long_name=f"{last.attrs['long_name']}, by the runs so far",
         attributes={INTERVAL_LEVEL: level},

@@ -103,10 +103,16 @@ class EstimateVector:
         return _objects(np.frompyfunc(lambda each: template.format(method=each), 1, 1)(self.method))
 
     @classmethod
-    def stack(cls, parts: Sequence[EstimateVector]) -> EstimateVector:
-        """Return estimates as one, along a further dimension behind that of the places."""
+    def stack(cls, parts: Sequence[EstimateVector], axis: int = -1) -> EstimateVector:
+        """Return estimates as one, along a further dimension, usually behind that of the places."""
         columns = zip(*(each._columns() for each in parts), strict=True)
-        return cls(*(np.stack(column, -1) for column in columns))
+        return cls(*(_stacked(column, axis) for column in columns))
+
+    @classmethod
+    def from_array(cls, array: xr.DataArray) -> EstimateVector:
+        """Return the estimates of an estimate array, in its shape without ``bound``."""
+        texts = (array.coords.variables[name].values for name in INTERVAL_TEXTS)
+        return cls(*np.moveaxis(array.values, -1, 0), *texts)
 
     def to_array(
         self,
@@ -121,13 +127,13 @@ class EstimateVector:
 
         The dimension is that along which estimates were put by `stack`.
         """
-        bounds = np.stack(self._numbers, axis=-1)
+        bounds = self.bounds
         own = [along] if along else []
         names = [PLACE, *own] if bounds.ndim - 1 > len(own) else own
         return estimate_array(
             bounds,
             dict(zip(names, bounds.shape, strict=False)),
-            dict(zip(INTERVAL_TEXTS, self._texts, strict=True)),
+            self.texts,
             units=units,
             long_name=long_name,
             attributes={INTERVAL_LEVEL: level} if self.has_bounds.any() or along else {},
@@ -136,8 +142,19 @@ class EstimateVector:
 
     def _columns(self) -> Iterator[npt.NDArray[Any]]:
         """Yield the numbers and the texts, all in the shape of the values."""
-        for column in (*self._numbers, *map(_objects, self._texts)):
-            yield np.broadcast_to(column, np.shape(self.value))
+        shape = np.shape(self.value)
+        for column in (*map(np.asarray, self._numbers), *map(_objects, self._texts)):
+            yield column if column.shape == shape else np.broadcast_to(column, shape)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Value, lower and upper bound along a last axis."""
+        return np.stack(self._numbers, axis=-1)
+
+    @property
+    def texts(self) -> dict[str, Any]:
+        """The texts by `INTERVAL_TEXTS`."""
+        return dict(zip(INTERVAL_TEXTS, self._texts, strict=True))
 
     @property
     def _numbers(self) -> tuple[FloatArray, ...]:
@@ -146,6 +163,14 @@ class EstimateVector:
     @property
     def _texts(self) -> tuple[Any, ...]:
         return self.method, self.label, self.note
+
+
+def _stacked(parts: Sequence[npt.NDArray[Any]], axis: int) -> npt.NDArray[Any]:
+    """Return what `numpy.stack` does, which makes an array of each single entry first."""
+    if parts[0].ndim:
+        return np.stack(parts, axis)
+    is_text = parts[0].dtype.kind == "O"
+    return np.array([part[()] for part in parts], dtype=object if is_text else None)
 
 
 def _objects(texts: Any) -> npt.NDArray[np.object_]:

@@ -8,6 +8,7 @@ runs is NaN.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -186,13 +187,22 @@ def clopper_pearson(
     Effective numbers of runs need not be whole.
     """
     k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
-    distinct, place = np.unique(k, return_inverse=True)
-    if n.ndim == 0 and distinct.size < k.size:
+    if n.ndim == 0:
         # Few numbers of events stand at many places, and the inverse takes its time.
-        ends = clopper_pearson(distinct, n, level)
-        return ends[0][place].reshape(k.shape), ends[1][place].reshape(k.shape)
-    tail = (1 - level) / 2
-    quantile = scipy.special.betaincinv
+        distinct, place = np.unique(k, return_inverse=True)
+        lower, upper = _exact_intervals(distinct.tobytes(), float(n), level)
+        return lower[place].reshape(k.shape), upper[place].reshape(k.shape)
+    return _binomial_ends(k, n, level)
+
+
+@lru_cache(64)
+def _exact_intervals(events: bytes, runs: float, level: float) -> tuple[FloatArray, FloatArray]:
+    """Return the intervals of some numbers of events, which hundreds of outputs have in common."""
+    return _binomial_ends(np.frombuffer(events), np.asarray(runs), level)
+
+
+def _binomial_ends(k: FloatArray, n: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    tail, quantile = (1 - level) / 2, scipy.special.betaincinv
     with np.errstate(invalid="ignore"):
         lower = np.where(k > 0, quantile(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
         upper = np.where(k < n, quantile(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
@@ -207,9 +217,23 @@ def order_statistic_ranks(
     The number of runs below the quantile is binomial, so the interval needs no assumption about
     the distribution. Ranks are discrete, so its coverage is at least `level`.
     """
+    if np.ndim(probability) == 0:
+        low, high = _enclosing_ranks(runs, float(np.asarray(probability)), level)
+        return np.asarray(low), np.asarray(high)
+    return _ranks(runs, np.asarray(probability, dtype=np.float64), level)
+
+
+@lru_cache(1024)
+def _enclosing_ranks(runs: int, probability: float, level: float) -> tuple[float, float]:
+    """Return the ranks of one quantile, which hundreds of outputs have in common."""
+    low, high = _ranks(runs, np.asarray(probability), level)
+    return float(low), float(high)
+
+
+def _ranks(runs: int, probability: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     tail = (1 - level) / 2
     upper = upper_rank(runs, probability, 1 - tail)
-    mirrored = upper_rank(runs, 1 - np.asarray(probability, dtype=np.float64), 1 - tail)
+    mirrored = upper_rank(runs, 1 - probability, 1 - tail)
     return runs + 1 - mirrored, upper
 
 

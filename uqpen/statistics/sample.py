@@ -270,7 +270,7 @@ class Sample:
     def _made(self) -> dict[str, object]:
         return {}
 
-    @property
+    @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
         if self.sampling is Sampling.USER_SUPPLIED or not self.sampling.is_sample:
@@ -281,7 +281,7 @@ class Sample:
             return ErrorModel.REPLICATED
         return ErrorModel.SINGLE_STRATIFIED_SET
 
-    @property
+    @cached_property
     def reason_without_intervals(self) -> str:
         """Reason why no interval can be computed; empty where one can."""
         if not self.sampling.is_sample:

@@ -87,7 +87,7 @@ def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataAr
     title = capitalized(output_title(view, output))
     labels = tuple(map(str, probabilities["category_label"].values))
     table = OutputTable(f"Category probabilities by {design}", [design])
-    add_shares(table, view.tree, output)
+    add_shares(table, view.statistics, output)
     texts = [f"{label}: {cells[0]}" for label, cells in table.rows]
     places, series = np.arange(len(labels)), view.series(design)
     return Chart(

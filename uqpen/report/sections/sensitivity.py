@@ -51,7 +51,7 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 
 def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     tables: dict[str, list[OutputTable]] = {}
-    for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
+    for name, table in named_tables(view.statistics, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     shares = index_titles(view.tree)
     order = input_order(view, output)

@@ -130,7 +130,7 @@ class BlockedSample(Sample):
         whole = self.powers.whole
         return np.asarray(whole.smallest[0] == whole.largest[0])
 
-    @property
+    @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
         if self.sampling is Sampling.USER_SUPPLIED:

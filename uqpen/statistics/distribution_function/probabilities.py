@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,12 @@ __all__ = [
     "below_probabilities",
     "category_coordinates",
     "category_probabilities",
+    "category_shares",
     "event_probability",
     "exceedance_probabilities",
     "probabilities_of_statuses",
+    "requested_below",
+    "requested_exceedances",
     "status_probabilities",
     "threshold_coordinates",
 ]
@@ -56,19 +59,24 @@ def exceedance_probabilities(
     """
     if not quantity.thresholds:
         return
-    events = [sample.values > threshold.value for threshold in quantity.thresholds]
     long_name = f"probability that {quantity.output.title} exceeds a value"
-    estimates = [event_probability(sample, event) for event in events]
     along = threshold_coordinates(quantity)
     yield (
         "exceedance",
-        EstimateVector.stack(estimates).to_array(
+        requested_exceedances(sample, quantity).to_array(
             THRESHOLD,
             units="1",
             long_name=long_name,
             coordinates=along,
             level=sample.level,
         ),
+    )
+
+
+def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+    """Return the probabilities to exceed the requested thresholds, along a last axis."""
+    return _event_probabilities(
+        sample, (sample.values > threshold.value for threshold in quantity.thresholds)
     )
 
 
@@ -89,20 +97,25 @@ def below_probabilities(
     """
     if not quantity.lower_thresholds:
         return
-    events = [sample.values < threshold.value for threshold in quantity.lower_thresholds]
     long_name = f"probability that {quantity.output.title} lies below a value"
-    estimates = [event_probability(sample, event) for event in events]
     unit = quantity.output.unit
     along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
     yield (
         "below",
-        EstimateVector.stack(estimates).to_array(
+        requested_below(sample, quantity).to_array(
             LOWER_THRESHOLD,
             units="1",
             long_name=long_name,
             coordinates=along,
             level=sample.level,
         ),
+    )
+
+
+def requested_below(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+    """Return the probabilities to lie below the requested thresholds, along a last axis."""
+    return _event_probabilities(
+        sample, (sample.values < threshold.value for threshold in quantity.lower_thresholds)
     )
 
 
@@ -154,19 +167,24 @@ def category_probabilities(
     """
     if not quantity.output.categories:
         return
-    events = [sample.values == kind for kind in range(len(quantity.output.categories))]
-    estimates = [event_probability(sample, event) for event in events]
     long_name = f"share of {quantity.output.title}"
     along = category_coordinates(quantity)
     yield (
         "share",
-        EstimateVector.stack(estimates).to_array(
+        category_shares(sample, quantity).to_array(
             CATEGORY,
             units="1",
             long_name=long_name,
             coordinates=along,
             level=sample.level,
         ),
+    )
+
+
+def category_shares(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+    """Return the probabilities of the categories of an output, along a last axis."""
+    return _event_probabilities(
+        sample, (sample.values == kind for kind in range(len(quantity.output.categories)))
     )
 
 
@@ -235,6 +253,10 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
     note = np.where(is_doubtful, texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND), "")
     found = EstimateVector(value, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal", note)
     return found.remove_bounds_at((value <= 0) | (value >= 1), texts.CONSTANT_EVENT)
+
+
+def _event_probabilities(sample: Sample, events: Iterable[BoolArray]) -> EstimateVector:
+    return EstimateVector.stack([event_probability(sample, event) for event in events])
 
 
 def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ __all__ = [
     "order_statistic",
     "percentiles",
     "quantile_estimates",
+    "requested_quantiles",
     "sample_quantile",
 ]
 
@@ -51,9 +52,7 @@ def quantile_estimates(
     if quantity.output.categories:
         return
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    array = EstimateVector.stack(
-        [_quantile_estimate(sample, p) for p in quantity.quantiles]
-    ).to_array(
+    array = requested_quantiles(sample, quantity).to_array(
         PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
@@ -61,6 +60,11 @@ def quantile_estimates(
         level=sample.level,
     )
     yield "quantile", array
+
+
+def requested_quantiles(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+    """Return the requested quantiles of an output that is a number, along a last axis."""
+    return _quantiles_at(sample, quantity.quantiles)
 
 
 def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -76,8 +80,7 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     if quantity.output.categories:
         return
     described = {"units": "%", "long_name": "probability of lying below the percentile"}
-    estimates = [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS]
-    array = EstimateVector.stack(estimates).to_array(
+    array = _quantiles_at(sample, [percent / 100 for percent in _PERCENTS]).to_array(
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
@@ -122,6 +125,14 @@ def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
 
     At places, each may have its rank.
     """
+    if not sample.is_at_places:
+        number = float(np.asarray(rank))
+        exists = 1 <= number <= sample.size
+        return np.asarray(sample.sorted_values[..., int(number) - 1] if exists else np.nan)
+    return _order_statistics_at_places(sample, rank)
+
+
+def _order_statistics_at_places(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
     ranks = np.broadcast_to(np.asarray(rank, dtype=np.float64), sample.values.shape[:-1])
     exists = (ranks >= 1) & (ranks <= sample.size)
     if not exists.any():
@@ -131,8 +142,15 @@ def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
     return np.where(exists, values, np.nan)
 
 
-def _quantile_estimate(sample: Sample, p: float) -> EstimateVector:
-    value = sample_quantile(sample, p)
+def _quantiles_at(sample: Sample, probabilities: Sequence[float]) -> EstimateVector:
+    """Return quantiles along a last axis."""
+    values = sample_quantile(sample, probabilities)
+    return EstimateVector.stack(
+        [_quantile_estimate(sample, p, values[..., i]) for i, p in enumerate(probabilities)]
+    )
+
+
+def _quantile_estimate(sample: Sample, p: float, value: FloatArray) -> EstimateVector:
     if reason := sample.reason_without_intervals:
         return EstimateVector.without_bounds(value, reason)
     if sample.run_weights is not None:

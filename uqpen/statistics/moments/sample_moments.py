@@ -22,7 +22,7 @@ from uqpen.statistics.sample_shape import ENOUGH_RUNS_FOR_MEANS, SampleShape, sh
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = ["sample_moments"]
+__all__ = ["mean_estimate", "sample_moments"]
 
 
 # Where still fewer effective runs than this decide the variance, there may be no mean.
@@ -89,6 +89,11 @@ def sample_moments(
         estimate = Estimate.without_bounds(sample.effective_size, texts.DIAGNOSTIC_OF_WEIGHTS)
         long_name = f"effective sample size of {title}"
         yield "effective_size", estimate.to_array(units="1", long_name=long_name)
+
+
+def mean_estimate(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+    """Return the mean of an output that is a number."""
+    return _mean(sample, shape_of(sample))
 
 
 @np.errstate(over="ignore", invalid="ignore")
