@@ -15,10 +15,13 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from uqpen.models.rod_erosion import Rod
 
 FloatArray = npt.NDArray[np.float64]
 Inputs = dict[str, FloatArray]
@@ -118,16 +121,50 @@ def admissible_points() -> Inputs:
 
 def dop853(batch: Inputs, tolerance: float) -> FloatArray:
     """Depth and residue of every run, one after the other."""
-    from uqpen.models.rod_trajectory import integrate_erosion, make_rod
+    from uqpen.models.rod_erosion import make_rod
 
     results = []
     for row in zip(*(values.tolist() for values in batch.values()), strict=True):
         rod = make_rod(**dict(zip(batch, row, strict=True)))
-        solution = integrate_erosion(rod, tolerance)
-        u, _, L, z = solution.y[:, -1].tolist()
+        u, _, L, z = _eroded(rod, tolerance)
         inertia = rod.density_ratio * L + rod.added_length
         results.append((z + inertia * np.log1p(max(u, 0.0) ** 2 / rod.resistance), L))
     return np.array(results).T
+
+
+def _eroded(rod: Rod, tolerance: float) -> list[float]:
+    """The state of a rod at the end of erosion, by SciPy."""
+    from scipy.integrate import solve_ivp
+
+    from uqpen.models.rod_erosion import erosion_slopes
+
+    inertia = rod.density_ratio * rod.length + rod.added_length
+    # In this time the target's resistance alone would stop the rod as it was, however fast.
+    longest = np.pi * inertia / np.sqrt(rod.resistance)
+    solution = solve_ivp(
+        lambda _, state: erosion_slopes(state.tolist(), rod),
+        (0.0, longest),
+        [rod.impact_velocity, 0.0, rod.length, 0.0],
+        method="DOP853",
+        events=(_tail_lead, _nose_velocity),
+        rtol=tolerance,
+        atol=tolerance * 1e-2 * np.array([rod.impact_velocity, 1.0, rod.length, rod.length]),
+    )
+    ends: list[float] = solution.y[:, -1].tolist()
+    return ends
+
+
+def _tail_lead(_: float, state: FloatArray) -> float:
+    return float(state[1])
+
+
+def _nose_velocity(_: float, state: FloatArray) -> float:
+    return float(state[0])
+
+
+for _event in (_tail_lead, _nose_velocity):
+    _event.terminal = True  # type: ignore[attr-defined]
+    _event.direction = -1  # type: ignore[attr-defined]
 
 
 def _lanes(batch: Inputs, tolerance: float) -> FloatArray:

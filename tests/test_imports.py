@@ -40,6 +40,25 @@ kind = "monte-carlo"
 runs = 64
 """
 
+ROD = """\
+seed = 1
+[model]
+use = "walker-anderson"
+[inputs]
+projectile_density     = "17.5 g/cm^3"
+projectile_yield_limit = "1.65 GPa"
+projectile_length      = "16 cm"
+impact_velocity        = "1400 m/s"
+projectile_sound_speed = "3071 m/s"
+target_density         = "(2.5 ± 0.05) g/cm^3"
+target_yield_limit     = "400 MPa"
+plasticity_radius      = "100 mm"
+crater_radius          = "17 mm"
+[designs.plain]
+kind = "monte-carlo"
+runs = 16
+"""
+
 
 def loaded(folder: Path, *arguments: str) -> set[str]:
     done = subprocess.run(
@@ -72,3 +91,10 @@ def test_a_command_loads_what_it_needs(
     archive: Path, arguments: tuple[str, ...], allowed: set[str]
 ) -> None:
     assert loaded(archive.parent, *arguments) <= allowed
+
+
+def test_a_study_of_the_rod_loads_only_its_compiled_integrator_besides(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
+    # Numba asks SciPy for its linear algebra.
+    allowed = {*TABLES, "netCDF4", "numba", "scipy.linalg", "scipy.special"}
+    assert loaded(tmp_path, "study", "study.toml", "-o", "archive.nc") <= allowed

@@ -10,7 +10,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.core.arrays import FloatArray
-from uqpen.models.rod_trajectory import make_rod, trajectory
+from uqpen.models.rod_erosion import make_rod
+from uqpen.models.rod_trajectory import trajectory
 
 pytestmark = pytest.mark.slow
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853
 
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.models import dop853
 from uqpen.models.dense_integration import Steps, integrate
 
 RATES = np.array([[0.1, 1.0, 30.0]])
@@ -67,3 +69,18 @@ def test_what_is_no_number_is_given_up_and_the_others_go_on() -> None:
     rates = np.array([[1.0, np.nan, 2.0]])
     ended = np.concatenate([steps.problem[steps.is_last] for steps in solve(rates)])
     assert sorted(ended.tolist()) == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("own", "known"),
+    [
+        (dop853.STAGES, DOP853.A[1:]),
+        ([dop853.SOLUTION], [DOP853.B]),
+        ([dop853.ERROR_3, dop853.ERROR_5], [DOP853.E3, DOP853.E5]),
+        (dop853.FURTHER, DOP853.A_EXTRA),
+        (dop853.INTERPOLANT, DOP853.D),
+    ],
+)
+def test_the_weights_are_those_of_scipy(own, known) -> None:
+    for weights, expected in zip(own, known, strict=True):
+        np.testing.assert_array_equal(weights, np.trim_zeros(expected, "b"))

@@ -14,17 +14,14 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from uqpen.models import rod_lanes, tsitouras
 from uqpen.models.eroding_rod import DEFAULT_TOLERANCE, Penetration, penetrate
 from uqpen.models.rod_and_target import Termination
-from uqpen.models.rod_trajectory import (
-    Trajectory,
-    erosion_slopes,
-    integrate_erosion,
-    make_rod,
-    trajectory,
-)
+from uqpen.models.rod_course import Trajectory
+from uqpen.models.rod_erosion import erosion_slopes, integrate_erosion, make_rod
+from uqpen.models.rod_trajectory import trajectory
 
 pytestmark = pytest.mark.processor
 
@@ -221,11 +218,10 @@ def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density
 def test_momentum_changes_by_the_forces_on_rod_and_target_only():
     values = {**NOMINAL, "smoothing": 0.7}
     rod = make_rod(**values)
-    solution = integrate_erosion(rod, 1e-8)
+    steps = integrate_erosion(rod, 1e-8).steps
     Omega, profile, kappa, added = rod[0], rod[1], rod[2], rod.added_length
-    for state in solution.y.T:
-        u, x, L, _ = state
-        du, dx, dL, _ = erosion_slopes(0.0, state, rod)
+    for u, x, L, z in steps.before.T.tolist():
+        du, dx, dL, _ = erosion_slopes((u, x, L, z), rod)
         v, dv, s, ds = u * (1 + x), du * (1 + x) + u * dx, kappa * x, kappa * dx
         change = Omega * (dv * L + v * dL + (ds * (u - v) + s * (du - dv)) / profile) + added * du
         force = -0.5 * (Omega * (v**2 - u**2) + u**2 + rod.resistance)
@@ -389,10 +385,10 @@ def test_trajectory_passes_through_known_points(course, depth, time, nose, tail,
 
 
 def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
-    solution = integrate_erosion(make_rod(**NOMINAL), 1e-10)
-    u, x, _, z = solution.y[:, -1]
+    erosion = integrate_erosion(make_rod(**NOMINAL), 1e-10)
+    u, x, _, z = erosion.state
     # Seven digits are known.
-    assert (solution.t[-1], z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
+    assert (erosion.time, z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
     assert x == pytest.approx(0.0, abs=1e-12)
 
 
@@ -401,6 +397,27 @@ def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     values = {**NOMINAL, "smoothing": smoothing}
     # Three digits are known.
     assert trajectory(make_rod(**values)).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"smoothing": 1.0}, {"target_yield_limit": 5e9}],
+    ids=["breakdown", "smoothed", "standstill"],
+)
+def test_erosion_is_that_of_an_integration_by_scipy(changes):
+    rod = make_rod(**{**NOMINAL, **changes})
+    erosion = integrate_erosion(rod, 1e-10)
+    known = solve_ivp(
+        lambda _, state: erosion_slopes(state.tolist(), rod),
+        (0.0, erosion.time),
+        [rod.impact_velocity, 0.0, rod.length, 0.0],
+        method="DOP853",
+        t_eval=erosion.steps.start,
+        rtol=1e-12,
+        atol=1e-14 * np.array([rod.impact_velocity, 1.0, rod.length, rod.length]),
+    )
+    scales = np.abs(known.y).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(erosion.steps.before / scales, known.y / scales, atol=2e-9)
 
 
 @pytest.mark.parametrize(

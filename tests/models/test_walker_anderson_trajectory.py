@@ -16,9 +16,10 @@ from uqpen.execution import Evaluator
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rigid_penetration_trajectory import RigidPenetrationTrajectory
 from uqpen.models.rod_curves import Along, Curves, follow_erosion
+from uqpen.models.rod_erosion import make_rod
 from uqpen.models.rod_motion import RigidMotion, make_rods
 from uqpen.models.rod_trajectories import RodTrajectories
-from uqpen.models.rod_trajectory import make_rod, trajectory
+from uqpen.models.rod_trajectory import trajectory
 from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
 from uqpen.testing import check_model
 

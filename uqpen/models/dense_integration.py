@@ -1,8 +1,8 @@
 """Many independent initial value problems side by side, with their solutions between the steps.
 
-The method is SciPy's DOP853, of order 8, with its interpolant of order 7. Each problem has a step
-of its own, so its solution has the same bits whatever else is in the batch. Sums have a fixed order
-for the same reason: BLAS would add by the size of a batch.
+The method is DOP853, as SciPy has it: of order 8, with an interpolant of order 7. Each problem has
+a step of its own, so its solution has the same bits whatever else is in the batch. Sums have a
+fixed order for the same reason: BLAS would add by the size of a batch.
 
 References
 ----------
@@ -12,15 +12,15 @@ II.5 and II.6.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.models import dop853
 
-__all__ = ["MOST_STEPS", "Steps", "integrate"]
+__all__ = ["MOST_STEPS", "SHORTEST_STEP", "Steps", "integrate", "interpolant", "step_factor"]
 
 # Slopes of states of shape (variable, problem), given constants of shape (constant, problem).
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
@@ -31,7 +31,7 @@ Condition = Callable[[FloatArray], BoolArray]
 MOST_STEPS = 16_000
 
 # A step this much shorter than the time so far makes no progress.
-_SHORTEST = 1e-14
+SHORTEST_STEP = 1e-14
 # As SciPy's steps grow and shrink.
 _SAFETY, _LARGEST_FALL, _LARGEST_RISE = 0.9, 0.2, 10.0
 _TINY = np.finfo(float).tiny
@@ -151,17 +151,19 @@ def integrate(
         taken = np.flatnonzero(is_taken)
         if taken.size:
             steps, ends = batch.select(taken), after[:, taken]
-            terms = _terms(slopes, [stage[:, taken] for stage in stages], ends, steps)
+            taken_stages = [stage[:, taken] for stage in stages]
+            _add_further_stages(slopes, taken_stages, steps)
+            terms = interpolant(taken_stages, steps.state, ends, steps.size)
             yield Steps(
                 steps.problem, is_over[taken], steps.time, steps.size, steps.state, ends, terms
             )
         moved = batch._replace(
             time=np.where(is_taken, batch.time + batch.size, batch.time),
-            size=batch.size * _step_factor(error),
+            size=batch.size * step_factor(error),
             state=np.where(is_taken, after, batch.state),
             slope=np.where(is_taken, stages[-1], batch.slope),
         )
-        batch = moved.select(np.flatnonzero(~is_over & (moved.size > _SHORTEST * moved.time)))
+        batch = moved.select(np.flatnonzero(~is_over & (moved.size > SHORTEST_STEP * moved.time)))
 
 
 class _Batch(NamedTuple):
@@ -189,10 +191,10 @@ def _first_step(slope: FloatArray, scales: FloatArray, tolerance: float) -> Floa
 def _try_step(slopes: Slopes, batch: _Batch) -> tuple[list[FloatArray], FloatArray]:
     """Return the slopes at all stages of a step, the last at its end, and the states there."""
     stages = [batch.slope]
-    for weights in DOP853.A[1:]:
+    for weights in dop853.STAGES:
         moved = batch.state + batch.size * _weighted_sum(weights, stages)
         stages.append(slopes(moved, batch.constants))
-    after = batch.state + batch.size * _weighted_sum(DOP853.B, stages)
+    after = batch.state + batch.size * _weighted_sum(dop853.SOLUTION, stages)
     stages.append(slopes(after, batch.constants))
     return stages, after
 
@@ -203,28 +205,42 @@ def _relative_error(
     """Return the error of a step, relative to the allowed one; infinite where it is no number."""
     size = np.maximum(np.abs(batch.state), np.abs(after))
     allowed = tolerance * (size + 1e-2 * batch.scales)
-    fifth = ((_weighted_sum(DOP853.E5, stages) / allowed) ** 2).mean(axis=0)
-    third = ((_weighted_sum(DOP853.E3, stages) / allowed) ** 2).mean(axis=0)
+    fifth = ((_weighted_sum(dop853.ERROR_5, stages) / allowed) ** 2).mean(axis=0)
+    third = ((_weighted_sum(dop853.ERROR_3, stages) / allowed) ** 2).mean(axis=0)
     error = batch.size * fifth / np.sqrt(np.maximum(fifth + 0.01 * third, _TINY))
     return np.where(np.isfinite(error), error, np.inf)
 
 
-def _step_factor(error: FloatArray) -> FloatArray:
+def step_factor(error: FloatArray) -> FloatArray:
     """Return the factor from a step to the next one; roots are the same on all processors."""
     root = np.sqrt(np.sqrt(np.sqrt(np.maximum(error, _TINY))))
     return np.clip(_SAFETY / root, _LARGEST_FALL, _LARGEST_RISE)
 
 
-def _terms(
-    slopes: Slopes, stages: list[FloatArray], after: FloatArray, batch: _Batch
-) -> FloatArray:
-    """Return the terms of the interpolant of a step."""
-    for weights in DOP853.A_EXTRA:
+def _add_further_stages(slopes: Slopes, stages: list[FloatArray], batch: _Batch) -> None:
+    """Append the slopes at the stages that the interpolant alone needs."""
+    for weights in dop853.FURTHER:
         moved = batch.state + batch.size * _weighted_sum(weights, stages)
         stages.append(slopes(moved, batch.constants))
-    change = after - batch.state
-    first, last = batch.size * stages[0], batch.size * stages[DOP853.n_stages]
-    further = (batch.size * _weighted_sum(weights, stages) for weights in DOP853.D)
+
+
+def interpolant(
+    stages: Sequence[FloatArray], before: FloatArray, after: FloatArray, size: FloatArray
+) -> FloatArray:
+    """Return the terms of the interpolants of steps, as `Steps` has them.
+
+    Parameters
+    ----------
+    stages : sequence of ndarray, shape (variable, step)
+        Slopes at the stages of the method, and at the further ones.
+    before, after : ndarray, shape (variable, step)
+        States at both ends.
+    size : ndarray, shape (step,)
+        Lengths of the steps.
+    """
+    change = after - before
+    first, last = size * stages[0], size * stages[len(dop853.SOLUTION)]
+    further = (size * _weighted_sum(weights, stages) for weights in dop853.INTERPOLANT)
     return np.stack([change, first - change, 2 * change - first - last, *further])
 
 
@@ -237,7 +253,7 @@ def _interpolate(before: FloatArray, terms: FloatArray, part: FloatArray) -> Flo
     return before + total
 
 
-def _weighted_sum(weights: FloatArray, arrays: list[FloatArray]) -> FloatArray:
+def _weighted_sum(weights: Sequence[float], arrays: Sequence[FloatArray]) -> FloatArray:
     """Return a weighted sum of arrays of one shape; there may be more weights than arrays."""
     total = np.zeros_like(arrays[0])
     for weight, array in zip(weights, arrays, strict=False):

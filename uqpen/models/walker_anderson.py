@@ -91,7 +91,8 @@ class WalkerAnderson(BuiltInModel):
             ``penetration_depth``, from the surface to where the rod stops.
         """
         from uqpen.models.rod_course import trajectory_dataset
-        from uqpen.models.rod_trajectory import make_rod, trajectory
+        from uqpen.models.rod_erosion import make_rod
+        from uqpen.models.rod_trajectory import trajectory
 
         scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
         constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
