@@ -10,10 +10,25 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
+from uqpen.core.labels import (
+    FAILED_RUN,
+    FAILURE_REASON,
+    ROUND,
+    RUN,
+    RUNS_MADE,
+    STATUS,
+    STATUS_COUNTS,
+)
 from uqpen.core.status import Status
 
-__all__ = ["bytes_of_a_run", "common_runs", "join_rounds", "status_counts", "worst_status_runs"]
+__all__ = [
+    "bytes_of_a_run",
+    "common_runs",
+    "join_rounds",
+    "run_count",
+    "status_counts",
+    "worst_status_runs",
+]
 
 
 def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
@@ -76,7 +91,14 @@ def bytes_of_a_run(runs: xr.Dataset) -> int:
     return sum(each.dtype.itemsize * math.prod(each.shape[1:]) for each in of_runs)
 
 
+def run_count(runs: xr.Dataset) -> int:
+    """Return the number of runs of a design, whether or not an archive has kept them."""
+    return int(runs.attrs.get(RUNS_MADE, runs.sizes.get(RUN, 0)))
+
+
 def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:
     """Count the runs with each status."""
+    if STATUS_COUNTS in runs.attrs:
+        return dict(zip(Status, np.asarray(runs.attrs[STATUS_COUNTS]).tolist(), strict=True))
     found = LoadedDataset.of(runs).column(STATUS)
     return {status: int(np.count_nonzero(found == status)) for status in Status}
