@@ -10,6 +10,7 @@ from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.runs import (
     common_runs,
     join_rounds,
+    replicate_count,
     run_count,
     status_counts,
     worst_status_runs,
@@ -24,6 +25,7 @@ __all__ = [
     "evaluate",
     "evaluate_blocks",
     "join_rounds",
+    "replicate_count",
     "run_count",
     "status_counts",
     "worst_status_runs",

@@ -15,12 +15,14 @@ from uqpen.core.labels import (
     BATCH_HASH,
     FAILED_RUN,
     FAILURE_REASON,
+    REPLICATE,
+    REPLICATES_MADE,
     RUN,
     RUNS_MADE,
     STATUS_COUNTS,
 )
 from uqpen.execution.batching import BATCH_SIZE
-from uqpen.execution.runs import status_counts
+from uqpen.execution.runs import replicate_count, status_counts
 
 __all__ = ["are_omitted", "batch_hashes", "omit_runs"]
 
@@ -47,7 +49,8 @@ def omit_runs(runs: xr.Dataset) -> xr.Dataset:
     described = described.drop_vars([FAILED_RUN, FAILURE_REASON], errors="ignore")
     found = described.assign({BATCH_HASH: (BATCH, hashes)})
     found[BATCH_HASH].attrs = {"long_name": f"SHA-256 of each {BATCH_SIZE} runs"}
-    return found.assign_attrs({RUNS_MADE: runs.sizes[RUN], STATUS_COUNTS: counts})
+    sets = {REPLICATES_MADE: replicate_count(runs)} if REPLICATE in runs.variables else {}
+    return found.assign_attrs({RUNS_MADE: runs.sizes[RUN], **sets, STATUS_COUNTS: counts})
 
 
 def batch_hashes(runs: xr.Dataset) -> Iterator[str]:

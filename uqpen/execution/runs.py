@@ -9,10 +9,12 @@ from functools import reduce
 import numpy as np
 import xarray as xr
 
-from uqpen.core.blocks import BlockedRuns, LoadedDataset
+from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
 from uqpen.core.labels import (
     FAILED_RUN,
     FAILURE_REASON,
+    REPLICATE,
+    REPLICATES_MADE,
     ROUND,
     RUN,
     RUNS_MADE,
@@ -25,6 +27,7 @@ __all__ = [
     "bytes_of_a_run",
     "common_runs",
     "join_rounds",
+    "replicate_count",
     "run_count",
     "status_counts",
     "worst_status_runs",
@@ -100,5 +103,20 @@ def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:
     """Count the runs with each status."""
     if STATUS_COUNTS in runs.attrs:
         return dict(zip(Status, np.asarray(runs.attrs[STATUS_COUNTS]).tolist(), strict=True))
-    found = LoadedDataset.of(runs).column(STATUS)
-    return {status: int(np.count_nonzero(found == status)) for status in Status}
+    handle, counts = LoadedDataset.of(runs), np.zeros(len(Status), dtype=np.int64)
+    for start, stop in block_ranges(handle.size):
+        found = handle.part(start, stop, [STATUS])[STATUS]
+        counts += [np.count_nonzero(found == status) for status in Status]
+    return dict(zip(Status, counts.tolist(), strict=True))
+
+
+def replicate_count(runs: xr.Dataset) -> int:
+    """Return the number of replicates of a design, 1 without any; its runs may not be kept."""
+    if REPLICATES_MADE in runs.attrs:
+        return int(runs.attrs[REPLICATES_MADE])
+    if REPLICATE not in runs.variables:
+        return 1
+    column, found = runs.variables[REPLICATE], set[int]()
+    for start, stop in block_ranges(runs.sizes[RUN]):
+        found.update(np.unique(column[start:stop].values).tolist())
+    return len(found)

@@ -19,7 +19,7 @@ from uqpen.core.catalogue import (
 )
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.execution import run_count
+from uqpen.execution import replicate_count, run_count
 from uqpen.report.axes import logarithmic_axis, padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
 from uqpen.report.counting import count_text
@@ -122,7 +122,7 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
         else "as no other design is a sample of the inputs"
     )
     if REPLICATE in drawn.coords:
-        count = len(np.unique(drawn[REPLICATE].values))
+        count = replicate_count(drawn)
         parts = (
             f"{count} independent replicates. Each part has the first few of these: less than a "
             "whole replicate would not be a sample of the same type."
