@@ -6,8 +6,8 @@
 
 For each number of runs of `plain.toml`: the peak of memory and the processor time of `uqpen study`,
 the most disk that it took, and the peaks of `uqpen show`, `report` and `verify` of its archive. The
-time of a run is what it costs beyond the runs of the smallest number. `--runs-alone` leaves out the
-statistics, so that the rest is measured.
+time of a run is that of the command divided by the number of runs. `--runs-alone` leaves out the
+statistics, so that the rest is measured. `--keep statistics` leaves the runs out of the archive.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def main() -> None:
     for runs in options.runs:
         with tempfile.TemporaryDirectory(dir=options.folder) as place:
             folder = Path(place)
-            text = _STUDY.read_text().replace("10_000", str(runs))
+            text = _STUDY.read_text().replace("10_000", f'{runs}\nkeep = "{options.keep}"')
             (folder / "study.toml").write_text(text)
             study = _study_command(runs_alone=options.runs_alone)
             if options.kill:
@@ -74,6 +74,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("runs", nargs="*", type=int, default=[3_000_000, 10_000_000])
     parser.add_argument("--kill", action="store_true", help="kill each study half-way first")
+    parser.add_argument("--keep", choices=["runs", "statistics"], default="runs")
     parser.add_argument("--runs-alone", action="store_true", help="leave out the statistics")
     parser.add_argument("--folder", type=Path, help="where the archives are made")
     return parser.parse_args()

@@ -33,6 +33,7 @@ from uqpen.core.labels import (
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.fingerprint import is_user_supplied
 from uqpen.study.study import ValidatedStudy
 
@@ -69,12 +70,17 @@ def open_intact(path: Path) -> xr.DataTree:
     return tree
 
 
-def unused_designs(tree: xr.DataTree) -> Iterator[str]:
-    """Yield the designs that have more runs than a study takes from an archive."""
+def unused_designs(tree: xr.DataTree) -> dict[str, str]:
+    """Return the designs whose runs no study takes from an archive, each with the reason."""
+    found = {}
     for model in model_trees(tree).values():
         for design in group_names(model, RUNS):
-            if read_group(model, RUNS, design).sizes[RUN] > RUNS_IN_MEMORY:
-                yield design
+            runs = read_group(model, RUNS, design)
+            if are_omitted(runs):
+                found[design] = "the archive has only their statistics"
+            elif runs.sizes[RUN] > RUNS_IN_MEMORY:
+                found[design] = f"it has more than {RUNS_IN_MEMORY} runs"
+    return found
 
 
 def archived_sources(

@@ -113,9 +113,8 @@ def make_archive(
         sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
         reused = ReusedRuns(study, sources, journal)
         for archive in archives:
-            for name in unused_designs(archive.tree):
-                text = f"no run of its {name} is taken, as it has more than {RUNS_IN_MEMORY} runs"
-                journal.inform(f"{archive.place}: {text}")
+            for name, reason in unused_designs(archive.tree).items():
+                journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
         not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
         for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
             journal.inform(f"{name}: {text}")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from uqpen.archive.provenance import provenance_differences
-from uqpen.checkpoints.archived_runs import archived_sources, open_intact
+from uqpen.checkpoints.archived_runs import archived_sources, open_intact, unused_designs
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.fingerprint_file import list_changes
 from uqpen.checkpoints.journal import Journal
@@ -89,6 +89,13 @@ def sources_of_archives(
             changes += archived.changes
         if runs:
             journal.write_line(f"{archive.place}: {_made_with(study, archive.tree)}")
+        elif not changes:
+            if archive.is_named:
+                reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
+                raise CheckpointError(
+                    f"{archive.place}: none of its runs can be taken: {reasons}\n"
+                    "leave it out to make all runs"
+                )
         elif archive.is_named:
             raise CheckpointError(
                 f"{archive.place}: its runs cannot be taken, as they are of another model:\n"

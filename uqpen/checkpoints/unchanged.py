@@ -10,9 +10,10 @@ from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.model_versions import compare_models
-from uqpen.core.labels import RUNS, STATUS
+from uqpen.core.labels import RUNS
 from uqpen.core.lookup import class_version
 from uqpen.core.status import Status
+from uqpen.execution import status_counts
 from uqpen.study.fingerprint import point_classes
 from uqpen.study.outside_members import object_surrogates, own_objects
 from uqpen.study.study import ValidatedStudy
@@ -49,7 +50,10 @@ def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
 def has_missing_runs(tree: xr.DataTree) -> bool:
     """Check whether an archive has failed runs that another attempt might not lose."""
     return any(
-        bool((read_group(model, RUNS, design)[STATUS].values > Status.INADMISSIBLE).any())
+        any(
+            count and status > Status.INADMISSIBLE
+            for status, count in status_counts(read_group(model, RUNS, design)).items()
+        )
         for model in model_trees(tree).values()
         for design in group_names(model, RUNS)
     )

@@ -81,6 +81,8 @@ def _input_remarks(study: ValidatedStudy) -> Iterator[str]:
 
 def _run_settings(study: ValidatedStudy) -> Iterator[str]:
     """Yield the limits of a run, what is done about failed runs, and the constraints."""
+    from uqpen.designs.keep import RUNS
+
     for name, variant in study.models.items():
         limits = variant.model.run_limits
         allowed = [] if limits.seconds is None else [f"{limits.seconds:g} s"]
@@ -93,5 +95,8 @@ def _run_settings(study: ValidatedStudy) -> Iterator[str]:
     if study.failures.at_most < 1:
         share = f"{100 * study.failures.at_most:.10g} %"
         yield f"the study stops if more than {share} of a design's runs fail"
+    for name, design in study.designs.items():
+        if design.keep != RUNS:
+            yield f"the archive has the statistics of {name}, and not its runs"
     for constraint in study.constraints:
         yield f"only where {constraint.text}"

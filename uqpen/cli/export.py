@@ -34,7 +34,7 @@ def export(
     from uqpen.core.errors import ExportError
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.results.long_table import long_table
-    from uqpen.results.runs_table import runs_table
+    from uqpen.results.runs_table import designs_without_runs, runs_table
 
     kind = table_format(file, kind)
     if kind == "parquet" and file is None:
@@ -47,4 +47,9 @@ def export(
     if tree.attrs.get(KIND) == BENCHMARK:
         raise ExportError(f"{archive}: is a benchmark of methods; only studies are exported")
     table = runs_table(tree, si=si) if what == "runs" else long_table(tree, functions=functions)
+    if what == "runs" and (designs := designs_without_runs(tree)):
+        text = f"{archive}: the runs of {', '.join(designs)} are not in it, only their statistics"
+        if table.empty:
+            raise ExportError(text)
+        click.echo(text, err=True)
     write_table(table, kind, file)

@@ -63,6 +63,19 @@ PAIR = "pair"
 STATUS = "status"
 FAILED_RUN = "lost_run"
 FAILURE_REASON = "lost_reason"
+# Of a design whose runs are not in the archive: their number, that of their replicates, how many
+# have each status (in the order of its flags), a hash of each batch of 1 024, and the causes of the
+# failed ones.
+RUNS_MADE = "runs_made"
+REPLICATES_MADE = "replicates_made"
+STATUS_COUNTS = "status_counts"
+BATCH = "batch"
+BATCH_HASH = "batch_sha256"
+CAUSE = "cause"
+CAUSE_TEXT = "cause_text"
+CAUSE_EXAMPLE = "cause_example"
+CAUSE_STATUS = "cause_status"
+CAUSE_RUNS = "cause_runs"
 RANK = "rank"
 # Dimension of the components of a field, in the group of the surrogate that is fitted to it.
 PRINCIPAL_COMPONENT = "principal_component"

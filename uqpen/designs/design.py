@@ -15,6 +15,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.extension import Extension
 from uqpen.designs.feedback import Feedback
+from uqpen.designs.keep import RUNS
 from uqpen.designs.round import Round
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -37,6 +38,9 @@ class Design(ABC):
         "its indices split the variance among inputs that vary independently"
     )
     """The reason, for a message."""
+
+    keep: str = RUNS
+    """What an archive has of it: ``"runs"``, or ``"statistics"`` without them."""
 
     @property
     @abstractmethod

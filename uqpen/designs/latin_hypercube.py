@@ -16,6 +16,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
+from uqpen.designs.keep import keep_setting
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -51,6 +52,9 @@ class LatinHypercube(ReplicatedDesign):
         doubled.
     at_most : int, optional
         With `until`, the largest number of points in all.
+    keep : str
+        ``"statistics"`` leaves the runs out of the archive, which then has their statistics, their
+        number by status and their hashes.
 
     References
     ----------
@@ -65,6 +69,7 @@ class LatinHypercube(ReplicatedDesign):
     optimization: str = choice("none", "random-cd", default="none")
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
+    keep: str = keep_setting()
 
     def check_settings(self) -> Iterator[Problem]:
         yield from super().check_settings()

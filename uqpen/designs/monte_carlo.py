@@ -19,6 +19,7 @@ from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
+from uqpen.designs.keep import keep_problems, keep_setting
 from uqpen.designs.stopping.acceptance_claim import CLAIM, is_claim, parse_claim
 from uqpen.designs.stopping.deciding import deciding_rounds
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
@@ -53,6 +54,9 @@ class MonteCarlo(Design):
         the runs decide whether it holds.
     at_most : int, optional
         With `until` or `accept`, the largest number of runs.
+    keep : str
+        ``"statistics"`` leaves the runs out of the archive, which then has their statistics, their
+        number by status and their hashes.
     """
 
     sampling = Sampling.INDEPENDENT
@@ -61,6 +65,7 @@ class MonteCarlo(Design):
     until: StoppingRule | None = stopping_rule("until")
     accept: str | None = setting("claim", CLAIM, is_claim, _read_claim, default=None)
     at_most: int | None = count(default=None)
+    keep: str = keep_setting()
 
     def check_settings(self) -> Iterator[Problem]:
         rule = self._rule
@@ -78,6 +83,7 @@ class MonteCarlo(Design):
             yield Problem(("at_most",), str(self.at_most), expected)
         elif not rule and self.runs is None:
             yield Problem(("runs",), "nothing", f"{_RUNS}; or until with at_most, or accept")
+        yield from keep_problems(self.keep, rule)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         rule = self.until if self.accept is None else parse_claim(self.accept)

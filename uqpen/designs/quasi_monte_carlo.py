@@ -16,6 +16,7 @@ from uqpen.core.limits import MOST_RUNS
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK
 from uqpen.designs.design import Design
+from uqpen.designs.keep import keep_setting
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -80,6 +81,9 @@ class SobolSequence(_Sequence):
         The rule that decides whether the points are enough, whenever those of each set doubled.
     at_most : int, optional
         With `until`, the largest number of points in all.
+    keep : str
+        ``"statistics"`` leaves the runs out of the archive, which then has their statistics, their
+        number by status and their hashes.
 
     References
     ----------
@@ -93,6 +97,7 @@ class SobolSequence(_Sequence):
     replicates: int | None = count(minimum=2, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
+    keep: str = keep_setting()
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return sobol_points(rng, points, dimension)
@@ -117,6 +122,9 @@ class Halton(_Sequence):
         The rule that decides whether the points are enough, whenever those of each set doubled.
     at_most : int, optional
         With `until`, the largest number of points in all.
+    keep : str
+        ``"statistics"`` leaves the runs out of the archive, which then has their statistics, their
+        number by status and their hashes.
 
     References
     ----------
@@ -128,6 +136,7 @@ class Halton(_Sequence):
     replicates: int | None = count(minimum=2, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
+    keep: str = keep_setting()
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return np.asarray(self.engine(rng, dimension).random(points))

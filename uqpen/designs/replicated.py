@@ -21,6 +21,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
+from uqpen.designs.keep import keep_problems
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -91,6 +92,7 @@ class ReplicatedDesign(Design):
                 f"a whole number, at least 2 and at most {MOST_RUNS:_}; or until with at_most"
             )
             yield Problem(("runs",), "nothing", expected)
+        yield from keep_problems(self.keep, "until" if self.until is not None else "")
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         if self.until is None:

@@ -7,7 +7,14 @@ from uqpen.execution.batch import Map
 from uqpen.execution.evaluation import evaluate, evaluate_blocks
 from uqpen.execution.evaluator import Evaluator
 from uqpen.execution.failures import FailurePolicy
-from uqpen.execution.runs import common_runs, join_rounds, status_counts, worst_status_runs
+from uqpen.execution.runs import (
+    common_runs,
+    join_rounds,
+    replicate_count,
+    run_count,
+    status_counts,
+    worst_status_runs,
+)
 
 __all__ = [
     "Evaluator",
@@ -18,6 +25,8 @@ __all__ = [
     "evaluate",
     "evaluate_blocks",
     "join_rounds",
+    "replicate_count",
+    "run_count",
     "status_counts",
     "worst_status_runs",
 ]

@@ -9,11 +9,29 @@ from functools import reduce
 import numpy as np
 import xarray as xr
 
-from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
+from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
+from uqpen.core.labels import (
+    FAILED_RUN,
+    FAILURE_REASON,
+    REPLICATE,
+    REPLICATES_MADE,
+    ROUND,
+    RUN,
+    RUNS_MADE,
+    STATUS,
+    STATUS_COUNTS,
+)
 from uqpen.core.status import Status
 
-__all__ = ["bytes_of_a_run", "common_runs", "join_rounds", "status_counts", "worst_status_runs"]
+__all__ = [
+    "bytes_of_a_run",
+    "common_runs",
+    "join_rounds",
+    "replicate_count",
+    "run_count",
+    "status_counts",
+    "worst_status_runs",
+]
 
 
 def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
@@ -76,7 +94,29 @@ def bytes_of_a_run(runs: xr.Dataset) -> int:
     return sum(each.dtype.itemsize * math.prod(each.shape[1:]) for each in of_runs)
 
 
+def run_count(runs: xr.Dataset) -> int:
+    """Return the number of runs of a design, whether or not an archive has kept them."""
+    return int(runs.attrs.get(RUNS_MADE, runs.sizes.get(RUN, 0)))
+
+
 def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:
     """Count the runs with each status."""
-    found = LoadedDataset.of(runs).column(STATUS)
-    return {status: int(np.count_nonzero(found == status)) for status in Status}
+    if STATUS_COUNTS in runs.attrs:
+        return dict(zip(Status, np.asarray(runs.attrs[STATUS_COUNTS]).tolist(), strict=True))
+    handle, counts = LoadedDataset.of(runs), np.zeros(len(Status), dtype=np.int64)
+    for start, stop in block_ranges(handle.size):
+        found = handle.part(start, stop, [STATUS])[STATUS]
+        counts += [np.count_nonzero(found == status) for status in Status]
+    return dict(zip(Status, counts.tolist(), strict=True))
+
+
+def replicate_count(runs: xr.Dataset) -> int:
+    """Return the number of replicates of a design, 1 without any; its runs may not be kept."""
+    if REPLICATES_MADE in runs.attrs:
+        return int(runs.attrs[REPLICATES_MADE])
+    if REPLICATE not in runs.variables:
+        return 1
+    column, found = runs.variables[REPLICATE], set[int]()
+    for start, stop in block_ranges(runs.sizes[RUN]):
+        found.update(np.unique(column[start:stop].values).tolist())
+    return len(found)

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import INPUT, RUN, RUNS
+from uqpen.core.labels import INPUT, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
@@ -79,7 +79,7 @@ def _draw_shares(view: ArchiveView, designs: list[str], axes: Axes) -> Iterator[
                 estimate = probabilities[status.meaning]
                 dots.append(EstimateDot.from_array(estimate, identity, place, style, label))
             else:
-                share = count / read_group(view.tree, RUNS, design).sizes[RUN]
+                share = count / run_count(read_group(view.tree, RUNS, design))
                 alone = np.array([share, np.nan, np.nan])
                 dots.append(EstimateDot(alone, place, style, label))
     axes.set_xlabel("probability of a failed run")

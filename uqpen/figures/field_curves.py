@@ -92,7 +92,7 @@ def _draw_fan(found: CurveEstimates, axes: Axes) -> Iterator[str]:
 def _draw_runs(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     """Draw some completed runs of the design; nothing of a surrogate."""
     view = found.view
-    if found.source not in view.designs or not view.has_completed_runs(found.source):
+    if found.source not in view.designs or not view.has_shown_runs(found.source):
         return
     runs = view.shown_runs(found.source)
     completed = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})

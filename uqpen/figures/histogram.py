@@ -36,7 +36,7 @@ _OTHER_DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (1, 3)), (0, (8, 2)))
 
 def histogram(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design, with mean and quantiles."""
-    design = next((name for name in view.sample_designs if view.has_completed_runs(name)), None)
+    design = next((name for name in view.sample_designs if view.has_shown_runs(name)), None)
     if design is None:
         return
     for output in view.numeric_outputs:

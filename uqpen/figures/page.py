@@ -110,6 +110,8 @@ def panels(
         what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
         if not any(map(view.has_completed_runs, view.designs)):
             what += ", as no run completed"
+        elif not any(map(view.keeps_runs, view.designs)):
+            what += ", as it keeps statistics alone"
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
         raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")
     return found

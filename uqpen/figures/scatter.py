@@ -32,7 +32,7 @@ _FEWEST_RUNS = 250
 
 def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design: each output against each input."""
-    design = next(iter(view.sample_designs), None)
+    design = next(filter(view.keeps_runs, view.sample_designs), None)
     if design is None:
         return
     inputs = view.random_inputs(design)

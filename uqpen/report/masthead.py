@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import BENCHMARK, BUDGET, KIND, LEFT_OUT, METHODS, RUN, RUNS, SOURCE
+from uqpen.core.labels import BENCHMARK, BUDGET, KIND, LEFT_OUT, METHODS, RUNS, SOURCE
+from uqpen.execution import run_count
 from uqpen.report.counting import count_text
 
 __all__ = ["page_facts", "page_heading"]
@@ -45,7 +46,7 @@ def _runs(tree: xr.DataTree) -> Iterator[str]:
         yield f"model {name}"
     first = next(iter(models.values()))
     designs = group_names(first, RUNS)
-    runs = sum(read_group(first, RUNS, design).sizes[RUN] for design in designs)
+    runs = sum(run_count(read_group(first, RUNS, design)) for design in designs)
     each = " of each" * (len(models) > 1)
     yield f"{count_text(runs, 'run')}{each} by {count_text(len(designs), 'design')}"
 

@@ -19,6 +19,8 @@ from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
+from uqpen.execution import status_counts
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.best_sources import is_sample_design
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_slots import source_slots
@@ -138,7 +140,7 @@ class ArchiveView:
         """Check for a design that has completed runs, but none with a value of an output."""
         if ABSENT not in self.attributes(name):
             return False
-        completed = [design for design in self.designs if self.has_completed_runs(design)]
+        completed = [design for design in self.designs if self.has_shown_runs(design)]
         return any(not self.completed_values(design, name).size for design in completed)
 
     @cached_property
@@ -187,7 +189,19 @@ class ArchiveView:
 
     def has_completed_runs(self, design: str) -> bool:
         """Return whether a run of a design completed."""
-        return bool((self.runs(design)[STATUS].values == Status.OK).any())
+        return bool(status_counts(self.runs(design))[Status.OK])
+
+    def keeps_runs(self, design: str) -> bool:
+        """Return whether the archive has the runs of a design, and not only their statistics."""
+        return not are_omitted(read_group(self.tree, RUNS, design))
+
+    def shows_all_runs(self, design: str) -> bool:
+        """Return whether the runs that figures show are all of a design."""
+        return self.keeps_runs(design) and self.runs(design).sizes[RUN] <= RUNS_IN_MEMORY
+
+    def has_shown_runs(self, design: str) -> bool:
+        """Return whether there are completed runs of a design to draw."""
+        return self.keeps_runs(design) and self.has_completed_runs(design)
 
     def completed_values(self, design: str, output: str) -> FloatArray:
         """Return an output of the completed ones of the shown runs of a design, in SI units.
@@ -198,12 +212,24 @@ class ArchiveView:
         runs = self.shown_runs(design)
         is_ok = runs[STATUS].values == Status.OK
         # A field has a value where some of its places do.
-        is_ok &= ~np.isnan(runs[output].values).reshape(is_ok.size, -1).all(axis=1)
-        values = np.asarray(runs[output].values[is_ok], dtype=np.float64)
+        values = runs[output].values
+        is_ok &= ~np.isnan(values).all(axis=tuple(range(1, values.ndim)))
+        values = np.asarray(values[is_ok], dtype=np.float64)
         if WEIGHT not in runs.coords or not values.size:
             return values
         weights = np.asarray(runs[WEIGHT].values[is_ok], dtype=np.float64)
         return values[rows_by_weight(weights, (np.arange(len(values)) + 0.5) / len(values))]
+
+    def shown_values(self, design: str, output: str) -> FloatArray:
+        """Return the values that a chart of an output shows, in SI units.
+
+        They are those of the completed runs. Of a design that keeps statistics alone, they are the
+        quantiles at the equally spaced ranks of its distribution function.
+        """
+        if self.keeps_runs(design):
+            return self.completed_values(design, output)
+        values = self.statistics.get(design, output, "cdf_value")
+        return np.empty(0) if values is None else np.asarray(values.values, dtype=np.float64)
 
     def reason_without_convergence(self, design: str) -> str:
         """Return why no part of a design's runs is a smaller sample; empty where some are."""

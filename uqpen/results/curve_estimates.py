@@ -69,6 +69,11 @@ class CurveEstimates:
     def _coordinates(self) -> xr.DataArray:
         return first_runs(self.view.tree)[self.dimension]
 
+    @property
+    def has_runs(self) -> bool:
+        """True if the archive has the runs of the design."""
+        return self.view.keeps_runs(self.source)
+
     @cached_property
     def runs(self) -> FloatArray:
         """The curves of the completed runs of a design, shape (run, place); NaN behind an end."""
@@ -76,11 +81,19 @@ class CurveEstimates:
 
     @property
     def outlying_runs(self) -> FloatArray:
-        """The curves of the outlying runs of a design, shape (run, place)."""
+        """The curves of the outlying runs of a design, shape (run, place); of those kept alone."""
         mask = self.view.statistics.get(self.source, self.output, "outlying")
+        if not self.has_runs:
+            mask = None
         every = read_group(self.view.tree, RUNS, self.source)[self.output].values
         numbers = [] if mask is None else mask["curve"].values[mask.values == 1]
         return self._shown_runs(every[np.asarray(numbers, dtype=np.int64)])
+
+    @property
+    def outlying_count(self) -> tuple[int, int]:
+        """The numbers of outlying runs and of all that are ranked."""
+        mask = self.view.statistics.get(self.source, self.output, "outlying")
+        return (0, 0) if mask is None else (int((mask.values == 1).sum()), mask.size)
 
     def _shown_runs(self, values: FloatArray) -> FloatArray:
         shown = self.view.scale(self.output).from_si(values[:, self.positions])

@@ -44,11 +44,21 @@ class LargestRun:
     @classmethod
     def of_design(cls, view: ArchiveView, design: str, output: str) -> LargestRun:
         """Return the largest run of a design with at least one completed run."""
+        if not view.keeps_runs(design):
+            return cls._of_function(view, design, output)
         runs = view.shown_runs(design)
         completed = runs[output].values[runs[STATUS].values == Status.OK]
         completed = completed[~np.isnan(completed)]
         value = float(view.scale(output).from_si(completed.max()))
         return cls(value, int(completed.size), unit_suffix(view.unit(output)))
+
+    @classmethod
+    def _of_function(cls, view: ArchiveView, design: str, output: str) -> LargestRun:
+        """Return the end of a distribution function, which is the largest run."""
+        values = view.estimates(output, "cdf_value")[design]
+        value = float(view.scale(output).from_si(values.values[-1]))
+        used = int(view.estimates(output, "cdf_band")[design].attrs["runs_used"])
+        return cls(value, used, unit_suffix(view.unit(output)))
 
     @property
     def name(self) -> str:
@@ -94,7 +104,7 @@ class ExceedanceTail:
         cls, view: ArchiveView, design: str, output: str, limits: SimultaneousBand
     ) -> ExceedanceTail:
         """Return the tail of an output by a design with at least one completed run."""
-        outputs = np.sort(view.completed_values(design, output))
+        outputs = np.sort(view.shown_values(design, output))
         values = np.unique(outputs)
         if values.size >= FEW_DISTINCT:
             spaced = [space(1, outputs.size, _POINTS) for space in (np.geomspace, np.linspace)]

@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, STATUS
+from uqpen.core.blocks import block_ranges
+from uqpen.core.labels import (
+    CAUSE,
+    CAUSE_EXAMPLE,
+    CAUSE_RUNS,
+    CAUSE_STATUS,
+    CAUSE_TEXT,
+    FAILED_RUN,
+    FAILURE_REASON,
+    RUN,
+    STATUS,
+)
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.status import Status
 from uqpen.results.failure_reasons import common_reasons
 
-__all__ = ["FailureCause", "common_texts", "failure_causes"]
+__all__ = ["FailureCause", "common_texts", "failure_causes", "record_causes"]
+
+_TITLES = {
+    CAUSE_STATUS: "what became of the runs that failed for one cause",
+    CAUSE_TEXT: "why they failed",
+    CAUSE_EXAMPLE: "reason of the first of them",
+    CAUSE_RUNS: "number of them",
+}
 
 
 class FailureCause(NamedTuple):
@@ -41,10 +59,7 @@ class FailureCause(NamedTuple):
 def common_texts(designs: Sequence[xr.Dataset]) -> dict[str, str]:
     """Return the text that each reason in some designs is counted under."""
     return common_reasons(
-        str(reason)
-        for runs in designs
-        if FAILURE_REASON in runs
-        for reason in runs[FAILURE_REASON].values.tolist()
+        reason for runs in designs for _, reasons in _failed_parts(runs) for reason in reasons
     )
 
 
@@ -64,14 +79,62 @@ def failure_causes(
     counts: Counter[tuple[Status, str]] = Counter()
     examples: dict[tuple[Status, str], str] = {}
     for runs in designs:
-        if FAILURE_REASON not in runs:
-            continue
-        at = runs[FAILED_RUN].values
-        if runs.sizes[RUN] <= RUNS_IN_MEMORY:  # else they are all runs, numbered from 0
-            at = np.searchsorted(runs[RUN].values, at)
-        statuses = runs[STATUS].values[at].tolist()
-        for status, reason in zip(statuses, runs[FAILURE_REASON].values.tolist(), strict=True):
-            key = Status(status), texts[str(reason)]
-            counts[key] += 1
-            examples.setdefault(key, str(reason))
+        for cause in _recorded_causes(runs):
+            key = cause.status, cause.text
+            counts[key] += cause.runs
+            examples.setdefault(key, cause.example)
+        for statuses, reasons in _failed_parts(runs):
+            for status, reason in zip(statuses, reasons, strict=True):
+                key = Status(status), texts[reason]
+                counts[key] += 1
+                examples.setdefault(key, reason)
     return [FailureCause(*key, examples[key], count) for key, count in counts.most_common()]
+
+
+def record_causes(described: xr.Dataset, runs: xr.Dataset) -> xr.Dataset:
+    """Return what an archive has of a design without its runs, with the causes of failed ones.
+
+    Parameters
+    ----------
+    described : Dataset
+        The result of `omit_runs`.
+    runs : Dataset
+        The runs.
+    """
+    causes = failure_causes([runs])
+    if not causes:
+        return described
+    statuses, texts, examples, counts = zip(*causes, strict=True)
+    found = described.assign(
+        {
+            CAUSE_STATUS: (CAUSE, np.array(statuses, dtype=np.int8)),
+            CAUSE_TEXT: (CAUSE, np.array(texts, dtype=object)),
+            CAUSE_EXAMPLE: (CAUSE, np.array(examples, dtype=object)),
+            CAUSE_RUNS: (CAUSE, np.array(counts, dtype=np.int64)),
+        }
+    )
+    for name, title in _TITLES.items():
+        found[name].attrs = {"long_name": title}
+    return found
+
+
+def _recorded_causes(runs: xr.Dataset) -> Iterator[FailureCause]:
+    """Yield the causes that an archive without the runs of a design has."""
+    if CAUSE_RUNS in runs:
+        names = CAUSE_STATUS, CAUSE_TEXT, CAUSE_EXAMPLE, CAUSE_RUNS
+        columns = (runs[name].values.tolist() for name in names)
+        for status, text, example, count in zip(*columns, strict=True):
+            yield FailureCause(Status(status), str(text), str(example), count)
+
+
+def _failed_parts(runs: xr.Dataset) -> Iterator[tuple[list[int], list[str]]]:
+    """Yield the statuses and the reasons of failed runs, part by part, as they may be in a file."""
+    if FAILURE_REASON not in runs:
+        return
+    at = runs[FAILED_RUN].values
+    if runs.sizes[RUN] <= RUNS_IN_MEMORY:  # else they are all runs, numbered from 0
+        at = np.searchsorted(runs[RUN].values, at)
+    for start, stop in block_ranges(at.size):
+        reasons = runs.variables[FAILURE_REASON][start:stop].values
+        statuses = runs.variables[STATUS][at[start:stop]].values
+        yield statuses.tolist(), [*map(str, reasons)]

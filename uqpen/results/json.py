@@ -20,7 +20,6 @@ from uqpen.core.labels import (
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MODELS,
-    RUN,
     RUNS,
     RUNS_SPENT,
     STOPPING_AT_MOST,
@@ -29,7 +28,7 @@ from uqpen.core.labels import (
     SURROGATES,
 )
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.disagreements import disagreements
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
@@ -196,7 +195,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
     cost = statistics.cost_spent(design)
     return {
-        "runs": int(runs.sizes[RUN]),
+        "runs": run_count(runs),
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
         "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],

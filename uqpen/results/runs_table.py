@@ -13,9 +13,10 @@ from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, RUNS, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.table import label_with_unit
 
-__all__ = ["runs_table"]
+__all__ = ["designs_without_runs", "runs_table"]
 
 
 def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
@@ -57,6 +58,17 @@ def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
     behind = ["status", "reason"]
     between = [name for name in table if name not in {"model", *before, *behind}]
     return table[[*before, *between, *behind]]
+
+
+def designs_without_runs(tree: xr.DataTree) -> list[str]:
+    """Return the designs whose runs an archive has not kept, each once."""
+    found = (
+        design
+        for model in model_trees(tree).values()
+        for design in group_names(model, RUNS)
+        if are_omitted(read_group(model, RUNS, design))
+    )
+    return [*dict.fromkeys(found)]
 
 
 def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:

@@ -20,7 +20,6 @@ from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
     MISSING,
-    RUN,
     RUNS,
     RUNS_ABSENT,
     RUNS_SPENT,
@@ -28,7 +27,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
@@ -123,7 +122,7 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
     if RUNS_SPENT in surrogate.attrs:
         return int(surrogate.attrs[RUNS_SPENT])
     runs = read_group(tree, RUNS, source)
-    return int(runs.sizes[RUN]) if runs else None
+    return run_count(runs) if runs else None
 
 
 def add_runs(table: OutputTable, statistics: SourceStatistics) -> None:

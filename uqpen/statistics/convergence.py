@@ -13,8 +13,9 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, IntArray
 from uqpen.core.catalogue import RUNS_SO_FAR
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, SAMPLING
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL, RUN, SAMPLING
 from uqpen.core.sampling import Sampling
+from uqpen.execution import replicate_count, run_count
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,
     category_probabilities,
@@ -58,7 +59,12 @@ def reason_without_parts(runs: xr.Dataset) -> str:
     """Reason why no part of a design's runs is a sample of the same type; empty if some are."""
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
         return "its points are not a sample of the input distribution"
-    return _reason(Sample.from_statuses(input_sample(runs)))
+    drawn = input_sample(runs)
+    model, replicates = Sample.from_statuses(drawn.isel({RUN: slice(1)})).error_model, 0
+    # Of the first run alone nothing says that there are several replicates.
+    if model is ErrorModel.SINGLE_STRATIFIED_SET and (replicates := replicate_count(drawn)) > 1:
+        model = ErrorModel.REPLICATED
+    return _reason(model, run_count(drawn), replicates)
 
 
 def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -78,7 +84,7 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     estimate : DataArray
         Along ``runs_so_far``, the statistic's own dimension if it has one, and ``bound``.
     """
-    if _reason(sample):
+    if _reason(sample.error_model, len(sample.replicates), _replicates(sample)):
         return
     parts = list(_growing_parts(sample))
     yield from convergence_of_parts(parts, [len(part.replicates) for part in parts], quantity)
@@ -97,16 +103,16 @@ def convergence_of_parts(
             yield f"convergence_{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
 
 
-def _reason(sample: Sample) -> str:
-    if sample.error_model is ErrorModel.UNKNOWN:
+def _reason(model: ErrorModel, runs: int, replicates: int) -> str:
+    if model is ErrorModel.UNKNOWN:
         return _UNKNOWN
-    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+    if model is ErrorModel.SINGLE_STRATIFIED_SET:
         return _STRATIFIED
-    if len(_part_sizes(sample)) > 1:
+    if len(part_sizes(runs, replicates)) > 1:
         return ""
-    if sample.error_model is ErrorModel.REPLICATED:
+    if model is ErrorModel.REPLICATED:
         return "it has only two replicates, and an error needs two"
-    return f"it has only {len(sample.replicates)} runs"
+    return f"it has only {runs} runs"
 
 
 def _growing_parts(sample: Sample) -> Iterator[Sample]:
@@ -151,9 +157,13 @@ def _first_points(sample: Sample, end: int) -> Sample:
 
 def _part_sizes(sample: Sample) -> list[int]:
     """Number of replicates, or of runs, in each part."""
+    return part_sizes(len(sample.replicates), _replicates(sample))
+
+
+def _replicates(sample: Sample) -> int:
+    """Return the number of its replicates; 0 where it is no set of replicates."""
     is_replicated = sample.error_model is ErrorModel.REPLICATED
-    replicates = len(np.unique(sample.replicates)) if is_replicated else 0
-    return part_sizes(len(sample.replicates), replicates)
+    return len(np.unique(sample.replicates)) if is_replicated else 0
 
 
 def part_sizes(runs: int, replicates: int) -> list[int]:

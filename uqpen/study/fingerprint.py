@@ -10,6 +10,7 @@ from typing import Any
 from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
+from uqpen.designs.keep import RUNS, STATISTICS
 from uqpen.distributions.truncated import Truncated
 from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
@@ -38,7 +39,7 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     content = tomllib.loads(study.text)
     tables = {name: content[name] for name in _TABLES if name in content}
     if "designs" in content:
-        tables["designs"] = {design: content["designs"][design]}
+        tables["designs"] = {design: _point_settings(content["designs"][design])}
     if isinstance(refined := study.designs[design], RefinedDesign):
         tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
         tables["outputs"] = content.get("outputs", {})
@@ -80,6 +81,13 @@ def model_fingerprint(study: ValidatedStudy, name: str) -> dict[str, str]:
         **provenance(),
         **(of_python_functions() if is_user_supplied(model) else {}),
     }
+
+
+def _point_settings(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of a design that determine its runs: not what the archive has of them."""
+    if table.get("keep") not in (RUNS, STATISTICS):  # a design of the user's own may have another
+        return table
+    return {key: value for key, value in table.items() if key != "keep"}
 
 
 def is_user_supplied(model: Model) -> bool:

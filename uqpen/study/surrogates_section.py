@@ -8,6 +8,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
+from uqpen.designs.keep import RUNS
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.object_section import OBJECT
@@ -150,6 +151,11 @@ def _check_designs(
     """Note designs whose points are of no use, as far as they were understood."""
     for key, label in (("design", surrogate.design), ("check", surrogate.check or "")):
         if label not in designs or isinstance(designs[label], UnloadedDesign):
+            continue
+        if designs[label].keep != RUNS:
+            found = f'"{label}", which keeps statistics alone'
+            expected = "a design that keeps its runs: predictions and checks go back to them"
+            table.add_problem((name, key), found, expected)
             continue
         sampling = designs[label].sampling
         is_rule = sampling is Sampling.QUADRATURE

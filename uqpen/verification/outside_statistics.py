@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import xarray as xr
 
@@ -14,6 +14,7 @@ from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, 
 __all__ = [
     "outside_statistic_names",
     "without_distributions",
+    "without_groups",
     "without_outside_statistics",
     "without_surrogates",
 ]
@@ -48,7 +49,7 @@ def without_distributions(tree: xr.DataTree) -> xr.DataTree:
         dropped += [model.children[name] for name in (SURROGATES, TRAJECTORY) if name in model]
         sources = model.children.get(STATISTICS_GROUP, xr.DataTree()).children.values()
         dropped += [each for each in sources if each.attrs.get(SOURCE_KIND) == "surrogate"]
-    return _without(tree, dropped)
+    return without_groups(tree, dropped)
 
 
 def without_surrogates(tree: xr.DataTree, names: Collection[str]) -> xr.DataTree:
@@ -62,10 +63,10 @@ def without_surrogates(tree: xr.DataTree, names: Collection[str]) -> xr.DataTree
     dropped = [group.children[name] for group in groups for name in names if name in group.children]
     # A group of which nothing is left is not made again.
     dropped += [group for group in groups if set(names).issuperset(group.children)]
-    return _without(tree, dropped)
+    return without_groups(tree, dropped)
 
 
-def _without(tree: xr.DataTree, dropped: list[xr.DataTree]) -> xr.DataTree:
+def without_groups(tree: xr.DataTree, dropped: Iterable[xr.DataTree]) -> xr.DataTree:
     """Return a copy of an archive without some groups and what is in them."""
     without = {node.path for top in dropped for node in top.subtree}
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}

@@ -34,6 +34,7 @@ from uqpen.verification.differences import (
     unequal,
 )
 from uqpen.verification.interval_recipes import other_recipe, without_intervals
+from uqpen.verification.omitted_designs import omitted_designs
 from uqpen.workflow import analyse_runs, run_design
 
 __all__ = [
@@ -133,6 +134,8 @@ def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Chec
     """
     found: list[Difference] = []
     for name, design in study.designs.items():
+        if name in omitted_designs(runs):  # their points are drawn again with their batches
+            continue
         stream = Stream(study.seed, "designs", name)
         for start, part in _parts(first_round(design, study.joint, stream)):
             drawn = part.drop_attrs()

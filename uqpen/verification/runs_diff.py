@@ -11,6 +11,8 @@ import xarray as xr
 from uqpen.archive.fields import place_text
 from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
+from uqpen.execution import run_count
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.verification.differences import unequal
 
 __all__ = ["RunsDiff", "diff_runs"]
@@ -28,8 +30,12 @@ def diff_runs(one: xr.Dataset, other: xr.Dataset) -> RunsDiff:
 
     Only the first runs of the longer one are compared.
     """
+    counts = [run_count(each) for each in (one, other)]
+    points = [f"{counts[0]} runs and {counts[1]}"] if counts[0] != counts[1] else []
+    kept = [not are_omitted(each) for each in (one, other)]
+    if kept[0] != kept[1]:
+        points.append(f"the runs are only in the {'first' if kept[0] else 'second'} archive")
     sizes = [each.sizes.get(RUN, 0) for each in (one, other)]
-    points = [f"{sizes[0]} runs and {sizes[1]}"] if sizes[0] != sizes[1] else []
     shared = {RUN: slice(0, min(sizes))}
     one = one.isel(shared, missing_dims="ignore")
     other = other.isel(shared, missing_dims="ignore")

@@ -48,6 +48,11 @@ from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.earlier_surrogates import check_surrogate_recipe
 from uqpen.verification.interval_recipes import check_recipe
+from uqpen.verification.omitted_designs import (
+    omitted_designs,
+    repeated_batches,
+    without_omitted,
+)
 from uqpen.verification.outside_statistics import without_outside_statistics
 from uqpen.verification.repetition import (
     Runs,
@@ -270,7 +275,11 @@ def _repeat_runs(
         tolerance = TOLERANCE
         message = f"another than then: {', '.join(others)}"
         yield CheckResult("program", CheckOutcome.CLOSE, message)
-    yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
+    omitted = omitted_designs(runs)
+    if set(study.designs) != set(omitted):
+        yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
+    if omitted:
+        yield repeated_batches(study, runs, number, tolerance, map=map, progress=progress)
     yield from _check_sources(study, tree)
 
 
@@ -285,6 +294,11 @@ def _repeat_statistics(
     trust: bool,
 ) -> Iterator[CheckResult]:
     """Repeat statistics, except those that follow from code that is not loaded."""
+    if omitted := omitted_designs(runs):
+        study, tree, left_out = without_omitted(study, tree, omitted)
+        yield left_out
+        if not study.designs:
+            return
     study, tree, unchecked = without_absent(study, tree)
     yield from unchecked
     study, tree, unchecked = check_surrogate_recipe(study, tree)

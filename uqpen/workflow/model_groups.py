@@ -23,6 +23,10 @@ from uqpen.core.labels import (
     SURROGATES,
     TRAJECTORY,
 )
+from uqpen.designs.design import Design
+from uqpen.designs.keep import RUNS as KEPT_RUNS
+from uqpen.execution.omitted_runs import omit_runs
+from uqpen.results.failure_causes import record_causes
 from uqpen.statistics.analyze import all_analyses_but, analyze, analyze_failures
 from uqpen.statistics.decision import decision_attributes
 from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
@@ -70,7 +74,7 @@ def model_groups(
         outputs = mark_uncertified(found, design_runs.attrs)
         sources[design] = Source(attributes, outputs)
         failures = analyze_failures(design_runs, study.confidence_level)
-        yield f"/{RUNS}/{design}", design_runs
+        yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], design_runs)
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
         joint = joint_probabilities(design_runs, study.joint_events, study.confidence_level)
@@ -96,6 +100,11 @@ def model_groups(
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
         yield "/", xr.Dataset(attrs=model_identity(variant.model))
+
+
+def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
+    """Return what the archive has of the runs of a design: all of them, or no run."""
+    return runs if design.keep == KEPT_RUNS else record_causes(omit_runs(runs), runs)
 
 
 def _publication_groups(publication: Publication, path: str) -> Groups:

@@ -10,9 +10,9 @@ from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.provenance import provenance_differences
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.errors import StudyError, toml_text
-from uqpen.core.labels import RUN, RUNS
+from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Block, Listing, Table, Text
 from uqpen.report.revisions.pair import ArchivePair
 from uqpen.results.archive_view import ArchiveView
@@ -118,7 +118,7 @@ def _run_text(view: ArchiveView, design: str) -> str:
     failed = [
         f"{n} {STATUS_TEXT[status]}" for status, n in status_counts(runs).items() if n and status
     ]
-    return ", ".join([f"{grouped_number(runs.sizes[RUN])} runs", *failed])
+    return ", ".join([f"{grouped_number(run_count(runs))} runs", *failed])
 
 
 def _versions(pair: ArchivePair) -> Iterator[Row]:

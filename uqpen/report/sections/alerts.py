@@ -14,12 +14,11 @@ from uqpen.core.labels import (
     DEPENDENCE,
     INTERVAL_LEVEL,
     NOTE,
-    RUN,
     RUNS,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
 from uqpen.report.counting import count_text
 from uqpen.report.sections.missing_runs import missing_count
@@ -92,7 +91,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     condition = sample_account(view, design).get(CONDITIONAL)
     runs = view.runs(design)
     excluded = status_counts(runs)[Status.INADMISSIBLE]
-    if condition and excluded >= _MANY * runs.sizes[RUN]:
+    if condition and excluded >= _MANY * run_count(runs):
         yield Alert(
             "Inadmissible",
             _inadmissible_text(view, design, str(condition)),
@@ -141,7 +140,7 @@ def _absence_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
 def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:
     runs = view.runs(design)
     count = status_counts(runs)[Status.INADMISSIBLE]
-    some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
+    some = f"{grouped_number(count)} of the {grouped_number(run_count(runs))} points of {design}"
     were = "was" if count == 1 else "were"
     return (
         f"{some} {were} inadmissible, so outside of what the model or the study allows. All "
@@ -174,7 +173,7 @@ def _scope_alert(view: ArchiveView, design: str) -> Alert:
         "Intervals cover the sampling error alone, not that of the model or of the assumed "
         f"distributions. {_level_text(view, design)}, all together less often."
         + rare
-        * (runs.sizes[RUN] > 1),
+        * (run_count(runs) > 1),
         "Compare the model with measurements, and try other distributions.",
     )
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import (
     Alerts,
     Block,
@@ -144,7 +143,7 @@ def _omissions(shown: Sequence[OutputSentences], outputs: int) -> str:
 
 def _origin_sentence(view: ArchiveView, design: str) -> str:
     runs = view.runs(design)
-    completed, every = status_counts(runs)[Status.OK], runs.sizes[RUN]
+    completed, every = status_counts(runs)[Status.OK], run_count(runs)
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
     some = "all" if completed == every else grouped_number(completed)

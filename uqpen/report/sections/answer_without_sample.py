@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import RUN, RUNS, SURROGATES
+from uqpen.core.labels import RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Block, Findings, Quote, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.joint_findings import rare_event_findings
@@ -69,7 +69,7 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
 
 
 def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
-    runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
+    runs = sum(run_count(read_group(view.tree, RUNS, design)) for design in view.designs)
     count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
     return (
         f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "

@@ -15,7 +15,7 @@ from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import replicate_count, run_count, status_counts
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -120,9 +120,8 @@ def designs_table(view: ArchiveView) -> OutputTable:
         sampling = view.sampling(name)
         completed = grouped_number(status_counts(runs)[Status.OK])
         purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(view, name)))
-        is_replicated = REPLICATE in runs.variables
-        replicates = str(np.unique(runs[REPLICATE]).size) if is_replicated else NOTHING
-        cells = [str(sampling), grouped_number(runs.sizes[RUN]), completed, replicates, purpose]
+        replicates = str(replicate_count(runs)) if REPLICATE in runs.variables else NOTHING
+        cells = [str(sampling), grouped_number(run_count(runs)), completed, replicates, purpose]
         table.rows.append((name, cells))
     return table
 

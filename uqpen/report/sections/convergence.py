@@ -17,8 +17,9 @@ from uqpen.core.catalogue import (
     RUNS_SO_FAR,
     THRESHOLD,
 )
-from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS, STOPPING_NOTE
+from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.execution import replicate_count, run_count
 from uqpen.report.axes import logarithmic_axis, padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
 from uqpen.report.counting import count_text
@@ -112,8 +113,8 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
 def _design_sentence(view: ArchiveView, design: str) -> str:
     runs = read_group(view.tree, RUNS, design)
     drawn = view.runs(design)
-    runs_text = count_text(drawn.sizes[RUN], "run")
-    if drawn.sizes[RUN] < runs.sizes[RUN]:
+    runs_text = count_text(run_count(drawn), "run")
+    if run_count(drawn) < run_count(runs):
         runs_text += " that are a sample"
     place = (
         "the first of the study that is a sample of the inputs"
@@ -121,7 +122,7 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
         else "as no other design is a sample of the inputs"
     )
     if REPLICATE in drawn.coords:
-        count = len(np.unique(drawn[REPLICATE].values))
+        count = replicate_count(drawn)
         parts = (
             f"{count} independent replicates. Each part has the first few of these: less than a "
             "whole replicate would not be a sample of the same type."

@@ -82,7 +82,7 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
     }
     if not found:
         return
-    runs, key = _single_runs(curve)
+    lines, keys = zip(*[_single_runs(curve)], strict=True) if curve.has_runs else ((), ())
     shares = join_names([percent_text(content) for content in found])
     level = level_text(curve.array("tolerance_band"))
     text = f"holds a new curve in {shares} of cases, with {level} confidence"
@@ -91,8 +91,8 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
         summary=f"By {curve.source}: {text}.",
         x=place_axis(curve),
         y=value_axis(curve),
-        traces=(*(trace for traces in found.values() for trace in traces), runs),
-        keys=(LegendKey(text, series, "band"), key),
+        traces=(*(trace for traces in found.values() for trace in traces), *lines),
+        keys=(LegendKey(text, series, "band"), *keys),
         height=320,
     )
 
@@ -112,14 +112,14 @@ def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
     if region is None or envelope is None:
         return
     series = curve.view.series(curve.source)
-    outlying = curve.outlying_runs
-    shown = outlying[:_MOST_OUTLYING]
+    outlying, every = curve.outlying_count
+    shown = curve.outlying_runs[:_MOST_OUTLYING]
     lines = [thin_lines(curve.places, shown, "beyond", 1)] if len(shown) else []
-    count = count_text(len(outlying), "outlying run")
-    omitted = f"{len(shown)} of them are drawn." if len(shown) < len(outlying) else ""
+    count = count_text(outlying, "outlying run")
+    omitted = f"{len(shown)} of them are drawn." if len(shown) < outlying else ""
     yield Chart(
         title="Ranked curves",
-        summary=f"By {curve.source}: {count} of {grouped_number(len(curve.runs))}.",
+        summary=f"By {curve.source}: {count} of {grouped_number(every)}.",
         x=place_axis(curve),
         y=value_axis(curve),
         traces=(

@@ -75,7 +75,7 @@ def _curve_blocks(curve: CurveEstimates) -> Iterator[Block]:
     yield fan_chart(curve, readout)
     yield Charts(
         (
-            place_histogram(curve, readout),
+            *([place_histogram(curve, readout)] if curve.has_runs else []),
             *place_drivers(curve, readout, indices),
             *driver_areas(curve, indices),
             *probability_charts(curve),

@@ -41,13 +41,15 @@ class Grid(NamedTuple):
 
 
 def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
-    """A function at other values: from its runs or, without any, between its ranks."""
-    if curve.name in view.designs:
+    """A function at other values: from its runs or, without all of them, between its ranks."""
+    if curve.name in view.designs and view.shows_all_runs(curve.name):
         measure = view.scale(output)
         in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
         share = empirical_cdf(view.completed_values(curve.name, output), in_si)
         return replace(curve, values=grid.values, band=curve.limits.around(share))
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
+    if curve.name in view.designs:
+        return replace(curve, values=grid.values, band=curve.limits.around(estimate))
     none = np.full_like(estimate, np.nan)
     return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INPUT, RUN, RUNS
+from uqpen.core.labels import INPUT, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.figures.failure_panels import (
     ASSOCIATION_SLOTS,
     ASSOCIATIONS,
@@ -82,7 +82,7 @@ def _failure_probability(
     if probability is not None:
         return np.asarray(probability.values, dtype=np.float64), table.cell(probability, identity)
     runs = read_group(view.tree, RUNS, design)
-    share = status_counts(runs)[status] / runs.sizes[RUN]
+    share = status_counts(runs)[status] / run_count(runs)
     return np.array([share, np.nan, np.nan]), f"{share:.4g}{table.note_mark(_NO_SAMPLE)}"
 
 
@@ -125,7 +125,7 @@ def _status_traces(
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
     for design in designs:
         used = sample_account(view, design).get("runs")
-        if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
+        if used is not None and used != run_count(read_group(view.tree, RUNS, design)):
             count = grouped_number(int(used))
             yield f"{design}: from the {count} runs that are a sample of the inputs."
 

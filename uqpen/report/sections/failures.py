@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import INTERVAL_LEVEL, RUN, RUNS
+from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.execution import run_count
 from uqpen.figures.failure_panels import failed_run_counts
 from uqpen.report.blocks import Block, Fold, Table, Text
 from uqpen.report.counting import count_text, percent_texts
@@ -46,7 +47,7 @@ def failures(view: ArchiveView) -> Iterator[Block]:
 
 
 def _no_failure_text(view: ArchiveView) -> str:
-    runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
+    runs = sum(run_count(read_group(view.tree, RUNS, design)) for design in view.designs)
     text = f"All {grouped_number(runs)} runs completed."
     if runs == 1:
         text = "The only run completed."
@@ -71,7 +72,7 @@ def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
             examples.setdefault((each.status, each.reason), each.example)
     ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
     columns = [
-        f"{name}\nof {count_text(read_group(view.tree, RUNS, name).sizes[RUN], 'run')}"
+        f"{name}\nof {count_text(run_count(read_group(view.tree, RUNS, name)), 'run')}"
         for name in designs
     ]
     table = OutputTable("Failed runs, by status and reason", columns)

@@ -24,12 +24,15 @@ __all__ = ["histogram", "shares"]
 # Dashes of the lines at marked estimates, and in turn of those at other quantiles.
 _DASHES = {"mean": "dash", "median": "solid"}
 _OTHER_DASHES = ("dot", "dashdot", "2px,5px", "longdash")
-_HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
+_HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y}"
 
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:
-    """Return the chart of a design's completed runs, in bins."""
-    values = view.scale(output).from_si(view.completed_values(design, output))
+    """Return the chart of a design's completed runs, in bins; of their quantiles without runs."""
+    values = view.scale(output).from_si(view.shown_values(design, output))
+    unit, title = "run", f"{count_text(values.size, 'run')} of {design}"
+    if not view.keeps_runs(design):
+        unit, title = "quantile", f"{design}, by {count_text(values.size, 'quantile')}"
     counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())
     marked = list(marked_estimates(view, output, design))
@@ -37,7 +40,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     notes = []
     if outside:
         verb = "lies" if outside == 1 else "lie"
-        notes.append(f"{count_text(outside, 'run')} {verb} outside of the axis.")
+        notes.append(f"{count_text(outside, unit)} {verb} outside of the axis.")
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
         notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates.")
@@ -46,14 +49,14 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     highest = int(np.argmax(counts))
     series = view.series(design)
     return Chart(
-        title=f"{count_text(values.size, 'run')} of {design}",
-        summary=f"The fullest bin, with {count_text(int(counts[highest]), 'run')}, lies between "
+        title=title,
+        summary=f"The fullest bin, with {count_text(int(counts[highest]), unit)}, lies between "
         f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{unit_suffix(view.unit(output))}.",
         x=quantity_axis(view, output, (float(edges[0]), float(edges[-1]))),
-        y=Axis("runs in a bin"),
-        traces=(bar_trace(edges, counts, series, hover=_HOVER),),
+        y=Axis(f"{unit}s in a bin"),
+        traces=(bar_trace(edges, counts, series, hover=f"{_HOVER} {unit}s"),),
         shapes=tuple(shapes),
-        keys=(LegendKey("runs", series, "bar"), *keys),
+        keys=(LegendKey(f"{unit}s", series, "bar"), *keys),
         notes=tuple(notes),
         height=280,
     )

@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
-from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.execution import run_count
 from uqpen.figures.source_comparison import ComparedStatistic
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
@@ -207,7 +207,7 @@ def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:
-        sampled = view.runs(source).sizes[RUN]
+        sampled = run_count(view.runs(source))
     note = f"{grouped_number(sampled)} of them are a sample; the others are for its indices"
     return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 

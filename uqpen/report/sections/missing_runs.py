@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import INPUT, RUN
+from uqpen.core.labels import INPUT
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.counting import count_text
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.drivers import input_label
@@ -28,12 +28,12 @@ def missing_count(view: ArchiveView, design: str) -> int:
     """Return the number of runs without a result at an admissible point."""
     counts = status_counts(view.runs(design))
     done = counts[Status.OK] + counts[Status.INADMISSIBLE]
-    return int(view.runs(design).sizes[RUN] - done)
+    return int(run_count(view.runs(design)) - done)
 
 
 def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     """Yield the number of failed and of inadmissible runs, and the inputs of the failed."""
-    runs = view.runs(design).sizes[RUN]
+    runs = run_count(view.runs(design))
     counts = status_counts(view.runs(design))
     missing, excluded = missing_count(view, design), counts[Status.INADMISSIBLE]
     if not missing:

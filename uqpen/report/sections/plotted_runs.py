@@ -34,10 +34,11 @@ class PlottedRuns:
     def runs(self) -> xr.Dataset:
         """Sample of the joint distribution, each run with its place among all of the design."""
         every = read_group(self.view.tree, RUNS, self.design)
-        places = np.arange(every.sizes[RUN])
-        if MATRIX in every:
-            places = places[every[MATRIX].values <= 1]
         runs = self.view.shown_runs(self.design)
+        if MATRIX in every:
+            places = np.flatnonzero(every[MATRIX].values <= 1)
+        else:
+            places = np.arange(runs.sizes[RUN])
         return runs.assign_coords(number=(RUN, places[: runs.sizes[RUN]]))
 
     @cached_property

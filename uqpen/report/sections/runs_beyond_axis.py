@@ -23,7 +23,7 @@ def runs_beyond_axis(
     view: ArchiveView, output: str, curve: Curve, grid: Grid
 ) -> RunsBeyondAxis | None:
     """Return the runs beyond a grid of thresholds; None of a function without runs."""
-    if curve.name not in view.designs:
+    if curve.name not in view.designs or not view.keeps_runs(curve.name):
         return None
     values = np.sort(view.completed_values(curve.name, output))
     shown = view.scale(output).from_si(values)

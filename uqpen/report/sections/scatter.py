@@ -13,7 +13,7 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.curves import axis_span
 from uqpen.figures.scatter import category_labels
 from uqpen.report.axes import padded_limits, quantity, quantity_axis
-from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
+from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey, Text
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
 from uqpen.report.sections.drivers import input_label, input_order
@@ -45,6 +45,9 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     design = leading_design(view)
     outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     if design is None or not outputs:
+        return
+    if not view.keeps_runs(design):
+        yield Text(f"The runs of {design} are not in the archive, which keeps their statistics.")
         return
     cloud = PlottedRuns(view, design)
     most = max(1, _MOST_CHARTS // len(outputs))

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATEGORY
-from uqpen.core.labels import INTERVAL_LEVEL, RUN
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Finding
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import (
@@ -172,7 +172,7 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
         for label, each, array in shown
     ]
     start = capitalized(output_name(view, output))
-    runs = view.runs(design).sizes[RUN]
+    runs = run_count(view.runs(design))
     if runs > 1 and float(shown[0][2].values[0]) == 1:
         parts = parts[:1]
     omitted = len(found) - len(shown)

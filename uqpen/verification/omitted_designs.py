@@ -1,0 +1,149 @@
+"""Designs whose runs an archive has not kept: batches of them are repeated, and their hashes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import IntArray
+from uqpen.core.labels import (
+    BATCH_HASH,
+    DIFFERENCES,
+    FAILURES_GROUP,
+    JOINT_GROUP,
+    MODEL_FORM,
+    RUN,
+    STATISTICS_GROUP,
+)
+from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.drawn_points import Points
+from uqpen.designs.rounds import first_round
+from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate, run_count
+from uqpen.execution.batching import BATCH_SIZE
+from uqpen.execution.omitted_runs import are_omitted, batch_hashes
+from uqpen.study.study import ValidatedStudy
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.outside_statistics import without_groups
+
+__all__ = ["omitted_designs", "repeated_batches", "without_omitted"]
+
+# Groups of an archive or of a model with a group for each design.
+_OF_DESIGNS = (STATISTICS_GROUP, FAILURES_GROUP, JOINT_GROUP, MODEL_FORM)
+_MOST_LISTED = 8
+
+_ADVICE = "uqpen rerun makes the runs and their statistics again, and uqpen diff compares these"
+_ELSEWHERE = "last bits may differ where the versions or processors do, and a hash shows no size"
+
+
+def omitted_designs(runs: Mapping[str, Mapping[str, xr.Dataset]]) -> list[str]:
+    """Return the designs whose runs the archive has not kept, given the runs by model and design.
+
+    They are the same for all models.
+    """
+    first = next(iter(runs.values()), {})
+    return [design for design, made in first.items() if are_omitted(made)]
+
+
+def repeated_batches(
+    study: ValidatedStudy,
+    runs: Mapping[str, Mapping[str, xr.Dataset]],
+    number: int | None,
+    tolerance: float,
+    *,
+    map: Map,
+    progress: Progress,
+) -> CheckResult:
+    """Draw and make batches of runs again, and compare their hashes with the archived ones.
+
+    Parameters
+    ----------
+    study, runs, tolerance, map, progress
+        As for `repeated_runs`.
+    number : int or None
+        Number of runs, rounded up to whole batches, which are drawn at random; None for all.
+    """
+    found: list[str] = []
+    repeated = total = 0
+    for model, variant in study.models.items():
+        for design in omitted_designs(runs):
+            archived = runs[model][design]
+            size, hashes = run_count(archived), archived[BATCH_HASH].values
+            chosen = _drawn_batches(study, f"{model} {design}", hashes.size, number)
+            points = first_round(
+                study.designs[design], study.joint, Stream(study.seed, "designs", design)
+            )
+            progress.start_design(design, len(chosen) * BATCH_SIZE)
+            for first, last in _stretches(chosen):
+                start, stop = first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)
+                again = evaluate(
+                    Evaluator(variant.model, study.constraints),
+                    _part(points, start, stop).assign(variant.given),
+                    study.display_units(),
+                    map=map,
+                    progress=progress,
+                    failures=FailurePolicy(study.failures.retry),
+                )
+                for batch, own in enumerate(batch_hashes(again), first):
+                    if own != hashes[batch]:
+                        ends = f"{batch * BATCH_SIZE} to {min((batch + 1) * BATCH_SIZE, size) - 1}"
+                        name = f"{model}: {design}" if model else design
+                        found.append(f"{name}: runs {ends} are others now")
+            repeated, total = repeated + len(chosen), total + hashes.size
+    what = f"{repeated} of {total} batches of {BATCH_SIZE} runs made again"
+    if not found:
+        return CheckResult("batches", CheckOutcome.EQUAL, f"{what}: equal by their hashes")
+    details = (*found[:_MOST_LISTED], *[f"and {len(found) - _MOST_LISTED} more"][: len(found) > 8])
+    if tolerance:
+        outcome, details = CheckOutcome.UNCHECKED, (*details, _ELSEWHERE)
+    else:
+        outcome = CheckOutcome.DIFFERENT
+    return CheckResult("batches", outcome, f"{what}: different", details)
+
+
+def _drawn_batches(study: ValidatedStudy, name: str, batches: int, number: int | None) -> list[int]:
+    """Draw as many batches as have a number of runs, by the study's seed; in order."""
+    wanted = batches if number is None else min(-(-number // BATCH_SIZE), batches)
+    generator = Stream(study.seed, "verification", "batches").generator(name)
+    drawn: IntArray = np.sort(generator.choice(batches, wanted, replace=False))
+    return [int(each) for each in drawn]
+
+
+def _stretches(batches: list[int]) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last batch of each stretch without a gap in a block."""
+    of_block = BLOCK // BATCH_SIZE
+    first = 0
+    for place, batch in enumerate(batches):
+        is_last = place + 1 == len(batches) or batches[place + 1] != batch + 1
+        if is_last or (batch + 1) % of_block == 0:
+            yield batches[first], batch
+            first = place + 1
+
+
+def _part(points: Points, start: int, stop: int) -> xr.Dataset:
+    if isinstance(points, xr.Dataset):
+        return points.isel({RUN: slice(start, stop)})
+    return points.read(start, stop)
+
+
+def without_omitted(
+    study: ValidatedStudy, tree: xr.DataTree, designs: list[str]
+) -> tuple[ValidatedStudy, xr.DataTree, CheckResult]:
+    """Leave out what follows from runs that are not kept, with a result for it."""
+    named = ", ".join(designs)
+    message = f"not checked: those of {named}, as the archive has not kept the runs"
+    unchecked = CheckResult("statistics", CheckOutcome.UNCHECKED, message, (_ADVICE,))
+    kept = {name: each for name, each in study.designs.items() if name not in designs}
+    return replace(study, designs=kept), without_groups(tree, _groups_of(tree, designs)), unchecked
+
+
+def _groups_of(tree: xr.DataTree, designs: list[str]) -> Iterator[xr.DataTree]:
+    """Yield the groups that follow from the runs of some designs."""
+    for node in tree.subtree:
+        above = node.parent
+        if node.name in designs and above is not None:
+            pair = above.parent is not None and above.parent.name == DIFFERENCES
+            if above.name in _OF_DESIGNS or pair:
+                yield node
