@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -23,6 +24,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
+from uqpen.results.runs_table import run_table_parts, runs_table
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
 from uqpen.verification.runs_diff import diff_runs
@@ -270,3 +272,11 @@ def test_a_difference_of_one_run_among_many_is_found(large: xr.Dataset) -> None:
     (line,) = diff_runs(large, other).outputs
     assert line.startswith("z of run 3700: ")
     assert line.endswith("and 5.0; 1 run differs")
+
+
+def test_a_table_of_runs_by_parts_is_the_whole_one(folder: Path) -> None:
+    make(folder)
+    tree = uqpen.open_archive(folder / "study.nc")
+    parts = [*run_table_parts(tree)]
+    assert [len(each) for each in parts] == [BLOCK] * 3
+    assert pd.concat(parts, ignore_index=True).to_csv() == runs_table(tree).to_csv()

@@ -34,7 +34,12 @@ def export(
     from uqpen.core.errors import ExportError
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.results.long_table import long_table
-    from uqpen.results.runs_table import designs_without_runs, runs_table
+    from uqpen.results.runs_table import (
+        designs_without_runs,
+        has_runs,
+        run_table_parts,
+        runs_table,
+    )
 
     kind = table_format(file, kind)
     if kind == "parquet" and file is None:
@@ -46,10 +51,13 @@ def export(
     tree = open_archive(archive)
     if tree.attrs.get(KIND) == BENCHMARK:
         raise ExportError(f"{archive}: is a benchmark of methods; only studies are exported")
-    table = runs_table(tree, si=si) if what == "runs" else long_table(tree, functions=functions)
-    if what == "runs" and (designs := designs_without_runs(tree)):
+    if what != "runs":
+        write_table(long_table(tree, functions=functions), kind, file)
+        return
+    if designs := designs_without_runs(tree):
         text = f"{archive}: the runs of {', '.join(designs)} are not in it, only their statistics"
-        if table.empty:
+        if not has_runs(tree):
             raise ExportError(text)
         click.echo(text, err=True)
-    write_table(table, kind, file)
+    by_parts = kind == "csv"  # other formats are written as a whole
+    write_table(run_table_parts(tree, si=si) if by_parts else runs_table(tree, si=si), kind, file)

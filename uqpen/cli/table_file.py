@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,8 +26,8 @@ def table_format(file: Path | None, kind: str | None = None) -> str:
     return kind
 
 
-def write_table(table: pd.DataFrame, kind: str, file: Path | None) -> None:
-    """Write a table; without a file, to standard output.
+def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: Path | None) -> None:
+    """Write a table, or its parts as CSV; without a file, to standard output.
 
     Raises
     ------
@@ -38,13 +39,21 @@ def write_table(table: pd.DataFrame, kind: str, file: Path | None) -> None:
     from uqpen.core.files import replace_file
     from uqpen.results.export import table_bytes
 
-    content = table_bytes(table, kind)
+    rows = 0
+
+    def content() -> Iterator[bytes]:
+        nonlocal rows
+        parts = table if isinstance(table, Iterator) else [table]
+        for number, part in enumerate(parts):
+            yield table_bytes(part, kind, has_header=not number)
+            rows += len(part)
+
     if file is None:
-        text = content.decode()
-        click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
+        for text in map(bytes.decode, content()):
+            click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
         return
     try:
-        replace_file(file, content)
+        replace_file(file, content())
     except OSError as error:
         raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
-    click.echo(f"{len(table)} rows: {printable(str(file))}")
+    click.echo(f"{rows} rows: {printable(str(file))}")

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import hashlib
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,8 +36,10 @@ class FileSnapshot:
         return cls(path, hashlib.sha256(content).hexdigest(), len(content), kept)
 
 
-def replace_file(path: Path, content: bytes) -> None:
+def replace_file(path: Path, content: bytes | Iterable[bytes]) -> None:
     """Replace a file in one step; make its folders where they are missing.
+
+    The content may come by parts, so that it need not be in memory.
 
     Raises
     ------
@@ -52,11 +55,13 @@ def replace_file(path: Path, content: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
+        with temporary.open("wb") as stream:
+            stream.writelines([content] if isinstance(content, bytes) else content)
         temporary.replace(path)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
         is_file = isinstance(error, FileExistsError | NotADirectoryError)
         reason = f"{path.parent} is no folder" if is_file else error.strerror
         raise OSError(error.errno, reason) from None
+    finally:
+        with contextlib.suppress(OSError):  # is there only if something has failed
+            temporary.unlink()

@@ -16,11 +16,11 @@ __all__ = ["FORMATS", "table_bytes"]
 FORMATS = ("csv", "parquet", "json")
 
 
-def table_bytes(table: pd.DataFrame, kind: str) -> bytes:
+def table_bytes(table: pd.DataFrame, kind: str, *, has_header: bool = True) -> bytes:
     """Return a table as a file of one of the `FORMATS`.
 
     Numbers have all their digits. JSON is a list with an object for each row, null for a missing
-    value.
+    value. CSV without a header goes on with a table.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def table_bytes(table: pd.DataFrame, kind: str) -> bytes:
         If it is Parquet, and no package that writes it is installed.
     """
     if kind == "csv":
-        return table.to_csv(index=False, lineterminator="\n").encode()
+        return table.to_csv(index=False, header=has_header, lineterminator="\n").encode()
     if kind == "json":
         as_objects = table.astype(object).where(table.notna(), None)
         rows = as_objects.to_dict("records")

@@ -10,13 +10,14 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions, place_text
 from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.blocks import LoadedDataset, block_ranges
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, RUNS, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.table import label_with_unit
 
-__all__ = ["designs_without_runs", "runs_table"]
+__all__ = ["designs_without_runs", "has_runs", "run_table_parts", "runs_table"]
 
 
 def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
@@ -60,15 +61,46 @@ def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
     return table[[*before, *between, *behind]]
 
 
+def run_table_parts(tree: xr.DataTree, *, si: bool = False) -> Iterator[pd.DataFrame]:
+    """Yield the table of `runs_table` by parts, none of more than 65 536 runs.
+
+    All parts have its columns.
+    """
+    models = model_trees(tree)
+    columns = runs_table(_without_rows(tree), si=si).dtypes
+    numbered = {name: kind for name, kind in columns.items() if kind == "Int64"}
+    for model, groups in models.items():
+        for design in group_names(groups, RUNS):
+            runs = LoadedDataset(read_group(groups, RUNS, design))
+            for start, stop in block_ranges(runs.size):
+                part = _design_table(runs.read(start, stop), si=si, start=start)
+                whole = part.assign(model=model, design=design).reindex(columns=columns.index)
+                yield whole.astype(numbered)
+
+
+def _without_rows(tree: xr.DataTree) -> xr.DataTree:
+    """Return an archive with no run in any design."""
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    no_row = {RUN: slice(0), FAILED_RUN: slice(0)}
+    return xr.DataTree.from_dict(
+        {path: each.isel(no_row, missing_dims="ignore") for path, each in groups.items()}
+    )
+
+
 def designs_without_runs(tree: xr.DataTree) -> list[str]:
     """Return the designs whose runs an archive has not kept, each once."""
-    found = (
-        design
-        for model in model_trees(tree).values()
-        for design in group_names(model, RUNS)
-        if are_omitted(read_group(model, RUNS, design))
-    )
-    return [*dict.fromkeys(found)]
+    return [*dict.fromkeys(name for name, runs in _designs(tree) if are_omitted(runs))]
+
+
+def has_runs(tree: xr.DataTree) -> bool:
+    """Return whether an archive has kept the runs of some design."""
+    return not all(are_omitted(runs) for _, runs in _designs(tree))
+
+
+def _designs(tree: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    for model in model_trees(tree).values():
+        for design in group_names(model, RUNS):
+            yield design, read_group(model, RUNS, design)
 
 
 def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
@@ -80,18 +112,18 @@ def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def _design_table(runs: xr.Dataset, *, si: bool) -> pd.DataFrame:
-    """Return the runs of one design."""
+def _design_table(runs: xr.Dataset, *, si: bool, start: int = 0) -> pd.DataFrame:
+    """Return the runs of one design, given the number of the first."""
     size = runs.sizes[RUN]
     status = runs[STATUS].values
-    columns = {RUN: np.arange(size), **_run_coordinates(runs)}
+    columns = {RUN: np.arange(start, start + size), **_run_coordinates(runs)}
     for role in ("input", "output"):
         for variable in runs.data_vars.values():
             if variable.attrs.get(ROLE) == role:
                 columns |= dict(_variable_columns(variable, size, status == Status.OK, si=si))
     reasons = pd.Series([""] * size, dtype=object)
     if FAILURE_REASON in runs:
-        reasons[runs[FAILED_RUN].values] = runs[FAILURE_REASON].values
+        reasons[runs[FAILED_RUN].values - start] = runs[FAILURE_REASON].values
     texts = [STATUS_TEXT[Status(int(each))] for each in status]
     return pd.DataFrame({**columns, "status": texts, "reason": reasons})
 

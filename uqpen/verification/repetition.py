@@ -46,7 +46,7 @@ __all__ = [
     "reread_runs",
 ]
 
-Positions = IntArray
+Positions = IntArray | range
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
 # Number of differences listed for one part; a damaged archive may have thousands.
@@ -83,20 +83,22 @@ def repeated_runs(
     for model, design, positions in chosen:
         progress.start_design(_runs_name(model, design), len(positions))
         variant, archived_runs = study.models[model], runs[model][design]
-        archived = archived_runs.isel({RUN: positions}).load()
-        inputs = {name: archived.variables[name] for name in run_inputs(study, archived)}
-        points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
-        again = evaluate(
-            Evaluator(variant.model, study.constraints),
-            points,
-            {},
-            map=map,
-            progress=progress,
-            failures=FailurePolicy(study.failures.retry),
-        )
-        found += _run_differences(
-            _runs_name(model, design), archived, again, variant.model.all_outputs
-        )
+        for start in range(0, len(positions), RUNS_IN_MEMORY):  # very many are taken by parts
+            part = np.asarray(positions[start : start + RUNS_IN_MEMORY])
+            archived = archived_runs.isel({RUN: part}).load()
+            inputs = {name: archived.variables[name] for name in run_inputs(study, archived)}
+            points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
+            again = evaluate(
+                Evaluator(variant.model, study.constraints),
+                points,
+                {},
+                map=map,
+                progress=progress,
+                failures=FailurePolicy(study.failures.retry),
+            )
+            found += _run_differences(
+                _runs_name(model, design), archived, again, variant.model.all_outputs
+            )
     repeated = sum(len(positions) for _, _, positions in chosen)
     total = sum(
         archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
@@ -221,7 +223,8 @@ def draw_runs(
 ) -> Iterator[tuple[str, str, Positions]]:
     """Draw a number of runs at random from all runs, by the study's seed; None for all.
 
-    Yields model, design and positions in that design, in the order in which the study made them.
+    Yields model, design and positions in that design, in the order in which the study made them;
+    of all runs of a design a range.
     """
     places = [
         (model, design, runs[model][design].sizes[RUN])
@@ -230,10 +233,10 @@ def draw_runs(
     ]
     total = sum(size for _, _, size in places)
     if number is None or number >= total:
-        drawn = np.arange(total)
-    else:
-        generator = Stream(study.seed, "verification").generator()
-        drawn = np.sort(generator.choice(total, number, replace=False))
+        yield from ((model, design, range(size)) for model, design, size in places if size)
+        return
+    generator = Stream(study.seed, "verification").generator()
+    drawn = np.sort(generator.choice(total, number, replace=False))
     start = 0
     for model, design, size in places:
         positions = drawn[(drawn >= start) & (drawn < start + size)] - start
