@@ -68,16 +68,16 @@ INLINE State slopes(const State& y, const Rod& rod, Along along, Mask is_excess)
     Number a = os + rod.a0;
     Number b = 2.0 * rod.Omega * y.L - os;
     Number trailing = a + b * ratio;
-    Number force = u * u * (rod.Omega * y.x * y.x - 1.0) - rod.resistance;
-    Number tail = rod.gamma_c + rod.gamma * (u * y.x);
+    Number square = y.p * y.p, ux = u * y.x;
+    Number brake = rod.resistance - u * u * (rod.Omega * y.x * y.x - 1.0);
+    Number tail = rod.gamma_c + rod.gamma * ux;
     Number M = y.L - s;
     Number uM = u * M;
-    Number pace = y.p * y.p * reciprocal;
-    Number du = (force * (uM + rod.gamma_kappa) + tail * (b - os) * u) * pace;
-    Number dx = -(trailing * tail + M * ratio * force) * pace;
+    Number pace = square * reciprocal;
+    Number dp = square * ((brake * (uM + rod.gamma_kappa) - tail * (b - os) * u) * pace);
+    Number dx = (M * ratio * brake - trailing * tail) * pace;
     Number dt = (uM * (a + os * ratio) + trailing * rod.gamma_kappa) * pace;
-    Number dp = -y.p * y.p * du;
-    State k = {dp, dx, -u * y.x * dt, u * dt};
+    State k = {dp, dx, -ux * dt, u * dt};
     if (along != CLOCK) {
         Number rate = 1.0 / select(is_excess, dx, dp);
         k = {k.p * rate, k.x * rate, k.L * rate, k.z * rate};

@@ -32,12 +32,15 @@ __all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP", "count_evaluations", "erode"]
 FloatArray = npt.NDArray[np.float64]
 Vector = tuple[float, float, float, float]
 Rod = tuple[float, float, float, float, float, float, float, float]
+# Where a step begins, its length, the rod, and what the step is measured along.
+Start = tuple[Vector, float, Rod, int]
 
 # How erosion ended: v = u, u = 0, or not within the steps allowed.
 CAUGHT_UP, AT_REST, GAVE_UP = 0.0, 1.0, -1.0
 _ERODING, _PAST_EVENT = 2.0, 3.0
 
 _LANES = 16
+_HALF = _LANES // 2
 _WORTH_A_THREAD = 512  # runs, which take a millisecond
 # Erosion takes 60 steps as a rule and 11 000 where S is only a thousandth more than R.
 _STEP_LIMIT = 100_000.0
@@ -76,19 +79,19 @@ def _slopes(state: Vector, rod: Rod, along: int) -> Vector:
     a = o * s + a0
     b = 2.0 * Omega * L - o * s
     trailing = a + b * ratio
-    force = u * u * (Omega * x * x - 1.0) - resistance  # (2.16)
-    tail = gamma_c + gamma * (u * x)  # (2.17)
+    square, ux = p * p, u * x
+    brake = resistance - u * u * (Omega * x * x - 1.0)  # (2.16)
+    tail = gamma_c + gamma * ux  # (2.17)
     uM = u * (L - s)
-    pace = p * p * reciprocal  # p/L
+    pace = square * reciprocal  # p/L
     # Cramer's rule, each times p/L in place of the division by the determinant.
-    du = (force * (uM + gamma_kappa) + tail * (b - o * s) * u) * pace
-    dx = -(trailing * tail + (L - s) * ratio * force) * pace
+    dp = square * ((brake * (uM + gamma_kappa) - tail * (b - o * s) * u) * pace)
+    dx = ((L - s) * ratio * brake - trailing * tail) * pace
     dt = (uM * (a + o * s * ratio) + trailing * gamma_kappa) * pace
-    dp = -p * p * du
     if along != _CLOCK:
         rate = 1.0 / (dx if along == _EXCESS else dp)
-        return dp * rate, dx * rate, -u * x * dt * rate, u * dt * rate
-    return dp, dx, -u * x * dt, u * dt  # (2.18)
+        return dp * rate, dx * rate, -ux * dt * rate, u * dt * rate
+    return dp, dx, -ux * dt, u * dt  # (2.18)
 
 
 @inlined
@@ -106,26 +109,31 @@ def _increment(step: float, weights: tuple[float, ...], slopes: tuple[Vector, ..
 
 
 @inlined
-def _moved(
-    state: Vector, step: float, weights: tuple[float, ...], slopes: tuple[Vector, ...]
-) -> Vector:
+def _moved(start: Start, weights: tuple[float, ...], slopes: tuple[Vector, ...]) -> Vector:
+    state, step, _, _ = start
     p, x, L, z = _increment(step, weights, slopes)
     return state[0] + p, state[1] + x, state[2] + L, state[3] + z
 
 
 @inlined
-def _step(
-    state: Vector, k1: Vector, step: float, rod: Rod, along: int
-) -> tuple[Vector, Vector, Vector]:
-    """The state after a step, its slopes there and an estimate of the error."""
-    k2 = _slopes(_moved(state, step, STAGE_2, (k1,)), rod, along)
-    k3 = _slopes(_moved(state, step, STAGE_3, (k1, k2)), rod, along)
-    k4 = _slopes(_moved(state, step, STAGE_4, (k1, k2, k3)), rod, along)
-    k5 = _slopes(_moved(state, step, STAGE_5, (k1, k2, k3, k4)), rod, along)
-    k6 = _slopes(_moved(state, step, STAGE_6, (k1, k2, k3, k4, k5)), rod, along)
-    moved = _moved(state, step, SOLUTION, (k1, k2, k3, k4, k5, k6))
-    k7 = _slopes(moved, rod, along)
-    return moved, k7, _increment(step, ERROR, (k1, k2, k3, k4, k5, k6, k7))
+def _stage(
+    start: Start, weights: tuple[float, ...], slopes: tuple[Vector, ...]
+) -> tuple[Vector, tuple[Vector, ...]]:
+    """The state at the next stage of a step, and the slopes so far with those there."""
+    _, _, rod, along = start
+    moved = _moved(start, weights, slopes)
+    return moved, (*slopes, _slopes(moved, rod, along))
+
+
+@inlined
+def _step(start: Start, k1: Vector) -> Vector:
+    """The state after a step."""
+    _, k = _stage(start, STAGE_2, (k1,))
+    _, k = _stage(start, STAGE_3, k)
+    _, k = _stage(start, STAGE_4, k)
+    _, k = _stage(start, STAGE_5, k)
+    _, k = _stage(start, STAGE_6, k)
+    return _moved(start, SOLUTION, k)
 
 
 @inlined
@@ -155,40 +163,75 @@ def _start(lanes: FloatArray, lane: int, rods: FloatArray, run: int, tolerance: 
 
 
 @inlined
+def _beginning(lanes: FloatArray, lane: int) -> tuple[Start, tuple[Vector, ...]]:
+    start = _vector(lanes, _STATE, lane), lanes[_STEP + lane], _rod(lanes, lane), _CLOCK
+    return start, (_vector(lanes, _SLOPES, lane),)
+
+
+@inlined
 def _advance(lanes: FloatArray, tolerance: float) -> int:
-    """Try one step in every lane; how many lanes have ended."""
+    """Try one step in every lane; how many lanes have ended.
+
+    Two vectors of lanes take their stages by turns, so that the processor has work from one of
+    them while the other waits for a division.
+    """
     use_widest_vectors()
     ended = 0
-    scale = 1.0 / tolerance**2
-    for lane in range(_LANES):
-        state = _vector(lanes, _STATE, lane)
-        slopes = _vector(lanes, _SLOPES, lane)
-        step = lanes[_STEP + lane]
-        rod = _rod(lanes, lane)
-        moved, new_slopes, errors = _step(state, slopes, step, rod, _CLOCK)
-        p, x, L, _ = moved
-        error = scale * (
-            errors[0] ** 2 + 9.0 * errors[1] ** 2 + 9.0 * (errors[2] / L) ** 2 + errors[3] ** 2
-        )
-        # Plastic flow never takes hold of the whole rod, as (2.17) slows the tail before it does.
-        possible = rod[2] * x < L and not (x < 0.0 and p > _JUST_PAST_REST)
-        accepted = error <= 1.0 and possible
-        # The fourth root of the error, as roots cost less than a power; 1e-8 bounds the growth.
-        factor = 0.9 / np.sqrt(np.sqrt(np.sqrt(error + 1e-8)))
-        factor = factor if factor > 0.2 else 0.2  # also where the error is not a number
-        factor = factor if possible or factor < 0.5 else 0.5
-        for row in range(4):
-            at = row * _LANES + lane
-            lanes[_STATE + at] = moved[row] if accepted else state[row]
-            lanes[_SLOPES + at] = new_slopes[row] if accepted else slopes[row]
-        steps = lanes[_STEPS + lane] + 1.0
-        lanes[_STEPS + lane] = steps
-        lanes[_STEP + lane] = step * factor
-        past = accepted and (x < 0.0 or p > _SLOWNESS_AT_REST)
-        lost = steps >= _STEP_LIMIT or step < lanes[_SMALLEST + lane]
-        lanes[_PHASE + lane] = _PAST_EVENT if past else (GAVE_UP if lost else _ERODING)
-        ended += 1 if past or lost else 0
+    for lane in range(_HALF):
+        one, k = _beginning(lanes, lane)
+        two, j = _beginning(lanes, lane + _HALF)
+        _, k = _stage(one, STAGE_2, k)
+        _, j = _stage(two, STAGE_2, j)
+        _, k = _stage(one, STAGE_3, k)
+        _, j = _stage(two, STAGE_3, j)
+        _, k = _stage(one, STAGE_4, k)
+        _, j = _stage(two, STAGE_4, j)
+        _, k = _stage(one, STAGE_5, k)
+        _, j = _stage(two, STAGE_5, j)
+        _, k = _stage(one, STAGE_6, k)
+        _, j = _stage(two, STAGE_6, j)
+        moved, k = _stage(one, SOLUTION, k)
+        other, j = _stage(two, SOLUTION, j)
+        ended += _accept(lanes, lane, one, moved, k, tolerance)
+        ended += _accept(lanes, lane + _HALF, two, other, j, tolerance)
     return ended
+
+
+@inlined
+def _accept(
+    lanes: FloatArray,
+    lane: int,
+    start: Start,
+    moved: Vector,
+    slopes: tuple[Vector, ...],
+    tolerance: float,
+) -> int:
+    """Accept a step, or try it again shorter, and choose the next; 1 if the lane has ended."""
+    state, step, rod, _ = start
+    p, x, L, _ = moved
+    errors = _increment(step, ERROR, slopes)
+    scale = 1.0 / tolerance**2
+    error = scale * (
+        errors[0] ** 2 + 9.0 * errors[1] ** 2 + 9.0 * (errors[2] / L) ** 2 + errors[3] ** 2
+    )
+    # Plastic flow never takes hold of the whole rod, as (2.17) slows the tail before it does.
+    possible = rod[2] * x < L and not (x < 0.0 and p > _JUST_PAST_REST)
+    accepted = error <= 1.0 and possible
+    # The fourth root of the error, as roots cost less than a power; 1e-8 bounds the growth.
+    factor = 0.9 / np.sqrt(np.sqrt(np.sqrt(error + 1e-8)))
+    factor = factor if factor > 0.2 else 0.2  # also where the error is not a number
+    factor = factor if possible or factor < 0.5 else 0.5
+    for row in range(4):
+        at = row * _LANES + lane
+        lanes[_STATE + at] = moved[row] if accepted else state[row]
+        lanes[_SLOPES + at] = slopes[6][row] if accepted else slopes[0][row]
+    steps = lanes[_STEPS + lane] + 1.0
+    lanes[_STEPS + lane] = steps
+    lanes[_STEP + lane] = step * factor
+    past = accepted and (x < 0.0 or p > _SLOWNESS_AT_REST)
+    lost = steps >= _STEP_LIMIT or step < lanes[_SMALLEST + lane]
+    lanes[_PHASE + lane] = _PAST_EVENT if past else (GAVE_UP if lost else _ERODING)
+    return 1 if past or lost else 0
 
 
 @inlined
@@ -204,7 +247,7 @@ def _land(lanes: FloatArray) -> None:
         caught_up = x < 0.0 and (p <= _SLOWNESS_AT_REST or x / dx > (p - _SLOWNESS_AT_REST) / dp)
         along = _EXCESS if caught_up else _SLOWNESS
         back = -x if caught_up else _SLOWNESS_AT_REST - p
-        landed, _, _ = _step(state, _slopes(state, rod, along), back, rod, along)
+        landed = _step((state, back, rod, along), _slopes(state, rod, along))
         lanes[_STATE + lane] = 1.0 / landed[0] - _OFFSET if caught_up else 0.0
         for row in range(1, 4):
             lanes[_STATE + row * _LANES + lane] = landed[row]
