@@ -56,7 +56,7 @@ struct State { Number p, x, L, z; };
 struct Rod { Number Omega, o, kappa, gamma, gamma_c, gamma_kappa, a0, resistance; };
 enum Along { CLOCK, EXCESS_OR_SLOWNESS };
 
-const double OFFSET = 0.25, AT_IMPACT = 1 / (1 + OFFSET), AT_REST = 1 / OFFSET;
+const double OFFSET = 0.125, AT_IMPACT = 1 / (1 + OFFSET), AT_REST = 1 / OFFSET;
 const double CAUGHT_UP = 0, RESTS = 1, ERODING = 2, PAST_EVENT = 3, GAVE_UP = -1;
 
 INLINE State slopes(const State& y, const Rod& rod, Along along, Mask is_excess) {
@@ -166,7 +166,7 @@ static void start(Lanes& lanes, int lane, const double* rods, long runs, long ru
         lane_of(((Number*)&lanes.y)[row], lane) = state[row];
         lane_of(((Number*)&lanes.k)[row], lane) = k[row];
     }
-    double step = first / (std::fabs(dp) + std::fabs(dx));
+    double step = 2 * first / (std::fabs(dp) + std::fabs(dx));
     lane_of(lanes.step, lane) = step;
     lane_of(lanes.smallest, lane) = step * 1e-20;
     lane_of(lanes.steps, lane) = 0;
