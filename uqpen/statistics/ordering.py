@@ -81,7 +81,10 @@ class Ordering:
     def mean_ranks(self) -> FloatArray:
         """Ranks from 1; equal values share the mean of theirs."""
         if self.is_above is None:
-            return self.level.astype(np.float64) + 1.0
+            # Without the levels, which would stay in memory.
+            untied = np.empty(len(self.order))
+            untied[self.order] = np.arange(1.0, len(self.order) + 1)
+            return untied
         count = np.bincount(self.level)
         ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[self.level]
         return ranks

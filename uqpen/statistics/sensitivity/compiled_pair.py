@@ -120,7 +120,7 @@ def compiled_pairs(
     together = max(1, _MANY // (2 * columns.shape[1]))
     for first in range(0, len(weights), together):
         some = weights[first : first + together]
-        all_sums = pair_sums(columns, np.stack(some))
-        for sums, own in zip(all_sums, some, strict=True):
-            yield CompiledPair(own, sums, groups)
-        del all_sums, sums
+        # What has been yielded is not held: of many runs, the sums are two columns of them.
+        sums = list(pair_sums(columns, np.stack(some)))
+        for own in some:
+            yield CompiledPair(own, sums.pop(0), groups)

@@ -88,12 +88,13 @@ class PairOfArrays(CorrelatedPair):
         return influence
 
 
-def standardized(values: FloatArray) -> FloatArray:
-    """Return values of mean 0 and variance 1; 0 where they do not vary."""
-    centred = values - values.mean()
+def standardized(values: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """Return values of mean 0 and variance 1, in an array if one is given; 0 for a constant."""
+    centred: FloatArray = np.subtract(values, values.mean(), out=out)
     highest, lowest = centred.max(initial=-math.inf), centred.min(initial=math.inf)
     if not highest > lowest:
-        return np.zeros(len(values))
+        centred[:] = 0.0
+        return centred
     centred /= max(highest, -lowest)
     centred /= float(np.sqrt((centred**2).mean()))
     return centred

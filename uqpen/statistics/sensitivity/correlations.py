@@ -117,15 +117,15 @@ class _CorrelatedColumns:
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         columns = np.empty((len(self.orderings), self.sample.size))
-        for row, column in zip(columns, self._standardized_columns, strict=True):
-            row[:] = column
+        for row, column in zip(columns, self._columns, strict=True):
+            standardized(column, row)
         return columns
 
     @property
-    def _standardized_columns(self) -> Iterator[FloatArray]:
+    def _columns(self) -> Iterator[FloatArray]:
         if self.is_ranked:
-            return (standardized(each.mean_ranks) for each in self.orderings)
-        return map(standardized, chain(self._inputs, [self.shape.deviations]))
+            return (each.mean_ranks for each in self.orderings)
+        return chain(self._inputs, [self.shape.deviations])
 
     @property
     def _inputs(self) -> Iterator[FloatArray]:
@@ -165,7 +165,9 @@ class _CorrelatedColumns:
     def _estimate(self, pair: CorrelatedPair) -> Estimate:
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
             return Estimate.without_bounds(pair.value, reason)
-        return self._with_bounds(pair.value, pair.influence)
+        value, influence = pair.value, pair.influence
+        del pair  # with its sums
+        return self._with_bounds(value, influence)
 
     def _pairs(self, weights: Sequence[FloatArray]) -> Iterator[CorrelatedPair]:
         """Yield a pair for each of some weights; its type follows from the number of values."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 from scipy import special
 
@@ -76,7 +77,10 @@ def delta_array(
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     if reason := reason_without_measure(sample, column, FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
-    value = delta_of_counts(_counts(sample.run_inputs.ordering(column), cells))
+    first_cells = sample.run_inputs.once(
+        ("cells of classes", column), lambda: _first_cells(sample.run_inputs.ordering(column))
+    )
+    value = delta_of_counts(_counts(first_cells, cells))
     reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
     return Estimate.without_bounds(value, reason)
 
@@ -99,12 +103,18 @@ def score_cells(shares: FloatArray) -> IntArray:
     return np.clip(cells, 0, _CELLS - 1)
 
 
-def _counts(ordering: Ordering, cells: IntArray) -> FloatArray:
+def _first_cells(ordering: Ordering) -> npt.NDArray[np.int16]:
+    """Return where the cells of each run's class begin, the classes being of an input's ranks."""
+    classes = class_count(len(ordering.order))
+    which = np.floor(_empirical_cdf(ordering) * classes)
+    return (which * _CELLS).astype(np.int16)
+
+
+def _counts(first_cells: npt.NDArray[np.int16], cells: IntArray) -> FloatArray:
     """Count the runs in each cell, a row for each class of the input's ranks."""
     classes = class_count(len(cells))
-    which = np.floor(_empirical_cdf(ordering) * classes).astype(np.int64)
     # Equal values are in one class, so that some may be empty.
-    counts = np.bincount(which * _CELLS + cells, minlength=classes * _CELLS)
+    counts = np.bincount(first_cells + cells, minlength=classes * _CELLS)
     table = counts.reshape(classes, _CELLS).astype(np.float64)
     return table[table.sum(axis=1) > 0]
 
