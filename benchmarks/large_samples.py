@@ -47,7 +47,10 @@ class DrawnRuns(BlockedRuns):
         return self._size
 
     def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-        """Return some columns of runs."""
+        """Return some columns of runs; the status alone is not drawn, as a file has it beside."""
+        names = [*names]
+        if names == [STATUS]:
+            return {STATUS: np.zeros(stop - start, dtype=np.int8)}
         first = start // BLOCK * BLOCK
         columns = self._block(first)
         rows = slice(start - first, stop - first)

@@ -210,10 +210,14 @@ class OutputSet:
 
     def _add_ranks(self, chunk: Chunk, cells: dict[str, _Cells]) -> None:
         among_all, within = self.rank_products
-        among_all.add(0, np.stack([self._scores[n][cells[n]] for n in self.names]))
-        own = [self._batch_scores[n][chunk.batch] for n in self.names]
-        coarse = [cells[n] // _CELLS_OF_A_BATCH for n in self.names]
-        within.add(chunk.batch, np.stack([s[c] for s, c in zip(own, coarse, strict=True)]))
+        ranks = np.empty((len(self.names), next(iter(cells.values())).size))
+        for row, name in zip(ranks, self.names, strict=True):
+            self._scores[name].take(cells[name], out=row, mode="clip")
+        among_all.add(0, ranks)
+        for row, name in zip(ranks, self.names, strict=True):
+            coarse = cells[name] // _CELLS_OF_A_BATCH
+            self._batch_scores[name][chunk.batch].take(coarse, out=row, mode="clip")
+        within.add(chunk.batch, ranks)
 
     @cached_property
     def _scores(self) -> dict[str, FloatArray]:

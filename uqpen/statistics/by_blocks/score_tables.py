@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.by_blocks.count_pairs import Classes, count_pairs
 from uqpen.statistics.sensitivity.delta import SCORE_CELLS, class_count, score_cells
 
 __all__ = ["ScoreTables"]
@@ -29,7 +30,7 @@ class ScoreTables:
         Of shape (class, score cell), by input and output.
     """
 
-    columns: dict[str, IntArray]
+    columns: dict[str, Classes]
     tables: dict[tuple[str, str], IntArray]
 
     @classmethod
@@ -58,11 +59,12 @@ class ScoreTables:
         scored = {name: score_cells(np.clip(shares[name], _NONE, 1 - _NONE)) for name in outputs}
         shape = (classes, SCORE_CELLS)
         tables = {(i, o): np.zeros(shape, np.int64) for i in inputs for o in outputs}
-        return cls({**columns, **scored}, tables)
+        found = {name: each.astype(np.int16) for name, each in {**columns, **scored}.items()}
+        return cls(found, tables)
 
     def add(self, cells: Mapping[str, npt.NDArray[np.int32]]) -> None:
         """Add runs, in place, by the cells of their columns."""
-        found = {name: of_cell[cells[name]] for name, of_cell in self.columns.items()}
+        # All cells are there: what takes them need not look for others, which takes as long.
+        found = {n: of_cell.take(cells[n], mode="clip") for n, of_cell in self.columns.items()}
         for (one, other), table in self.tables.items():
-            joint = found[one] * table.shape[1] + found[other]
-            table += np.bincount(joint, minlength=table.size).reshape(table.shape)
+            count_pairs(found[one], found[other], table)
