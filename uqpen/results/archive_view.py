@@ -227,7 +227,8 @@ class ArchiveView:
     def random_inputs(self, design: str) -> list[str]:
         """The inputs that are not the same in all runs."""
         variables = read_group(self.tree, RUNS, design).variables
-        return [str(name) for name, v in variables.items() if v.attrs.get(ROLE) == "input" and v.dims]
+        named = [str(name) for name, v in variables.items() if v.attrs.get(ROLE) == "input"]
+        return [name for name in named if variables[name].dims]
 
     def is_sample_design(self, source: str) -> bool:
         """Return whether a source is a design for no quantity of interest in particular."""
