@@ -93,8 +93,8 @@ def test_a_command_loads_what_it_needs(
     assert loaded(archive.parent, *arguments) <= allowed
 
 
-def test_a_study_of_the_rod_loads_only_its_compiled_integrator_besides(tmp_path: Path) -> None:
+def test_a_study_of_the_rod_needs_numba_only_to_compile_its_integrator(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
-    # Numba asks SciPy for its linear algebra.
-    allowed = {*TABLES, "netCDF4", "numba", "scipy.linalg", "scipy.special"}
-    assert loaded(tmp_path, "study", "study.toml", "-o", "archive.nc") <= allowed
+    command = ("study", "study.toml", "--fresh", "-o", "archive.nc")
+    loaded(tmp_path, *command)  # compiles it, where that has not been done
+    assert loaded(tmp_path, *command) <= {*TABLES, "netCDF4", "scipy.special"}

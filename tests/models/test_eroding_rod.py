@@ -453,6 +453,7 @@ def test_works_where_nothing_can_be_cached(tmp_path):
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(sys.path),
+        "NUMBA_CACHE_DIR": os.devnull,
         # The only place Numba may then try is that of notebooks, which a program is not.
         "NUMBA_CACHE_LOCATOR_CLASSES": "IPythonCacheLocator",
     }

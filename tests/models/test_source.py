@@ -57,6 +57,7 @@ class TestBuiltIn:
         [
             ("walker-anderson", "walker_anderson", True),
             ("walker-anderson", "eroding_rod", True),
+            ("walker-anderson", "rod_kernel", True),
             ("walker-anderson", "tsitouras", True),
             ("walker-anderson", "rod_trajectory", True),
             ("rigid-penetration", "rod_course", True),

@@ -31,3 +31,15 @@ def test_a_view_lists_the_outputs_once(
         assert (view.numeric_outputs, view.fields, view.categorical_outputs) == (["y"], [], [])
         assert view.unit("y") == "1"
     assert first_runs.call_count == 1
+
+
+def test_a_view_takes_the_shown_runs_once(
+    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = ArchiveView(uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1))), "")
+    taken = Mock(wraps=archive_view.input_sample)
+    monkeypatch.setattr(archive_view, "input_sample", taken)
+    for _ in range(3):
+        assert view.completed_values("mc", "y").size == 20
+    assert taken.call_count == 1
+    assert view.input_titles == {"a": "a", "b": "b"}

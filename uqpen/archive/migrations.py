@@ -7,9 +7,7 @@ from types import MappingProxyType
 
 import xarray as xr
 
-from uqpen.archive.benchmark_schema_2 import migrate_benchmark
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
-from uqpen.archive.schema_2 import migrate_from_2
 from uqpen.core.labels import BENCHMARK, COMPARISON, INPUT, KIND, SENSITIVITY
 
 __all__ = ["MIGRATIONS", "migrate"]
@@ -42,8 +40,13 @@ def _migrate_from_1(tree: xr.DataTree) -> xr.DataTree:
 
 
 def _migrate_from_2(tree: xr.DataTree) -> xr.DataTree:
-    is_benchmark = tree.attrs.get(KIND) == BENCHMARK
-    return migrate_benchmark(tree) if is_benchmark else migrate_from_2(tree)
+    if tree.attrs.get(KIND) == BENCHMARK:
+        from uqpen.archive.benchmark_schema_2 import migrate_benchmark
+
+        return migrate_benchmark(tree)
+    from uqpen.archive.schema_2 import migrate_from_2
+
+    return migrate_from_2(tree)
 
 
 # From a schema to the next, for every schema there has been.

@@ -6,6 +6,7 @@ function's own module has to change with it.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -13,18 +14,17 @@ import numba
 from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 
-__all__ = ["compiled", "inlined", "use_widest_vectors"]
+__all__ = ["entry_point", "inlined", "use_widest_vectors"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(function: Function) -> Function:
-    """Compile on the first call; kept on disk where Numba finds a directory it can write to."""
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    try:
-        return cast(Function, numba.njit(function, cache=True, **options))
-    except RuntimeError:
-        return cast(Function, numba.njit(function, **options))
+def entry_point(function: Callable[..., None], signature: str, *, cache: bool) -> Any:
+    """Compile a function for C; with a cache, kept on disk where Numba finds a place for it."""
+    if cache:
+        with contextlib.suppress(RuntimeError):
+            return numba.cfunc(signature, error_model="numpy", cache=True)(function)
+    return numba.cfunc(signature, error_model="numpy")(function)
 
 
 def inlined(function: Function) -> Function:

@@ -179,7 +179,13 @@ class ArchiveView:
 
     def shown_runs(self, design: str) -> xr.Dataset:
         """Return the runs that figures show: those of `runs`, in memory, the first of very many."""
-        return self.runs(design).isel({RUN: slice(RUNS_IN_MEMORY)}).load()
+        if design not in self._shown_runs:
+            self._shown_runs[design] = self.runs(design).isel({RUN: slice(RUNS_IN_MEMORY)}).load()
+        return self._shown_runs[design]
+
+    @cached_property
+    def _shown_runs(self) -> dict[str, xr.Dataset]:
+        return {}  # each has a column for every output, and is asked for by every output
 
     def part(self, design: str) -> str:
         """Return what figures say before the name of a design if they show only a part of it."""
@@ -231,15 +237,24 @@ class ArchiveView:
         values = self.statistics.get(design, output, "cdf_value")
         return np.empty(0) if values is None else np.asarray(values.values, dtype=np.float64)
 
+    @cached_property
+    def input_titles(self) -> dict[str, str]:
+        """The titles of the inputs of the model, by their names."""
+        return {
+            str(name): str(variable.attrs.get("long_name", name))
+            for name, variable in self._first_runs.variables.items()
+            if variable.attrs.get(ROLE) == "input"
+        }
+
     def reason_without_convergence(self, design: str) -> str:
         """Return why no part of a design's runs is a smaller sample; empty where some are."""
         return reason_without_parts(read_group(self.tree, RUNS, design))
 
     def random_inputs(self, design: str) -> list[str]:
         """The inputs that are not the same in all runs."""
-        runs = read_group(self.tree, RUNS, design)
-        named = [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "input"]
-        return [name for name in named if runs[name].dims]
+        variables = read_group(self.tree, RUNS, design).variables
+        named = [str(name) for name, v in variables.items() if v.attrs.get(ROLE) == "input"]
+        return [name for name in named if variables[name].dims]
 
     def is_sample_design(self, source: str) -> bool:
         """Return whether a source is a design for no quantity of interest in particular."""

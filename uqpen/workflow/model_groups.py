@@ -27,10 +27,13 @@ from uqpen.designs.design import Design
 from uqpen.designs.keep import RUNS as KEPT_RUNS
 from uqpen.execution.omitted_runs import omit_runs
 from uqpen.results.failure_causes import record_causes
-from uqpen.statistics.analyze import all_analyses_but, analyze, analyze_failures
+from uqpen.statistics.analyze import (
+    OutputStatistics,
+    all_analyses_but,
+    analyze,
+    analyze_failures,
+)
 from uqpen.statistics.decision import decision_attributes
-from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
-from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.model_form import model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
@@ -41,7 +44,6 @@ from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.root_attributes import model_identity
 from uqpen.workflow.source import Groups, Source
 from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
-from uqpen.workflow.surrogate_source import surrogate_source
 
 __all__ = ["difference_groups", "model_form_groups", "model_groups"]
 
@@ -77,14 +79,12 @@ def model_groups(
         yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], design_runs)
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
-        joint = joint_probabilities(design_runs, study.joint_events, study.confidence_level)
-        joint |= event_sensitivities(
-            design_runs, study.joint_events, study.joint, study.confidence_level
-        )
-        if joint:
+        if joint := _joint_statistics(study, design_runs):
             marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
             yield f"/{JOINT_GROUP}/{design}", pack(marked)
     for name in study.surrogates:
+        from uqpen.workflow.surrogate_source import surrogate_source
+
         fitted, sources[name] = surrogate_source(study, model, name, own, steps)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
@@ -105,6 +105,19 @@ def model_groups(
 def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
     """Return what the archive has of the runs of a design: all of them, or no run."""
     return runs if design.keep == KEPT_RUNS else record_causes(omit_runs(runs), runs)
+
+
+def _joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+    """Return the probabilities of the events of a study, and how they change with the inputs."""
+    if not study.joint_events:
+        return {}
+    from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
+    from uqpen.statistics.joint_probability import joint_probabilities
+
+    events, level = study.joint_events, study.confidence_level
+    return joint_probabilities(runs, events, level) | event_sensitivities(
+        runs, events, study.joint, level
+    )
 
 
 def _publication_groups(publication: Publication, path: str) -> Groups:

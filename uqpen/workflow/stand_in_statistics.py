@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from uqpen.core.labels import COST_SPENT, RUN
 from uqpen.core.threads import one_blas_thread
 from uqpen.statistics.analyze import OutputStatistics
-from uqpen.statistics.control_variates.control_variate_statistics import (
-    control_variate_statistics,
-)
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.design_runs import Runs
 
@@ -39,6 +36,10 @@ def use_stand_ins(
     family = {name: runs[name][design] for name in study.family_costs}
     if model != next(iter(family)) or len(family) < 2:
         return found
+    from uqpen.statistics.control_variates.control_variate_statistics import (
+        control_variate_statistics,
+    )
+
     with one_blas_thread():
         return {
             name: found[name] | control_variate_statistics(family, quantity, found[name])

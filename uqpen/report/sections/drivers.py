@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, ROLE, RUNS
+from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
@@ -69,14 +69,8 @@ class InputOrder(NamedTuple):
 
 def input_label(view: ArchiveView, name: str) -> str:
     """Return the title of an input for a reader, which no other input of the model has."""
-    runs = read_group(view.tree, RUNS, view.designs[0])
-    titles = {
-        str(key): str(each.attrs.get("long_name", key))
-        for key, each in runs.data_vars.items()
-        if each.attrs.get(ROLE) == "input"
-    }
-    title = titles.get(name, name)
-    is_alone = list(titles.values()).count(title) < 2
+    title = view.input_titles.get(name, name)
+    is_alone = list(view.input_titles.values()).count(title) < 2
     return plain_text(title if is_alone else f"{title} ({name})", 50)
 
 
