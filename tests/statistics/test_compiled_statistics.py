@@ -17,6 +17,7 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity import kernels
 from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup, compiled_pairs
 from uqpen.statistics.sensitivity.correlated_pair import PairOfArrays, standardized
 from uqpen.statistics.sensitivity.correlations import correlations
@@ -106,6 +107,14 @@ def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.Monkey
         )
         for text in ("interval", "interval_label", "note"):
             assert loops[text].values.tolist() == arrays[statistic][text].values.tolist()
+
+
+def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
+    """No processor and no number of threads changes a bit, as nothing is reordered or shared."""
+    loops = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
+    assert len(loops) > 3
+    for each in loops:
+        assert not {"parallel", "fastmath"} & each.targetoptions.keys()
 
 
 def test_small_samples_load_no_compiler() -> None:
