@@ -147,6 +147,12 @@ def _vector(lanes: FloatArray, row: int, lane: int) -> Vector:
 
 
 @inlined
+def _set_vector(lanes: FloatArray, row: int, lane: int, vector: Vector) -> None:
+    for place in range(4):
+        lanes[row + place * _LANES + lane] = vector[place]
+
+
+@inlined
 def _rod(lanes: FloatArray, lane: int) -> Rod:
     return _vector(lanes, _ROD, lane) + _vector(lanes, _ROD + 4 * _LANES, lane)
 
@@ -159,9 +165,8 @@ def _start(
         lanes[_ROD + row * _LANES + lane] = rods[row * runs + run]
     state = (_SLOWNESS_AT_IMPACT, 0.0, 1.0, 0.0)
     slopes = _slopes(state, _rod(lanes, lane), _CLOCK)
-    for row in range(4):
-        lanes[_STATE + row * _LANES + lane] = state[row]
-        lanes[_SLOPES + row * _LANES + lane] = slopes[row]
+    _set_vector(lanes, _STATE, lane, state)
+    _set_vector(lanes, _SLOPES, lane, slopes)
     step = 2.0 * first_step / (abs(slopes[0]) + abs(slopes[1]))
     lanes[_STEP + lane] = step
     lanes[_SMALLEST + lane] = step * _SMALLEST_STEP
@@ -234,10 +239,8 @@ def _accept(
     factor = 0.9 * _small_root(error + 1e-8)  # 1e-8 bounds the growth
     factor = factor if factor > 0.2 else 0.2  # also where the error is not a number
     factor = factor if possible or factor < 0.5 else 0.5
-    for row in range(4):
-        at = row * _LANES + lane
-        lanes[_STATE + at] = moved[row] if accepted else state[row]
-        lanes[_SLOPES + at] = slopes[6][row] if accepted else slopes[0][row]
+    _set_vector(lanes, _STATE, lane, moved if accepted else state)
+    _set_vector(lanes, _SLOPES, lane, slopes[6] if accepted else slopes[0])
     steps = lanes[_STEPS + lane] + 1.0
     lanes[_STEPS + lane] = steps
     lanes[_STEP + lane] = step * factor
