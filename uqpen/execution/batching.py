@@ -21,9 +21,9 @@ BATCH_SIZE = 1024
 # batches take a third less time: a million runs of compiled rods 3.1 s in place of 4.7 s.
 _BATCHES, _SMALLEST = 16, 1024
 
-# Intended duration of the runs of one batch, in seconds: a crash must not
-# cost too many runs, and sending a batch must not take longer than making its runs.
-WORTH_SENDING = 0.01
+# Intended duration of the runs of one batch, in seconds: a crash must not cost too many runs, and a
+# worker must not wait long for the next batch beside what its runs take. It waits for some ms.
+WORTH_SENDING = 0.05
 _MOST_AT_ONCE = 1024
 
 # Number of answers over which the pace is measured.
