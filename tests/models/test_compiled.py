@@ -8,7 +8,8 @@ import numpy.typing as npt
 import pytest
 from llvmlite import binding
 
-from uqpen.models.compiled import use_widest_vectors
+from uqpen.models.compiled import entry_point, use_widest_vectors
+from uqpen.models.rod_kernel import SIGNATURE, erode
 
 
 def halve(values: npt.NDArray[np.float64]) -> None:
@@ -33,6 +34,15 @@ def test_loops_use_vectors_of_512_bits_where_there_are_any() -> None:
     if not binding.get_host_cpu_features().get("avx512f") or numba.config.CPU_NAME:
         pytest.skip("the processor that is compiled for has no vectors of 512 bits")
     assert "zmm" in machine_code(halve_widely, np.ones(64))
+
+
+@pytest.mark.slow
+def test_rods_are_integrated_by_vectors() -> None:
+    """A loop that LLVM leaves scalar has the same results, and takes five times as long."""
+    if not binding.get_host_cpu_features().get("avx2") or numba.config.CPU_NAME:
+        pytest.skip("the processor that is compiled for has no vectors of 256 bits")
+    code = entry_point(erode, SIGNATURE, cache=False).inspect_llvm()
+    assert code.count("fdiv <") > 5 * code.count("fdiv double")
 
 
 @pytest.mark.processor
