@@ -1,4 +1,4 @@
-// What a processor can do at most: the equations and the Runge-Kutta pair of uqpen/models/rod_lanes.py,
+// What a processor can do at most: the equations and the Runge-Kutta pair of uqpen/models/rod_kernel.py,
 // compiled for this very machine, with fused operations. `GROUPS` vectors of lanes go step by step
 // together, so that one computes while another waits for a division. The weights of the pair
 // (A2 ... A6, SOLUTION, ERROR) come from a header that `program.py` writes.
