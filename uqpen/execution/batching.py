@@ -84,12 +84,12 @@ class Pace:
     """Rate at which runs complete; no result depends on it.
 
     `worth_sending` is the intended duration of the runs that are sent at once, in seconds. A run
-    with limits is sent alone.
+    with limits is sent alone, and so is one that may end the study.
     """
 
     def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:
         self._worth_sending = worth_sending
-        self._is_alone = is_alone
+        self.is_alone = is_alone
         self._answers: deque[tuple[float, int]] = deque(maxlen=_WINDOW)
 
     def record(self, runs: int) -> None:
@@ -99,7 +99,7 @@ class Pace:
     @property
     def size(self) -> int:
         """Number of runs worth sending at once."""
-        if self._is_alone or len(self._answers) < 2:
+        if self.is_alone or len(self._answers) < 2:
             return 1
         took = self._answers[-1][0] - self._answers[0][0]
         runs = sum(runs for _, runs in self._answers) - self._answers[0][1]

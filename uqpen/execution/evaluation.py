@@ -130,7 +130,8 @@ def evaluate_blocks(
         first_runs,
     )
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
-    pace = Pace(worth_sending, is_alone=bool(evaluator.model.enforced_limits))
+    has_limits = bool(evaluator.model.enforced_limits)
+    pace = Pace(worth_sending, is_alone=has_limits)
     work = EvaluatorWork(evaluator, failures.retry)
     blocks = under_way.blocks
     while True:
@@ -141,6 +142,7 @@ def evaluate_blocks(
         for batch_result in map(work, batches):
             pace.record(len(batch_result))
             under_way.add(batch_result)
+            pace.is_alone = has_limits or first_runs.are_undecided
             yield from under_way.pop_complete()
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")

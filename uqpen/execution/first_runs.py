@@ -65,6 +65,11 @@ class FirstRuns:
         # True if the next batch is made alone, as the trial run is still to be made.
         self.is_trial_due = policy.trial
 
+    @property
+    def are_undecided(self) -> bool:
+        """True if the next runs may end the study."""
+        return self._policy.stop_after > 0 and not self._is_over
+
     def start_round(self, runs: int, restored: int = 0) -> None:
         """Begin a round; give its number of runs, and of those that were restored."""
         self._next, self._runs = 0, runs

@@ -18,11 +18,13 @@ from uqpen.core.labels import (
     RUN,
     RUNS,
     RUNS_SPENT,
+    SAMPLING,
     SOURCE_KIND,
     STATISTICS_GROUP,
     SURROGATES,
     TRAJECTORY,
 )
+from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
 from uqpen.designs.keep import RUNS as KEPT_RUNS
 from uqpen.execution.omitted_runs import omit_runs
@@ -109,7 +111,7 @@ def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
 
 def _joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
     """Return the probabilities of the events of a study, and how they change with the inputs."""
-    if not study.joint_events:
+    if not study.joint_events and runs.attrs[SAMPLING] != Sampling.TOWARDS_EVENT:
         return {}
     from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
     from uqpen.statistics.joint_probability import joint_probabilities
