@@ -229,10 +229,11 @@ class ArchiveView:
     def shown_values(self, design: str, output: str) -> FloatArray:
         """Return the values that a chart of an output shows, in SI units.
 
-        They are those of the completed runs. Of a design that keeps statistics alone, they are the
-        quantiles at the equally spaced ranks of its distribution function.
+        They are those of the completed runs. Of a design with more runs than figures show, or with
+        statistics alone, they are the quantiles at the equally spaced ranks of its distribution
+        function: the first runs have not the band of all.
         """
-        if self.keeps_runs(design):
+        if self.shows_all_runs(design):
             return self.completed_values(design, output)
         values = self.statistics.get(design, output, "cdf_value")
         return np.empty(0) if values is None else np.asarray(values.values, dtype=np.float64)

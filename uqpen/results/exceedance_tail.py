@@ -44,7 +44,7 @@ class LargestRun:
     @classmethod
     def of_design(cls, view: ArchiveView, design: str, output: str) -> LargestRun:
         """Return the largest run of a design with at least one completed run."""
-        if not view.keeps_runs(design):
+        if not view.shows_all_runs(design):
             return cls._of_function(view, design, output)
         runs = view.shown_runs(design)
         completed = runs[output].values[runs[STATUS].values == Status.OK]
