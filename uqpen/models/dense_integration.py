@@ -20,7 +20,7 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.models import dop853
 
-__all__ = ["MOST_STEPS", "SHORTEST_STEP", "Steps", "integrate", "interpolant", "step_factor"]
+__all__ = ["MOST_STEPS", "Steps", "integrate"]
 
 # Slopes of states of shape (variable, problem), given constants of shape (constant, problem).
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
@@ -31,7 +31,7 @@ Condition = Callable[[FloatArray], BoolArray]
 MOST_STEPS = 16_000
 
 # A step this much shorter than the time so far makes no progress.
-SHORTEST_STEP = 1e-14
+_SHORTEST = 1e-14
 # As SciPy's steps grow and shrink.
 _SAFETY, _LARGEST_FALL, _LARGEST_RISE = 0.9, 0.2, 10.0
 _TINY = np.finfo(float).tiny
@@ -151,19 +151,17 @@ def integrate(
         taken = np.flatnonzero(is_taken)
         if taken.size:
             steps, ends = batch.select(taken), after[:, taken]
-            taken_stages = [stage[:, taken] for stage in stages]
-            _add_further_stages(slopes, taken_stages, steps)
-            terms = interpolant(taken_stages, steps.state, ends, steps.size)
+            terms = _terms(slopes, [stage[:, taken] for stage in stages], ends, steps)
             yield Steps(
                 steps.problem, is_over[taken], steps.time, steps.size, steps.state, ends, terms
             )
         moved = batch._replace(
             time=np.where(is_taken, batch.time + batch.size, batch.time),
-            size=batch.size * step_factor(error),
+            size=batch.size * _step_factor(error),
             state=np.where(is_taken, after, batch.state),
             slope=np.where(is_taken, stages[-1], batch.slope),
         )
-        batch = moved.select(np.flatnonzero(~is_over & (moved.size > SHORTEST_STEP * moved.time)))
+        batch = moved.select(np.flatnonzero(~is_over & (moved.size > _SHORTEST * moved.time)))
 
 
 class _Batch(NamedTuple):
@@ -211,36 +209,22 @@ def _relative_error(
     return np.where(np.isfinite(error), error, np.inf)
 
 
-def step_factor(error: FloatArray) -> FloatArray:
+def _step_factor(error: FloatArray) -> FloatArray:
     """Return the factor from a step to the next one; roots are the same on all processors."""
     root = np.sqrt(np.sqrt(np.sqrt(np.maximum(error, _TINY))))
     return np.clip(_SAFETY / root, _LARGEST_FALL, _LARGEST_RISE)
 
 
-def _add_further_stages(slopes: Slopes, stages: list[FloatArray], batch: _Batch) -> None:
-    """Append the slopes at the stages that the interpolant alone needs."""
+def _terms(
+    slopes: Slopes, stages: list[FloatArray], after: FloatArray, batch: _Batch
+) -> FloatArray:
+    """Return the terms of the interpolant of a step."""
     for weights in dop853.FURTHER:
         moved = batch.state + batch.size * _weighted_sum(weights, stages)
         stages.append(slopes(moved, batch.constants))
-
-
-def interpolant(
-    stages: Sequence[FloatArray], before: FloatArray, after: FloatArray, size: FloatArray
-) -> FloatArray:
-    """Return the terms of the interpolants of steps, as `Steps` has them.
-
-    Parameters
-    ----------
-    stages : sequence of ndarray, shape (variable, step)
-        Slopes at the stages of the method, and at the further ones.
-    before, after : ndarray, shape (variable, step)
-        States at both ends.
-    size : ndarray, shape (step,)
-        Lengths of the steps.
-    """
-    change = after - before
-    first, last = size * stages[0], size * stages[len(dop853.SOLUTION)]
-    further = (size * _weighted_sum(weights, stages) for weights in dop853.INTERPOLANT)
+    change = after - batch.state
+    first, last = batch.size * stages[0], batch.size * stages[len(dop853.SOLUTION)]
+    further = (batch.size * _weighted_sum(weights, stages) for weights in dop853.INTERPOLANT)
     return np.stack([change, first - change, 2 * change - first - last, *further])
 
 
@@ -253,7 +237,7 @@ def _interpolate(before: FloatArray, terms: FloatArray, part: FloatArray) -> Flo
     return before + total
 
 
-def _weighted_sum(weights: Sequence[float], arrays: Sequence[FloatArray]) -> FloatArray:
+def _weighted_sum(weights: Sequence[float], arrays: list[FloatArray]) -> FloatArray:
     """Return a weighted sum of arrays of one shape; there may be more weights than arrays."""
     total = np.zeros_like(arrays[0])
     for weight, array in zip(weights, arrays, strict=False):

@@ -1,10 +1,8 @@
-"""Erosion of one rod by the Walker-Anderson model, followed in plain numbers.
+"""Erosion of one rod by the Walker-Anderson model.
 
-One run, carefully: independent of the lanes that integrate whole batches, and a check of them.
-`scipy.integrate` takes ten times as long to load as this integration takes. The unknowns are the
-nose's velocity u, the excess x = v/u - 1 of the tail's velocity v, the length L and the depth z; in
-them the equations stay regular where the nose comes to rest. The method is DOP853, as in
-`dense_integration`.
+One run, carefully: independent of the lanes that integrate whole batches, and a check of them. The
+unknowns are the nose's velocity u, the excess x = v/u - 1 of the tail's velocity v, the length L
+and the depth z; in them the equations stay regular where the nose comes to rest.
 
 References
 ----------
@@ -16,20 +14,13 @@ used with (2 - ε), as (2.4) and (2.8) give it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import TrajectoryError
-from uqpen.models import dop853
-from uqpen.models.dense_integration import (
-    MOST_STEPS,
-    SHORTEST_STEP,
-    Steps,
-    interpolant,
-    step_factor,
-)
+from uqpen.models.dense_integration import MOST_STEPS, Steps, integrate
 
 __all__ = ["Erosion", "Rod", "erosion_slopes", "integrate_erosion", "make_rod"]
 
@@ -97,8 +88,11 @@ def make_rod(
     )
 
 
-def erosion_slopes(state: Vector, rod: Rod) -> Vector:
-    """Derivatives of u, x, L and z in time, from the linear equations for those of u and x."""
+def erosion_slopes(state: Any, rod: Rod) -> tuple[Any, Any, Any, Any]:
+    """Derivatives of u, x, L and z in time, from the linear equations for those of u and x.
+
+    The values of a state, and those of a rod, are numbers or arrays.
+    """
     Omega, profile, kappa, tail_strength, c, added_length, resistance, _, _ = rod
     u, x, L, _ = state
     s = kappa * x  # (2.9)
@@ -125,15 +119,15 @@ class Erosion(NamedTuple):
 
     Attributes
     ----------
-    steps : Steps
-        Of one problem, whose variables are u, x, L and z; none where the rod does not erode.
+    steps : Steps or None
+        Of one problem, whose variables are u, x, L and z; None where the rod does not erode.
     state : tuple of float
         u, x, L and z at the end: u or x is 0.
     time : float
         The end, s.
     """
 
-    steps: Steps
+    steps: Steps | None
     state: Vector
     time: float
 
@@ -156,8 +150,8 @@ def integrate_erosion(rod: Rod, tolerance: float) -> Erosion:
     at_impact = (rod.impact_velocity, 0.0, rod.length, 0.0)
     # A rod that does not begin to erode has reached v = u at once.
     if not erosion_slopes(at_impact, rod)[_X] > 0:
-        return Erosion(_as_steps([]), at_impact, 0.0)
-    steps = _as_steps(list(_erosion_steps(at_impact, rod, tolerance)))
+        return Erosion(None, at_impact, 0.0)
+    steps = _erosion_steps(at_impact, rod, tolerance)
     last = np.array([steps.start.size - 1])
     ends = {
         float(steps.parts_at(last, row, np.zeros(1))[0]): row
@@ -172,92 +166,21 @@ def integrate_erosion(rod: Rod, tolerance: float) -> Erosion:
     return Erosion(steps, (u, x, L, z), float(steps.start[-1] + part * steps.size[-1]))
 
 
-class _Step(NamedTuple):
-    """A step that was taken: its beginning, its length, its ends, and the slopes at its stages."""
-
-    start: float
-    size: float
-    before: Vector
-    after: Vector
-    stages: list[Vector]
-
-
-def _erosion_steps(state: Vector, rod: Rod, tolerance: float) -> Iterator[_Step]:
-    """Yield the steps from impact to the first past the end of erosion."""
-    scales = (rod.impact_velocity, 1.0, rod.length, rod.length)
-    slopes = erosion_slopes(state, rod)
-    fastest = max(abs(slope) / scale for slope, scale in zip(slopes, scales, strict=True))
-    time, size = 0.0, tolerance**0.125 * 0.1 / fastest
-    for _ in range(MOST_STEPS):
-        stages = [slopes]
-        for weights in dop853.STAGES:
-            stages.append(erosion_slopes(_moved(state, size, weights, stages), rod))
-        after = _moved(state, size, dop853.SOLUTION, stages)
-        stages.append(erosion_slopes(after, rod))
-        error = size * _error(stages, state, after, scales, tolerance)
-        if error < 1:
-            for further in dop853.FURTHER:
-                stages.append(erosion_slopes(_moved(state, size, further, stages), rod))
-            yield _Step(time, size, state, after, stages)
-            if after[_U] < 0 or after[_X] < 0:
-                return
-            time, state, slopes = time + size, after, stages[len(dop853.SOLUTION)]
-        size *= step_factor(np.array(error)).item() if error < math.inf else 0.2
-        if not size > SHORTEST_STEP * time:
-            break
+def _erosion_steps(at_impact: Vector, rod: Rod, tolerance: float) -> Steps:
+    """Return the steps from impact to the first past the end of erosion."""
+    start, constants = np.array([at_impact]).T, np.array([rod]).T
+    scales = np.array([[rod.impact_velocity, 1.0, rod.length, rod.length]]).T
+    taken = list(integrate(_slopes, start, constants, scales, _is_over, tolerance))
     # A plastic zone next to the crater is stiff: S/R = 1.001 takes about as many steps.
-    raise TrajectoryError(f"erosion did not come to an end within {MOST_STEPS} steps")
+    if not taken or not taken[-1].is_last[0]:
+        raise TrajectoryError(f"erosion did not come to an end within {MOST_STEPS} steps")
+    return Steps._make(np.concatenate(each, axis=-1) for each in zip(*taken, strict=True))
 
 
-def _moved(state: Vector, size: float, weights: Sequence[float], stages: list[Vector]) -> Vector:
-    """Return a state that has gone on by a weighted sum of slopes."""
-    du, dx, dL, dz = _weighted_sum(weights, stages)
-    u, x, L, z = state
-    return u + size * du, x + size * dx, L + size * dL, z + size * dz
+def _slopes(states: FloatArray, constants: FloatArray) -> FloatArray:
+    return np.stack(erosion_slopes(states, Rod(*constants)))
 
 
-def _weighted_sum(weights: Sequence[float], stages: list[Vector]) -> Vector:
-    u = x = L = z = 0.0
-    for weight, (du, dx, dL, dz) in zip(weights, stages, strict=False):
-        if weight:
-            u += weight * du
-            x += weight * dx
-            L += weight * dL
-            z += weight * dz
-    return u, x, L, z
-
-
-def _error(
-    stages: list[Vector], before: Vector, after: Vector, scales: Vector, tolerance: float
-) -> float:
-    """Return the error of a step of unit length, relative to the one allowed."""
-    allowed = [
-        tolerance * (max(abs(old), abs(new)) + 1e-2 * scale)
-        for old, new, scale in zip(before, after, scales, strict=True)
-    ]
-    fifth, third = (
-        math.fsum(
-            (error / most) ** 2
-            for error, most in zip(_weighted_sum(weights, stages), allowed, strict=True)
-        )
-        / len(allowed)
-        for weights in (dop853.ERROR_5, dop853.ERROR_3)
-    )
-    return fifth / math.sqrt(fifth + 0.01 * third) if fifth else 0.0
-
-
-def _as_steps(taken: Sequence[_Step]) -> Steps:
-    """Return steps as arrays, with their interpolants."""
-    count, size = len(taken), np.array([step.size for step in taken])
-    before, after = (np.array([step[end] for step in taken]).reshape(count, 4).T for end in (2, 3))
-    every = len(dop853.SOLUTION) + 1 + len(dop853.FURTHER)
-    stages = np.array([step.stages for step in taken]).reshape(count, every, 4)
-    return Steps(
-        problem=np.zeros(count, dtype=np.int64),
-        is_last=np.arange(count) == count - 1,
-        start=np.array([step.start for step in taken]),
-        size=size,
-        before=before,
-        after=after,
-        terms=interpolant(list(stages.transpose(1, 2, 0)), before, after, size),
-    )
+def _is_over(states: FloatArray) -> BoolArray:
+    ended: BoolArray = (states[_U] < 0) | (states[_X] < 0)
+    return ended

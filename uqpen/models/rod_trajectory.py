@@ -53,8 +53,8 @@ def trajectory(rod: Rod, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> T
     return Trajectory(depth, *map(np.concatenate, zip(during, after, strict=True)))
 
 
-def _erosion_phase(steps: Steps, depth: FloatArray, rod: Rod) -> tuple[FloatArray, ...]:
-    if depth.size == 0:
+def _erosion_phase(steps: Steps | None, depth: FloatArray, rod: Rod) -> tuple[FloatArray, ...]:
+    if steps is None:
         return (depth,) * 5
     step = np.searchsorted(steps.before[_Z], depth, side="right") - 1
     part = steps.parts_at(step, _Z, depth)
