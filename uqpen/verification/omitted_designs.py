@@ -24,7 +24,7 @@ from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate, run_count
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import are_omitted, batch_hashes
-from uqpen.study.study import ValidatedStudy
+from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.outside_statistics import without_groups
 
@@ -69,38 +69,53 @@ def repeated_batches(
     repeated = total = 0
     for model, variant in study.models.items():
         for design in omitted_designs(runs):
-            archived = runs[model][design]
-            size, hashes = run_count(archived), archived[BATCH_HASH].values
-            chosen = _drawn_batches(study, f"{model} {design}", hashes.size, number)
-            points = first_round(
-                study.designs[design], study.joint, Stream(study.seed, "designs", design)
-            )
-            progress.start_design(design, len(chosen) * BATCH_SIZE)
-            for first, last in _stretches(chosen):
-                start, stop = first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)
-                again = evaluate(
-                    Evaluator(variant.model, study.constraints),
-                    _part(points, start, stop).assign(variant.given),
-                    study.display_units(),
-                    map=map,
-                    progress=progress,
-                    failures=FailurePolicy(study.failures.retry),
-                )
-                for batch, own in enumerate(batch_hashes(again), first):
-                    if own != hashes[batch]:
-                        ends = f"{batch * BATCH_SIZE} to {min((batch + 1) * BATCH_SIZE, size) - 1}"
-                        name = f"{model}: {design}" if model else design
-                        found.append(f"{name}: runs {ends} are others now")
-            repeated, total = repeated + len(chosen), total + hashes.size
+            archived = runs[model][design][BATCH_HASH].values
+            chosen = _drawn_batches(study, f"{model} {design}", archived.size, number)
+            size = run_count(runs[model][design])
+            name = f"{model}: {design}" if model else design
+            again = _hashes_again(study, variant, design, size, chosen, map, progress)
+            for batch, own in again:
+                if own != archived[batch]:
+                    last = min((batch + 1) * BATCH_SIZE, size) - 1
+                    found.append(f"{name}: runs {batch * BATCH_SIZE} to {last} are others now")
+            repeated, total = repeated + len(chosen), total + archived.size
     what = f"{repeated} of {total} batches of {BATCH_SIZE} runs made again"
     if not found:
         return CheckResult("batches", CheckOutcome.EQUAL, f"{what}: equal by their hashes")
-    details = (*found[:_MOST_LISTED], *[f"and {len(found) - _MOST_LISTED} more"][: len(found) > 8])
+    details = tuple(found[:_MOST_LISTED])
+    if len(found) > _MOST_LISTED:
+        details += (f"and {len(found) - _MOST_LISTED} more",)
     if tolerance:
         outcome, details = CheckOutcome.UNCHECKED, (*details, _ELSEWHERE)
     else:
         outcome = CheckOutcome.DIFFERENT
     return CheckResult("batches", outcome, f"{what}: different", details)
+
+
+def _hashes_again(
+    study: ValidatedStudy,
+    variant: Variant,
+    design: str,
+    size: int,
+    batches: list[int],
+    map: Map,
+    progress: Progress,
+) -> Iterator[tuple[int, str]]:
+    """Make batches of a design's runs again, and yield the number and the hash of each."""
+    points = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
+    progress.start_design(design, len(batches) * BATCH_SIZE)
+    for first, last in _stretches(batches):
+        again = evaluate(
+            Evaluator(variant.model, study.constraints),
+            _part(points, first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)).assign(
+                variant.given
+            ),
+            study.display_units(),
+            map=map,
+            progress=progress,
+            failures=FailurePolicy(study.failures.retry),
+        )
+        yield from enumerate(batch_hashes(again), first)
 
 
 def _drawn_batches(study: ValidatedStudy, name: str, batches: int, number: int | None) -> list[int]:
