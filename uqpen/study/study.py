@@ -219,5 +219,5 @@ class ValidatedStudy:
 
     @property
     def family_costs(self) -> dict[str, float]:
-        """The same of the first model and of those alone that stand for it."""
+        """Cost of a run of the first model, which is 1, and of each of its stand-ins."""
         return family_costs(next(iter(self.models)), self.stand_ins)

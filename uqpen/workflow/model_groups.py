@@ -113,6 +113,7 @@ def _joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatisti
     """Return the probabilities of the events of a study, and how they change with the inputs."""
     if not study.joint_events and runs.attrs[SAMPLING] != Sampling.TOWARDS_EVENT:
         return {}
+    # Few studies have an event. A design for a rare event brings one of its own.
     from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
     from uqpen.statistics.joint_probability import joint_probabilities
 
