@@ -22,9 +22,13 @@ import uqpen
 from uqpen.archive.write import write
 from uqpen.core.errors import ClusterError
 from uqpen.core.status import Status
-from uqpen.execution import Map, attendance
+from uqpen.core.streams import BLOCK
+from uqpen.execution import Evaluator, Map, attendance
+from uqpen.execution.batch import Batch
 from uqpen.execution.cluster import Cluster, cluster
+from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
+from uqpen.models.ishigami import Ishigami
 
 pytestmark = pytest.mark.slow
 
@@ -181,6 +185,16 @@ def two(dask: Dask) -> Iterator[Cluster]:
 def test_a_cluster_writes_the_bytes_of_a_single_process(tmp_path: Path, two: Cluster) -> None:
     (tmp_path / "study.toml").write_text(BUILT_IN)
     assert archive(tmp_path, two) == archive(tmp_path, map)
+
+
+def test_large_batches_of_a_fast_model_give_no_warning(two: Cluster) -> None:
+    names = ("x1", "x2", "x3")
+    batches = [
+        Batch(number * BLOCK, {name: np.full(BLOCK, 0.5) for name in names}) for number in range(8)
+    ]
+    assert 8 * 3 * 8 * BLOCK > 10e6, "Dask warns from there"
+    made = two(EvaluatorWork(Evaluator(Ishigami())), batches)
+    assert sum(map(len, made)) == 8 * BLOCK
 
 
 def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed: Path, two: Cluster) -> None:

@@ -34,6 +34,9 @@ _PATIENCE = 15
 # Seconds between two looks at the workers, and the longest wait for a result before one.
 _BETWEEN_LOOKS, _LONGEST_WAIT = 1.0, 0.1
 
+# Dask warns of tasks that are large together; batches of a fast model are.
+_LARGE_BATCHES = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
+
 _GONE = "the Dask scheduler has gone away, or dropped the runs it was given"
 
 # Loggers of connections; the second has a level of its own.
@@ -156,10 +159,13 @@ class Cluster:
 
     def _send(self, call: TaskQueue, coming: as_completed) -> dict[Future[BatchResult], Task]:
         """Send all waiting tasks."""
+        import dask
+
         tasks = list(call.start_all())
         batches = [task.batch for task in tasks]
-        # Never pure: a batch that is made again must not get its earlier result.
-        futures = self._client.map(_run_batch, [call.pickled] * len(tasks), batches, pure=False)
+        with dask.config.set(_LARGE_BATCHES):
+            # Never pure: a batch that is made again must not get its earlier result.
+            futures = self._client.map(_run_batch, [call.pickled] * len(tasks), batches, pure=False)
         coming.update(futures)
         return dict(zip(futures, tasks, strict=True))
 
