@@ -11,17 +11,15 @@ process, however many workers there are, so that the dearer one limits a study.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from multiprocessing.connection import Connection
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 from coverage_table import Place
+from two_workers import processor_time, two_workers
 
 from uqpen.core.streams import BLOCK
 from uqpen.execution import Evaluator
@@ -78,7 +76,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
     options = parser.parse_args()
-    with _cluster() as (spread, scheduler):
+    with two_workers() as (address, scheduler), cluster(address) as spread:
         _measure(spread, scheduler)  # the first time, workers load the model
         found = [_measure(spread, scheduler) for _ in range(options.repeats)]
     text = "\n".join(_lines(found))
@@ -96,17 +94,14 @@ def _measure(spread: Cluster, scheduler: int) -> Costs:
 
 def _seconds(spread: Cluster, scheduler: int, tasks: int, runs: int) -> tuple[float, float]:
     """Processor seconds a task of this process and of the scheduler."""
-    import psutil
-
     inputs = {name: np.full(runs, 0.5) for name in ("x1", "x2", "x3")}
     batches = [Batch(number * runs, inputs) for number in range(tasks)]
-    its = psutil.Process(scheduler)
-    began, before = time.process_time(), sum(its.cpu_times()[:2])
+    began, before = time.process_time(), processor_time(scheduler)
     made = sum(map(len, spread(EvaluatorWork(Evaluator(Ishigami())), batches)))
     assert made == tasks * runs
     return (
         (time.process_time() - began) / tasks,
-        (sum(its.cpu_times()[:2]) - before) / tasks,
+        (processor_time(scheduler) - before) / tasks,
     )
 
 
@@ -164,33 +159,6 @@ def _duration(seconds: float) -> str:
         if seconds >= size:
             return f"{seconds / size:.2g} {unit}"
     return f"{seconds:.2g} s"
-
-
-@contextmanager
-def _cluster() -> Iterator[tuple[Cluster, int]]:
-    """A scheduler in a process of its own, with two workers; and its process id."""
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there,))
-    process.start()
-    try:
-        with cluster(here.recv()) as spread:
-            assert process.pid is not None
-            yield spread, process.pid
-    finally:
-        here.send("end")
-        process.join()
-
-
-def _serve(pipe: Connection) -> None:
-    """Run a scheduler until it is told to end; its workers are processes of their own."""
-    from distributed import LocalCluster
-
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    ) as local:
-        pipe.send(local.scheduler_address)
-        pipe.recv()
 
 
 if __name__ == "__main__":
