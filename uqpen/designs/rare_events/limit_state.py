@@ -24,7 +24,6 @@ __all__ = [
     "EventLimit",
     "EventOutcomes",
     "LimitState",
-    "check_event_outputs",
     "limit_state",
     "parse_limit_state",
 ]
@@ -193,12 +192,6 @@ def parse_limit_state(text: str) -> LimitState:
     is_any = _OR in text
     parts = text.split(_OR if is_any else _AND)
     return LimitState(tuple(map(_parse_limit, parts)), is_any)
-
-
-def check_event_outputs(event: str, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-    """Yield the problems between the text of a design's event and the outputs of a study."""
-    for problem in parse_limit_state(event).check_outputs(requested):
-        yield problem.within("event")
 
 
 def limit_state() -> Any:
