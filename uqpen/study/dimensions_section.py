@@ -12,8 +12,10 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ModelError, Problem, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.list_reading import as_float
 from uqpen.core.model import Dimension
-from uqpen.core.settings import Context, as_float, count, file, number, setting, text, validate
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import count, file, number, setting, text, validate
 from uqpen.core.units import DIMENSIONLESS, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
 from uqpen.study.coordinates_file import read_coordinates_file

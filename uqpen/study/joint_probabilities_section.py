@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
+from uqpen.core.list_reading import read_list
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.settings import read_list
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.threshold import AcceptanceLimits
 from uqpen.study.table_reader import TableReader

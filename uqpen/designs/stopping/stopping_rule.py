@@ -8,7 +8,8 @@ from typing import Any, NamedTuple, Protocol
 
 from uqpen.core.errors import Problem
 from uqpen.core.lookup import resolve
-from uqpen.core.settings import Context, setting
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import setting
 from uqpen.core.variables import Output
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
