@@ -121,6 +121,8 @@ def convert_quantities(owner: Any) -> Iterator[Problem]:
         except (SettingsError, QuantityError) as error:
             yield from (each.within(declared.key or field.name) for each in error.problems)
             continue
+        if value is given:  # it is no sequence, so it will not be accepted
+            continue
         written[field.name] = list(given) if is_sequence else given
         object.__setattr__(owner, field.name, value)
     if written:
