@@ -62,7 +62,7 @@ def ranked_curves(
     ):
         array = estimate_array(
             np.stack([field.matrix[median], *ends], axis=-1),
-            field.sizes,
+            field.output.sizes,
             dict(zip(INTERVAL_TEXTS, ("none", "none", texts.REGION_OF_RUNS), strict=True)),
             units=quantity.output.unit,
             long_name=f"median curve of {quantity.output.title} and range of {what}",
