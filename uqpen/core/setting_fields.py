@@ -33,7 +33,7 @@ _WRITTEN = "_written_quantities"
 
 
 class Context(NamedTuple):
-    """Unit like that of the quantities in a table, and the folder of the files that it names.
+    """Context of the values in a table: a unit of their dimension, and the folder of its files.
 
     Without `allow_offset`, the quantities are differences, in a unit without a zero of its own.
     """

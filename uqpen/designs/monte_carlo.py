@@ -120,7 +120,7 @@ class MonteCarlo(Design):
 
     @property
     def _rule(self) -> str:
-        """Key of what decides the number of runs; empty where it is fixed."""
+        """Key of the setting that decides the number of runs; empty where it is fixed."""
         return "accept" if self.accept is not None else "until" if self.until is not None else ""
 
     @property

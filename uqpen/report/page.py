@@ -130,7 +130,7 @@ def _render(
 
 
 class PageHead(NamedTuple):
-    """Title of a page, the facts below it, and what is copied from the page goes along with."""
+    """Title of a page, the facts below it, and the reference that copied texts carry."""
 
     title: str
     facts: Sequence[str]

@@ -85,7 +85,7 @@ class ArchiveView:
         return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)
 
     def series(self, source: str) -> int:
-        """Return the place of a source among colours and markers, by its kind."""
+        """Return the number of the colour and marker of a source, by its kind."""
         return self._slots[source]
 
     def look(self, source: str) -> SourceStyle:
@@ -151,19 +151,19 @@ class ArchiveView:
         return dict(self._first_runs.variables[name].attrs)
 
     def unit(self, name: str) -> str:
-        """The unit that an input or output is shown in."""
+        """Return the unit that an input or output is shown in."""
         return str(self.attributes(name).get("display_units", DIMENSIONLESS))
 
     def scale(self, name: str) -> Scale:
-        """From the unit that it is shown in to its SI unit."""
+        """Return the conversion between the shown unit of an input or output and its SI unit."""
         return scale(self.unit(name))
 
     def axis_label(self, name: str) -> str:
-        """The label of an axis of an input or output."""
+        """Return the label of an axis of an input or output."""
         return title_with_unit(str(self.attributes(name).get("long_name", name)), self.unit(name))
 
     def title(self, text: str) -> str:
-        """A panel's title, with the model where there are several."""
+        """Return a panel's title, with the model where there are several."""
         return f"{self.model}: {text}" if self.model else text
 
     def design(self, name: str) -> DesignView:

@@ -92,7 +92,7 @@ def _inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:
 
 
 def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
-    """Read names of inputs; note those that are none of a random input."""
+    """Read names of inputs; note those that do not name a random input."""
     random = _possibly_random(inputs)
     fixed = [entry.variable.name for entry in inputs.joint.fixed]
     names = table.entries("inputs")

@@ -99,7 +99,7 @@ def band_depth(field: FieldSample) -> FloatArray:
 
 
 def _enclosing_share(values: FloatArray) -> FloatArray:
-    """Return the share of the pairs of values between which each value lies, or on one of them.
+    """Return for each value the share of the pairs of values that enclose it, ends included.
 
     Values are of shape (place, run), and compared with those of the same place.
     """
