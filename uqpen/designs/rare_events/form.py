@@ -20,7 +20,7 @@ from uqpen.designs.rare_events.design_point_search import (
 )
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign
-from uqpen.designs.rare_events.replicates import Replicate, Wanted
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Form"]
@@ -71,7 +71,7 @@ class Form(RareEventDesign):
         search = search_design_points(starts, self.iterations)
         wanted, scales = next(search), None
         while True:
-            made = yield _wanted(wanted)
+            made = yield _request(wanted)
             scales = event.scales(made.outcomes) if scales is None else scales
             try:
                 wanted = search.send((made.runs, event.performance(made.outcomes, scales)))
@@ -80,7 +80,7 @@ class Form(RareEventDesign):
                 break
         converged = np.flatnonzero(found.converged)
         if self.curvature and dimension > 1 and len(converged):
-            yield _wanted(_around(found, converged[distinct_points(found.points[converged])]))
+            yield _request(_around(found, converged[distinct_points(found.points[converged])]))
 
 
 def _around(found: FoundPoints, chosen: IntArray) -> SearchPoints:
@@ -96,9 +96,9 @@ def _around(found: FoundPoints, chosen: IntArray) -> SearchPoints:
     )
 
 
-def _wanted(searched: SearchPoints) -> Wanted:
+def _request(searched: SearchPoints) -> RequestedPoints:
     """Return points of the search with what the analysis needs."""
-    return Wanted(
+    return RequestedPoints(
         searched.points,
         {
             SEARCH_START: searched.start,

@@ -25,7 +25,7 @@ from uqpen.designs.rare_events.gaussian_mixture import GaussianMixture, log_norm
 from uqpen.designs.rare_events.importance_stages import ImportanceStages
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign
-from uqpen.designs.rare_events.replicates import Made, Replicate, Wanted
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints, RunOutcomes
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["ImportanceSampling"]
@@ -89,7 +89,7 @@ class ImportanceSampling(RareEventDesign):
         mixture = stages.first(number)
         for stage in range(1, _STAGES + 1):
             points = mixture.draw(stream.generator("stage", stage))
-            made = yield _wanted(points, stage, mixture)
+            made = yield _request(points, stage, mixture)
             stages.add(mixture, points, made.outcomes)
             spent += number
             if stages.are_enough:
@@ -97,18 +97,18 @@ class ImportanceSampling(RareEventDesign):
             mixture = stages.following(number)
         mixture = stages.following(self.samples - spent)
         points = mixture.draw(stream.generator("last stage"))
-        yield _wanted(points, stage + 1, mixture)
+        yield _request(points, stage + 1, mixture)
 
     def _search(
         self, event: LimitState, stream: Stream, dimension: int
-    ) -> Generator[Wanted, Made, tuple[FloatArray, int]]:
+    ) -> Generator[RequestedPoints, RunOutcomes, tuple[FloatArray, int]]:
         """Yield the points of the search; return where it ended near the event, and its runs."""
         most = int(_SEARCH_SHARE * self.samples)
         starts = starting_points(_STARTS, dimension, stream.generator("starts"))
         search = search_design_points(starts, _ITERATIONS)
         wanted, scales, spent = next(search), None, 0
         while spent + len(wanted.points) <= most:
-            made = yield _wanted(wanted.points, 0, None)
+            made = yield _request(wanted.points, 0, None)
             spent += len(wanted.points)
             scales = event.scales(made.outcomes) if scales is None else scales
             try:
@@ -121,7 +121,7 @@ class ImportanceSampling(RareEventDesign):
         return np.empty((0, dimension)), spent
 
 
-def _wanted(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> Wanted:
+def _request(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> RequestedPoints:
     """Return points with their stage, the component that drew them, and the ratio of densities.
 
     The points of a search are no draws: their component is -1, and they have no ratio.
@@ -132,7 +132,7 @@ def _wanted(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> 
     else:
         component = mixture.component
         ratio = np.exp(log_normal_density(points) - mixture.log_density(points))
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             SAMPLING_STAGE: np.full(size, stage),

@@ -39,7 +39,7 @@ _OR, _AND = " or ", " and "
 
 
 class EventOutcomes(NamedTuple):
-    """EventOutcomes of runs.
+    """Outcomes of an event in runs.
 
     Parameters
     ----------

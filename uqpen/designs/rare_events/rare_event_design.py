@@ -35,7 +35,7 @@ class RareEventDesign(Design):
 
     @abstractmethod
     def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
-        """Yield the points of a replicate, which is sent what became of them.
+        """Yield the points of a replicate; it is sent the outcomes of their runs.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
 from uqpen.designs.rare_events.conditional_sampling import ConditionalSampling
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign
-from uqpen.designs.rare_events.replicates import Replicate, Wanted
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["SubsetSimulation"]
@@ -71,7 +71,7 @@ class SubsetSimulation(RareEventDesign):
         dimension = len(joint.random)
         points = stream.generator("level", 0).standard_normal((self.samples, dimension))
         threshold = -math.inf
-        made = yield _wanted(points, 0, np.full(self.samples, -1), threshold)
+        made = yield _request(points, 0, np.full(self.samples, -1), threshold)
         scales = event.scales(made.outcomes)
         drawn = ChainStates.of(made.runs, made.outcomes, event, scales)
         states, points = drawn.at(made.outcomes.belongs), points[made.outcomes.belongs]
@@ -90,7 +90,7 @@ class SubsetSimulation(RareEventDesign):
             visited, places = [chain], [at]
             for _ in range(STEPS):
                 candidates = sampling.candidates(at, rng)
-                made = yield _wanted(candidates, level, chain.runs, threshold)
+                made = yield _request(candidates, level, chain.runs, threshold)
                 new = ChainStates.of(made.runs, made.outcomes, event, scales)
                 accepted = new.at_or_above(threshold)
                 chain = chain.moved(new, threshold)
@@ -105,10 +105,12 @@ class SubsetSimulation(RareEventDesign):
         return self.samples // (STEPS + 1)
 
 
-def _wanted(points: FloatArray, level: int, parents: IntArray, threshold: float) -> Wanted:
+def _request(
+    points: FloatArray, level: int, parents: IntArray, threshold: float
+) -> RequestedPoints:
     """Return points with what the analysis needs: level, threshold, and the state moved from."""
     size = len(points)
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             SUBSET_LEVEL: np.full(size, level),

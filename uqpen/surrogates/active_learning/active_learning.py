@@ -22,7 +22,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.rare_events.gaussian_mixture import inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign
-from uqpen.designs.rare_events.replicates import Replicate, Wanted
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.active_learning.correction import CorrectionPoints, draw_correction
 from uqpen.surrogates.active_learning.learning_points import (
@@ -161,10 +161,10 @@ def _joined(one: EventOutcomes, other: EventOutcomes) -> EventOutcomes:
     )
 
 
-def _to_learn(points: FloatArray) -> Wanted:
+def _to_learn(points: FloatArray) -> RequestedPoints:
     """Return points of runs that no estimate is made from: their weight is 0."""
     unknown = np.full(len(points), np.nan)
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             CORRECTION_WEIGHT: np.zeros(len(points)),
@@ -177,9 +177,9 @@ def _to_learn(points: FloatArray) -> Wanted:
     )
 
 
-def _to_correct(runs: CorrectionPoints) -> Wanted:
+def _to_correct(runs: CorrectionPoints) -> RequestedPoints:
     size = len(runs.points)
-    return Wanted(
+    return RequestedPoints(
         runs.points,
         {
             CORRECTION_WEIGHT: runs.weights,
