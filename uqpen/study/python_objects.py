@@ -35,7 +35,7 @@ from uqpen.study.derived_section import is_derived
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES

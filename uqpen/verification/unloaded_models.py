@@ -17,7 +17,7 @@ from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.document import inner_table
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import is_reference
 
 __all__ = ["archived_dimensions", "unloaded_models"]

@@ -14,13 +14,12 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import STATUS
 from uqpen.core.list_reading import read_list
-from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.setting_fields import Context
 from uqpen.core.settings import setting
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems
 
 __all__ = [
     "EventLimit",
@@ -161,21 +160,8 @@ class LimitState:
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         """Yield the problems between the event and the outputs of a study."""
-        known = {
-            each.output.name: each.output
-            for each in requested
-            if each.output.is_number and not each.output.dims
-        }
         for limit in self.limits:
-            if limit.output not in known:
-                expected = f"an output that is a number; {choices(limit.output, known)}"
-                yield Problem((), toml_text(limit.output), expected)
-                continue
-            output = known[limit.output]
-            try:
-                parse_quantity(limit.value, output.unit, allow_offset=not output.is_difference)
-            except QuantityError as error:
-                yield Problem((), error.found, error.expected)
+            yield from output_value_problems(limit.output, limit.value, requested)
 
     def __str__(self) -> str:
         return (_OR if self.is_any else _AND).join(map(str, self.limits))
