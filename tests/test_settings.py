@@ -11,6 +11,7 @@ import pytest
 from uqpen.core.errors import SettingsError
 from uqpen.core.limits import Limits
 from uqpen.core.model import Output
+from uqpen.distributions.discrete import Discrete
 from uqpen.models.command.column_readings import CsvReader
 from uqpen.models.command.model import FolderPolicy
 from uqpen.models.command.readings import JsonReader, NetcdfReader
@@ -36,6 +37,8 @@ Y = Output("y", "m")
         # TOML has whole numbers that no float can hold.
         (lambda: QuantityOfInterest(Y, "m", quantiles=(10**400,)), "quantiles", "between 0 and 1"),
         (lambda: PublishedEstimates(Y, response={"a": math.inf}), "response", "a table"),
+        (lambda: Discrete(5), "values", "a list of quantities"),  # type: ignore[arg-type]
+        (lambda: Discrete((1.0, 2.0), 3), "weights", "a list of numbers"),  # type: ignore[arg-type]
         (lambda: Publication(""), "source", "where the figures stand"),
     ],
 )

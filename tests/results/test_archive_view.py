@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 import uqpen
-from uqpen.results import archive_view
+from uqpen.results import archive_view, design_view
 from uqpen.results.archive_view import ArchiveView
 from uqpen.study.study import ValidatedStudy
 
@@ -37,9 +37,9 @@ def test_a_view_takes_the_shown_runs_once(
     study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     view = ArchiveView(uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1))), "")
-    taken = Mock(wraps=archive_view.input_sample)
-    monkeypatch.setattr(archive_view, "input_sample", taken)
+    taken = Mock(wraps=design_view.input_sample)
+    monkeypatch.setattr(design_view, "input_sample", taken)
     for _ in range(3):
-        assert view.completed_values("mc", "y").size == 20
+        assert view.design("mc").completed_values("y").size == 20
     assert taken.call_count == 1
     assert view.input_titles == {"a": "a", "b": "b"}

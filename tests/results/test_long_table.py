@@ -13,7 +13,7 @@ import uqpen
 from uqpen.archive.estimates import estimate_array, pack
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.json import archive_json
-from uqpen.results.long_table import long_table
+from uqpen.results.long_table import long_table, statistics_rows
 from uqpen.results.source_statistics import SourceStatistics
 
 STUDY = """
@@ -129,7 +129,7 @@ def test_distribution_functions_are_listed_on_demand(
 
 
 def test_one_model_has_a_table_of_its_own(tree: xr.DataTree, table: pd.DataFrame) -> None:
-    own = SourceStatistics(tree["models/two"]).to_frame("two")
+    own = rows_frame(statistics_rows(SourceStatistics(tree["models/two"]), "two"))
     listed = _rows(table, model="two").reset_index(drop=True)
     pd.testing.assert_frame_equal(own, listed[own.columns.tolist()])
 
@@ -140,7 +140,7 @@ def test_a_statistic_that_an_archive_lacks_is_absent(tree: xr.DataTree) -> None:
     node.dataset = node.to_dataset().drop_vars("quantile")
     statistics = SourceStatistics(pruned)
     assert statistics.get("plain", "y", "quantile") is None
-    assert "quantile" not in set(statistics.to_frame()["statistic"])
+    assert "quantile" not in set(rows_frame(statistics_rows(statistics))["statistic"])
 
 
 def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
@@ -157,7 +157,7 @@ def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
     extended["statistics/plain/y"] = xr.DataTree(pack({"central_range": ranges}))
     statistics = SourceStatistics(extended)
     assert list(statistics.statistics("plain", "y"))[-1] == "central_range"
-    found = _rows(statistics.to_frame(), statistic="central_range")
+    found = _rows(rows_frame(statistics_rows(statistics)), statistic="central_range")
     assert found["share"].tolist() == [0.5, 0.9]
     assert found["coordinates"].tolist() == ["share=0.5", "share=0.9"]
     assert found["estimate"].tolist() == [2.0, 4.0]
@@ -166,7 +166,7 @@ def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
 
 
 def test_an_archive_without_estimates_has_an_empty_table() -> None:
-    found = SourceStatistics(xr.DataTree()).to_frame()
+    found = rows_frame(statistics_rows(SourceStatistics(xr.DataTree())))
     assert len(found) == 0
     assert {"estimate", "statistic"} <= set(found.columns)
 

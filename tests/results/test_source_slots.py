@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.report.benchmark.plotted_methods import plotted_methods
 from uqpen.report.marks import DASHES, MARKERS
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.benchmark_methods import benchmark_methods
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_style import STYLES, source_style
 
@@ -67,5 +67,5 @@ def test_study_page_and_comparison_page_agree(archives: dict[str, xr.DataTree]) 
     )
     attributes = {"study_text": view.archive.attrs["study_text"]}
     comparison = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), "/methods": methods})
-    for method in plotted_methods(comparison, "single"):
+    for method in benchmark_methods(comparison, "single"):
         assert method.series == view.series(method.source)

@@ -26,7 +26,7 @@ _DAMAGE = (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError)
 
 
 class _Entry(NamedTuple):
-    """Place in the record of what is said of a block, and the number of its runs."""
+    """Offset of the entry of a block in the record, and the number of its runs."""
 
     offset: int
     runs: int

@@ -161,7 +161,7 @@ class RoundCheckpoint(Checkpoint):
         return runs > self._store.runs_in_memory and not self._round
 
     def _keep(self, store: BlockStore, block: xr.Dataset) -> None:
-        """Keep a whole block in the file of them, and none of its parts any more."""
+        """Move a whole block to the file of blocks, and remove its parts."""
         start, stop = int(block[RUN].values[0]), int(block[RUN].values[-1]) + 1
         parts = {file for file, first, end in self._stored if start <= first and end <= stop}
         parts |= self._written.pop(start // BLOCK, set())

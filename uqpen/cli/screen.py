@@ -102,7 +102,7 @@ class _Lines(NamedTuple):
 
 
 def _note_lines(console: Console, notes: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield notes behind their numbers, under which no line begins."""
+    """Yield numbered notes, their further lines indented below the text."""
     for number, note in enumerate(notes, start=1):
         head, text = f" {number} ", Text(screen_text(note))
         width = min(console.width - len(head), max(map(cell_len, str(text).split("\n"))))

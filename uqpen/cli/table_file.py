@@ -16,7 +16,7 @@ __all__ = ["table_format", "write_table"]
 
 
 def table_format(file: Path | None, kind: str | None = None) -> str:
-    """Return the format of a table: the one that is named, or that of a file's ending; else CSV."""
+    """Return the named format of a table, or else that of the file's ending, or else CSV."""
     from uqpen.results.export import FORMATS
 
     ending = file.suffix.removeprefix(".").lower() if file else ""

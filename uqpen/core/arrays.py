@@ -88,7 +88,7 @@ def evenly_spread(size: int, most: int) -> IntArray:
 
 
 def rows_by_weight(weights: FloatArray, probability: FloatArray) -> IntArray:
-    """Return the rows at probabilities, each row over a stretch as long as its weight.
+    """Return the rows at probabilities, each row over an interval as long as its weight.
 
     Parameters
     ----------

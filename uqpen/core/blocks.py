@@ -115,7 +115,7 @@ class LoadedDataset(BlockedRuns):
 
     @classmethod
     def of(cls, runs: xr.Dataset | BlockedRuns) -> BlockedRuns:
-        """Return a handle to runs; one that is a handle already as it is."""
+        """Return a handle to runs, and a handle itself unchanged."""
         return cls(runs) if isinstance(runs, xr.Dataset) else runs
 
     @property

@@ -51,7 +51,7 @@ class Reduction(ABC):
         """Return a name of the number for display, such as ``largest infected along time``."""
 
     def absence(self, field: Output) -> str:
-        """Return what is true of the runs without a number; empty where every run has one."""
+        """Return the condition of runs without a number, in words; empty where each run has one."""
         return ""
 
     @abstractmethod

@@ -61,7 +61,7 @@ def _is_time(value: Any) -> bool:
 
 
 def _read_size(written: object, context: object) -> int:
-    """Convert a size such as ``"2 GB"`` to bytes; what is none becomes 0, which is refused."""
+    """Convert a size such as ``"2 GB"`` to bytes; return 0, which is refused, for another text."""
     match = _SIZE.match(written) if isinstance(written, str) else None
     size = float(match[1]) * _PREFIXES[match[2]] if match else 0.0
     return int(min(size, 2 * _MOST))  # many digits make it infinite

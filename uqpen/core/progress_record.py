@@ -100,7 +100,7 @@ class ProgressRecord(Progress):
         self.state = replace(self.state, runs=sum(runs.values()))
 
     def start_design(self, name: str, runs: int) -> None:
-        """Record the design, and by how much the ones before it had other numbers of runs."""
+        """Record the design, and correct the total by the runs of the designs before it."""
         names = list(self._expected)
         is_announced = name in self._expected
         number = names.index(name) + 1 if is_announced else 0
@@ -124,7 +124,7 @@ class ProgressRecord(Progress):
         self._count_before(runs)
 
     def count_reused(self, runs: int, place: str) -> None:
-        """Count runs that are taken from elsewhere; they say nothing of the rate either."""
+        """Count runs that are taken from elsewhere; they do not enter the rate of runs."""
         self._count_before(runs)
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:

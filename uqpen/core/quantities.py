@@ -138,7 +138,7 @@ def _split(text: str, like: str) -> tuple[float, str]:
 
 
 def _ungroup(text: str) -> tuple[str, str]:
-    """Split the text of a spread into what is in its brackets, if it has them, and the unit."""
+    """Split the text of a spread into the content of its brackets, if any, and the unit."""
     inner, bracket, unit = text.strip().rpartition(")")
     return (inner[1:], unit.strip()) if bracket and inner.startswith("(") else (text, "")
 

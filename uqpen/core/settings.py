@@ -9,24 +9,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 from uqpen.core.arrays import is_finite_number
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
-from uqpen.core.quantities import parse_any_dimension, parse_quantity
+from uqpen.core.list_reading import as_float, read_each, read_list
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.setting_fields import (
+    NUMBERS,
+    QUANTITY_LIST,
+    SETTING,
+    Context,
+    Setting,
+    convert_quantities,
+    declared_settings,
+)
 from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
-    "Context",
-    "Setting",
-    "as_float",
     "choice",
     "choices",
     "count",
-    "declared_settings",
     "difference",
     "file",
     "flag",
@@ -38,74 +44,14 @@ __all__ = [
     "quantities",
     "quantity",
     "quantity_list",
-    "read_each",
-    "read_list",
     "setting",
     "share",
     "text",
     "validate",
-    "written_settings",
 ]
-
-T = TypeVar("T")
-
-_KEY = "uqpen.setting"
-
-# Kinds of settings whose values are tuples; the Python constructor takes any sequence.
-_QUANTITY_LIST, _NUMBERS = "list of quantities", "list of numbers"
-
-# Attribute with the texts of the quantities that an instance was made from.
-_WRITTEN = "_written_quantities"
 
 # More runs than this fit no machine's memory.
 _MOST = 100_000_000
-
-
-class Context(NamedTuple):
-    """Unit like that of the quantities in a table, and the folder of the files that it names.
-
-    Without `allow_offset`, the quantities are differences, in a unit without a zero of its own.
-    """
-
-    like: str = ""
-    folder: Path = Path()
-    allow_offset: bool = True
-
-
-@dataclasses.dataclass(frozen=True)
-class Setting:
-    """Accepted values of a field, and how a study file gives them.
-
-    Parameters
-    ----------
-    kind : str
-        The kind of its values, such as ``"quantity"``.
-    expected : str
-        The accepted values in words, for a message.
-    accepts : callable
-        Whether a value is accepted.
-    read : callable
-        Converts a value of a study file in its `Context`; raises a SettingsError or a
-        QuantityError where `expected` does not say enough.
-    key : str
-        The key in a study file, if it is not the name of the field.
-    """
-
-    kind: str
-    expected: str
-    accepts: Callable[[Any], bool]
-    read: Callable[[Any, Context], Any]
-    key: str = ""
-
-    @property
-    def has_dimension(self) -> bool:
-        """True if its values have the dimension of their context."""
-        return self.kind in ("quantity", "difference")
-
-    @property
-    def is_quantity(self) -> bool:
-        """True if its values are quantities, which text can give."""
-        return self.kind.startswith(("quantity", "difference", "share"))
 
 
 def setting(
@@ -122,7 +68,7 @@ def setting(
     The functions below declare the usual kinds; `options` are `default` and `key`.
     """
     optional = (lambda value: value is None or accepts(value)) if default is None else accepts
-    metadata = {_KEY: Setting(kind, expected, optional, read, key)}
+    metadata = {SETTING: Setting(kind, expected, optional, read, key)}
     if isinstance(default, dict):
         return dataclasses.field(default_factory=dict, hash=False, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -246,7 +192,7 @@ def quantity_list(**options: Any) -> Any:
     def read(written: Any, context: Context) -> Any:
         return tuple(read_list(written, lambda each: parse_quantity(each, context.like).value))
 
-    return setting(_QUANTITY_LIST, "a list of quantities", _are_within, read, **options)
+    return setting(QUANTITY_LIST, "a list of quantities", _are_within, read, **options)
 
 
 def numbers(*, minimum: float = -math.inf, **options: Any) -> Any:
@@ -257,7 +203,7 @@ def numbers(*, minimum: float = -math.inf, **options: Any) -> Any:
         return tuple(map(as_float, written)) if isinstance(written, list) else written
 
     expected = "a list of numbers" + f", {minimum:g} or more" * (minimum > -math.inf)
-    return setting(_NUMBERS, expected, accepts, read, **options)
+    return setting(NUMBERS, expected, accepts, read, **options)
 
 
 def flag(**options: Any) -> Any:
@@ -288,43 +234,6 @@ def file(**options: Any) -> Any:
     return setting("file", "the path of a file", accepts, read, **options)
 
 
-def read_list(written: Any, read_one: Callable[[Any], T]) -> list[T]:
-    """Read each entry of a list in a study file; see `read_each`."""
-    if not isinstance(written, list):
-        raise QuantityError(toml_text(written), "a list in square brackets")
-    return read_each(written, read_one)
-
-
-def read_each(written: list[Any] | dict[str, Any], read_one: Callable[[Any], T]) -> list[T]:
-    """Read each value of a list or a table; raise one SettingsError for all that are wrong."""
-    found, problems = [], []
-    for place, value in written.items() if isinstance(written, dict) else enumerate(written):
-        try:
-            found.append(read_one(value))
-        except (SettingsError, QuantityError) as error:
-            problems += [problem.within(place) for problem in error.problems]
-    if problems:
-        raise SettingsError(problems)
-    return found
-
-
-def as_float(written: Any) -> Any:
-    """Convert an integer to a float; one too large becomes infinite, which nothing accepts."""
-    if not isinstance(written, int) or isinstance(written, bool):
-        return written
-    return float(written) if abs(written) < 1e300 else math.inf
-
-
-def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
-    """Yield the fields of a dataclass that are settings, each with its `Setting`.
-
-    A class that is no dataclass has none.
-    """
-    for field in getattr(owner, "__dataclass_fields__", {}).values():
-        if _KEY in field.metadata:
-            yield field, field.metadata[_KEY]
-
-
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     """Check the settings of an instance; raise an error if one is out of range.
 
@@ -342,7 +251,7 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     SettingsError
         Naming every setting that is wrong.
     """
-    problems = list(_convert_quantities(owner))
+    problems = list(convert_quantities(owner))
     if problems:
         raise SettingsError(problems)
     problems = [
@@ -353,70 +262,6 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     problems = problems or list(further)
     if problems:
         raise SettingsError(problems)
-
-
-def written_settings(owner: Any) -> dict[str, Any]:
-    """Return the settings of an instance as a study file states them, without the defaults.
-
-    Returns
-    -------
-    dict
-        By key; quantities as they were written.
-    """
-    found = {}
-    written = getattr(owner, _WRITTEN, {})
-    for field, declared in declared_settings(owner):
-        value, default = getattr(owner, field.name), field.default
-        if callable(field.default_factory):
-            default = field.default_factory()
-        if value != default:
-            found[declared.key or field.name] = written.get(field.name, value)
-    return found
-
-
-def _convert_quantities(owner: Any) -> Iterator[Problem]:
-    """Convert the quantities given as text to SI units; yield a problem for each unreadable one."""
-    written: dict[str, Any] = {}
-    for field, declared in declared_settings(owner):
-        text = getattr(owner, field.name)
-        if declared.kind in (_QUANTITY_LIST, _NUMBERS):
-            try:
-                values = _convert_each(text, declared)
-            except SettingsError as error:
-                yield from (each.within(declared.key or field.name) for each in error.problems)
-                continue
-            written[field.name] = list(text)
-            object.__setattr__(owner, field.name, values)
-        elif isinstance(text, str) and declared.is_quantity:
-            try:
-                value = _convert(text, declared)
-            except QuantityError as error:
-                yield Problem((declared.key or field.name,), error.found, error.expected)
-                continue
-            written[field.name] = text
-            object.__setattr__(owner, field.name, value)
-    if written:
-        object.__setattr__(owner, _WRITTEN, written)
-
-
-def _convert_each(sequence: Any, declared: Setting) -> Any:
-    """Convert a sequence to a tuple of floats, quantities given as text to SI units."""
-    # A mapping would lose its values, and a set has no order.
-    if isinstance(sequence, str | Mapping | Set) or not isinstance(sequence, Iterable):
-        return sequence
-
-    def convert(value: Any) -> Any:
-        if isinstance(value, str) and declared.kind == _QUANTITY_LIST:
-            return parse_any_dimension(value).value
-        return value.item() if hasattr(value, "item") else value
-
-    return tuple(map(as_float, read_each(list(sequence), convert)))
-
-
-def _convert(text: str, declared: Setting) -> float:
-    if declared.has_dimension:  # of a context that is not known here
-        return parse_any_dimension(text, difference=declared.kind == "difference").value
-    return float(declared.read(text, Context()))
 
 
 def _table(

@@ -245,6 +245,11 @@ class Output(Variable):
         return tuple(len(dimension.values) for dimension in self.dims)
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Size of each dimension by name."""
+        return {dimension.name: len(dimension.values) for dimension in self.dims}
+
+    @property
     def place_weights(self) -> FloatArray:
         """Weight of each place in a mean over a field, flattened; their sum is 1."""
         along = [dimension.weights for dimension in self.dims]

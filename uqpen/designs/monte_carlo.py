@@ -14,7 +14,8 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, toml_text
 from uqpen.core.limits import MOST_RUNS
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import Context, count, setting
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import count, setting
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
@@ -119,7 +120,7 @@ class MonteCarlo(Design):
 
     @property
     def _rule(self) -> str:
-        """Key of what decides the number of runs; empty where it is fixed."""
+        """Key of the setting that decides the number of runs; empty where it is fixed."""
         return "accept" if self.accept is not None else "until" if self.until is not None else ""
 
     @property

@@ -195,7 +195,7 @@ class _PointsCheck:
 
 
 def _fault(points: object, joint: JointDistribution) -> str:
-    """Return why what a design yields is no points; empty where it is."""
+    """Return why a yielded object is not a set of points; empty where it is one."""
     if not isinstance(points, xr.Dataset):
         return f"it yields an object of class {type(points).__name__}, not a dataset"
     names = [each.variable.name for each in joint.inputs if isinstance(each, RandomInput)]

@@ -112,7 +112,7 @@ def node_counts(rule: str, distribution: Distribution, orders: Sequence[int]) ->
 
 
 def rule_recurrence(rule: str, distribution: Distribution, order: int) -> Recurrence:
-    """Return the recurrence of a distribution up to where its rule of an order needs it."""
+    """Return the recurrence of a distribution with the coefficients that a rule needs."""
     (nodes,) = node_counts(rule, distribution, [order])
     return recurrence(distribution, max(order, (nodes - 1) // 2))
 

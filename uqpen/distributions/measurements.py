@@ -15,7 +15,8 @@ from uqpen.core.errors import Problem, TableError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input
-from uqpen.core.settings import declared_settings, file
+from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import file
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions.distribution import Distribution
 

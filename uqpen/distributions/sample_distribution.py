@@ -21,7 +21,7 @@ class SampleDistribution(InputGroup):
     """Weighted rows of values as the joint distribution of several inputs.
 
     A draw is a row, so it keeps the dependence of the columns. The first coordinate of the unit
-    cube selects the row, each over a stretch as long as its weight. So stratified points take the
+    cube selects the row, each over an interval as long as its weight. So stratified points take the
     rows evenly, as systematic resampling does; the other coordinates have no effect.
 
     Parameters

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
 from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.benchmark_structure import find_benchmark_faults
-from uqpen.archive.requirements import find_level_faults
-from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
+from uqpen.core.errors import FigureError, UnknownNameError
 from uqpen.core.lookup import choices, resolve
 from uqpen.figures import BENCHMARK_FIGURES
 from uqpen.figures.panel import Panel
 from uqpen.results.benchmark_entries import entries
+from uqpen.results.benchmark_methods import check_benchmark
 
 __all__ = ["available_benchmark_figures", "benchmark_panels"]
 
 
 def available_benchmark_figures(tree: xr.DataTree) -> dict[str, str]:
     """Return the figures that an archive has data for, each with its description."""
-    _check(tree)
+    check_benchmark(tree)
     functions = {name: resolve(reference) for name, reference in BENCHMARK_FIGURES.items()}
     return {name: _title(each) for name, each in functions.items() if next(each(tree), None)}
 
@@ -34,7 +32,7 @@ def benchmark_panels(
     Parameters and errors are those of `uqpen.figures.page.figure`. All methods are shown, so there
     is no source or model to select.
     """
-    _check(tree)
+    check_benchmark(tree)
     if name not in BENCHMARK_FIGURES:
         known = choices(str(name), BENCHMARK_FIGURES)
         raise UnknownNameError(f'no figure "{name}" of a benchmark of methods; {known}')
@@ -49,11 +47,6 @@ def benchmark_panels(
     if not found:
         raise FigureError(f'the archive has nothing for the figure "{name}"')
     return found
-
-
-def _check(tree: xr.DataTree) -> None:
-    if fault := next(chain(find_benchmark_faults(tree), find_level_faults(tree)), None):
-        raise ArchiveError(f"the archive is damaged: {fault}")
 
 
 def _title(function: Callable[..., Any]) -> str:

@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import BUDGET, INTERVAL_LEVEL, METHODS, SINGLE
+from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
 from uqpen.figures.estimate_dots import HOLLOW, error_bar_lengths
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
+from uqpen.results.benchmark_methods import (
+    ArchivedMethod,
+    benchmark_budgets,
+    benchmark_methods,
+)
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.source_style import GREY, SourceStyle, source_style
+from uqpen.results.source_style import GREY, source_style
 
 __all__ = ["coverage_panels", "error_panels"]
 
@@ -34,26 +38,20 @@ _SHORT = 60.0
 _LEVEL = 0.95
 
 
-class _Method(NamedTuple):
-    """A method: its place along the dimension of the methods, its name, and its style."""
-
-    position: int
-    source: str
-    look: SourceStyle
-
-
 def error_panels(tree: xr.DataTree) -> Iterator[Panel]:
     """Error of each method against runs, with intervals."""
-    methods = _methods(tree)
+    methods = benchmark_methods(tree, SINGLE)
     for entry in entries(tree):
-        if any(np.isfinite(_errors(entry, method)[:, 0]).any() for method in methods):
+        if any(
+            np.isfinite(entry.percent_errors(method.position)[:, 0]).any() for method in methods
+        ):
             draw = partial(_draw_errors, entry, methods)
             yield Panel(f"{entry.output}: {entry.label}", draw, group=entry.output)
 
 
 def coverage_panels(tree: xr.DataTree) -> Iterator[Panel]:
     """Coverage of the methods' own intervals."""
-    methods = _methods(tree)
+    methods = benchmark_methods(tree, SINGLE)
     by_output: dict[str, list[BenchmarkEntry]] = {}
     for entry in entries(tree):
         if any(np.isfinite(_shares(entry, method)).any() for method in methods):
@@ -65,60 +63,39 @@ def coverage_panels(tree: xr.DataTree) -> Iterator[Panel]:
         yield Panel(f"{output}: coverage of intervals", draw, height, rows, output)
 
 
-def _methods(tree: xr.DataTree) -> list[_Method]:
-    """Return the methods that take part with single sets of points, in the archive's order."""
-    group = read_group(tree, METHODS)
-    sources = [str(source) for source in group["source"].values]
-    looks = list(dict.fromkeys(sources))
-    return [
-        _Method(position, source, source_style(looks.index(source)))
-        for position, (source, contests) in enumerate(
-            zip(sources, group["contests"].values, strict=True)
-        )
-        if SINGLE in str(contests).split()
-    ]
-
-
-def _budgets(tree: xr.DataTree) -> FloatArray:
-    return np.asarray(read_group(tree, METHODS)[BUDGET].values, dtype=np.float64)
-
-
-def _errors(entry: BenchmarkEntry, method: _Method) -> FloatArray:
-    """Errors in per cent along budget and bound; NaN for 0, which a logarithmic axis lacks."""
-    found: FloatArray = 100 * entry.variable("error").values[method.position].astype(np.float64)
-    return np.where(np.isfinite(found) & (found > 0), found, np.nan)
-
-
-def _shares(entry: BenchmarkEntry, method: _Method) -> FloatArray:
+def _shares(entry: BenchmarkEntry, method: ArchivedMethod) -> FloatArray:
     """Coverage in per cent along budget; NaN without intervals."""
     return 100 * np.asarray(entry.variable("coverage").values[method.position], dtype=np.float64)
 
 
-def _draw_errors(entry: BenchmarkEntry, methods: Sequence[_Method], axes: Axes) -> Iterator[str]:
-    budgets = _budgets(entry.tree)
+def _draw_errors(
+    entry: BenchmarkEntry, methods: Sequence[ArchivedMethod], axes: Axes
+) -> Iterator[str]:
+    budgets = np.array(benchmark_budgets(entry.tree), dtype=np.float64)
     notes: dict[str, None] = {"bars: 95 % intervals of the error over the repeats": None}
     for place, method in enumerate(methods):
         at = budgets * _APART ** (place - (len(methods) - 1) / 2)
-        bounds = _errors(entry, method)
-        axes.plot(
-            at, bounds[:, 0], color=method.look.colour, linestyle=method.look.line, linewidth=1
-        )
+        style = source_style(method.series)
+        bounds = entry.percent_errors(method.position)
+        axes.plot(at, bounds[:, 0], color=style.colour, linestyle=style.line, linewidth=1)
         for number, row in enumerate(bounds):
             bar = error_bar_lengths(row)
             axes.errorbar(
                 at[number : number + 1],
                 row[:1],
                 yerr=bar,
-                fmt=method.look.marker,
-                color=method.look.colour,
-                markerfacecolor="white" if bar is None else method.look.colour,
+                fmt=style.marker,
+                color=style.colour,
+                markerfacecolor="white" if bar is None else style.colour,
                 elinewidth=1.2,
                 capsize=2,
                 label=method.source if not number else None,
             )
             if bar is None and math.isfinite(row[0]):
                 notes[HOLLOW] = None
-    _draw_guide(axes, budgets, np.array([_errors(entry, each)[:, 0] for each in methods]))
+    _draw_guide(
+        axes, budgets, np.array([entry.percent_errors(each.position)[:, 0] for each in methods])
+    )
     axes.set(xscale="log", yscale="log", xlabel="runs", ylabel="error [%]")
     _set_ticks(axes, budgets)
     yield from notes
@@ -150,7 +127,10 @@ def _draw_guide(axes: Axes, budgets: FloatArray, errors: FloatArray) -> None:
 
 
 def _draw_coverage(
-    tree: xr.DataTree, found: Sequence[BenchmarkEntry], methods: Sequence[_Method], axes: Axes
+    tree: xr.DataTree,
+    found: Sequence[BenchmarkEntry],
+    methods: Sequence[ArchivedMethod],
+    axes: Axes,
 ) -> Iterator[str]:
     repeats = int(read_group(tree, METHODS).attrs["repeats"])
     level = float(found[0].reference.attrs.get(INTERVAL_LEVEL, _LEVEL))
@@ -163,11 +143,12 @@ def _draw_coverage(
         shares = np.array([_shares(entry, method) for entry in found])
         rows, columns = np.nonzero(np.isfinite(shares))
         lowest = min([lowest, *shares[rows, columns].tolist()])
+        style = source_style(method.series)
         axes.plot(
             shares[rows, columns],
             rows + shift,
-            method.look.marker,
-            color=method.look.colour,
+            style.marker,
+            color=style.colour,
             markersize=4,
             label=method.source if rows.size else None,
         )

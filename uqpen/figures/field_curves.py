@@ -92,9 +92,9 @@ def _draw_fan(found: CurveEstimates, axes: Axes) -> Iterator[str]:
 def _draw_runs(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     """Draw some completed runs of the design; nothing of a surrogate."""
     view = found.view
-    if found.source not in view.designs or not view.has_shown_runs(found.source):
+    if found.source not in view.designs or not view.design(found.source).has_shown_runs:
         return
-    runs = view.shown_runs(found.source)
+    runs = view.design(found.source).shown_runs
     completed = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})
     some = thin_runs(completed, _RUNS)
     values = view.scale(found.output).from_si(some[found.output].values)

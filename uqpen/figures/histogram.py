@@ -36,14 +36,14 @@ _OTHER_DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (1, 3)), (0, (8, 2)))
 
 def histogram(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design, with mean and quantiles."""
-    design = next((name for name in view.sample_designs if view.has_shown_runs(name)), None)
+    design = next((name for name in view.sample_designs if view.design(name).has_shown_runs), None)
     if design is None:
         return
     for output in view.numeric_outputs:
-        values = view.scale(output).from_si(view.shown_runs(design)[output].values)
+        values = view.scale(output).from_si(view.design(design).shown_runs[output].values)
         finite = values[np.isfinite(values)]
         counted = f"{grouped_number(finite.size)} run{'s' * (finite.size > 1)}"
-        title = view.title(f"{output}: {counted} of {view.part(design)}{design}")
+        title = view.title(f"{output}: {counted} of {view.design(design).shown_prefix}{design}")
         if finite.size:
             yield Panel(title, partial(_draw, view, output, design, finite))
     for output in view.categorical_outputs:

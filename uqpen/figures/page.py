@@ -108,9 +108,9 @@ def panels(
         selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
         shown = name if isinstance(name, str) else FIGURE.find(name, Path.cwd()).reference
         what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
-        if not any(map(view.has_completed_runs, view.designs)):
+        if not any(view.design(name).has_completed_runs for name in view.designs):
             what += ", as no run completed"
-        elif not any(map(view.keeps_runs, view.designs)):
+        elif not any(view.design(name).keeps_runs for name in view.designs):
             what += ", as it keeps statistics alone"
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
         raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")

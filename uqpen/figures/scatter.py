@@ -32,13 +32,13 @@ _FEWEST_RUNS = 250
 
 def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design: each output against each input."""
-    design = next(filter(view.keeps_runs, view.sample_designs), None)
+    design = next((name for name in view.sample_designs if view.design(name).keeps_runs), None)
     if design is None:
         return
-    inputs = view.random_inputs(design)
+    inputs = view.design(design).random_inputs
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
     panels = max(1, len(inputs) * len(outputs))
-    every = view.shown_runs(design)
+    every = view.design(design).shown_runs
     is_ok = every[STATUS].values == Status.OK
     most = max(_FEWEST_RUNS, min(_MOST_RUNS, _MOST_IN_ALL // panels))
     parts, counts = [], []
@@ -48,7 +48,7 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
         if whole.sizes[RUN]:
             shown = grouped_number(parts[-1].sizes[RUN])
             counts.append(f"{shown} of {grouped_number(whole.sizes[RUN])} {end} runs")
-    note = f"drawn of {view.part(design)}{design}: {'; '.join(counts)}"
+    note = f"drawn of {view.design(design).shown_prefix}{design}: {'; '.join(counts)}"
     colour = view.look(design).colour
     for output in outputs:
         for name in inputs:

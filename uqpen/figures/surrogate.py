@@ -37,7 +37,7 @@ def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
         made = view.tree.children[SURROGATES].children[name]
         design = test_design(view, made)
         is_hidden = view.source not in (None, name) or not is_restorable(made)
-        if is_hidden or not view.has_completed_runs(design):
+        if is_hidden or not view.design(design).has_completed_runs:
             continue
         for output in fitted_outputs(made):
             if output in view.numeric_outputs:

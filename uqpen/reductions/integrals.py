@@ -50,7 +50,7 @@ class Integral(Reduction):
 
 @dataclass(frozen=True)
 class Mean(Reduction):
-    """Mean over all dimensions, each stretch by its length; of a curve that ends, up to its end."""
+    """Mean over all dimensions, weighted by lengths; of a curve that ends, up to its end."""
 
     def title(self, field: Output) -> str:
         return f"mean {field.title} over {along(field)}"

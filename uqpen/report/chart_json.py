@@ -61,7 +61,7 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
 
 
 def _place_read(place: dict[str, Any], known: dict[str, _Place]) -> dict[str, Any]:
-    """Return what is read at places, with references to the lists of traces."""
+    """Return the values to read at each place, with references to the lists of traces."""
     columns = (
         {key: _kept(value, known) for key, value in each.items()} for each in place["columns"]
     )
@@ -69,7 +69,7 @@ def _place_read(place: dict[str, Any], known: dict[str, _Place]) -> dict[str, An
 
 
 def _kept(value: Any, known: dict[str, _Place], own: _Place | None = None) -> Any:
-    """Return a value; of a long list that is known, or of rows of known columns, a reference."""
+    """Return a value, or a reference in place of a long list or of columns that are known."""
     if not isinstance(value, list | tuple) or len(value) <= _SHORT:
         return value
     if isinstance(value[0], list | tuple):

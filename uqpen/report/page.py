@@ -19,7 +19,6 @@ from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
 from uqpen.report.anchors import block_anchors
-from uqpen.report.benchmark.plotted_methods import check_benchmark
 from uqpen.report.blocks import Block, Fold, Heading, find_charts, find_explorers
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
@@ -28,6 +27,7 @@ from uqpen.report.outside_sections import OutsideSection, SectionFunction, find_
 from uqpen.report.page_assets import page_library, page_script, page_style, script_hash
 from uqpen.report.reference import page_reference
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.benchmark_methods import check_benchmark
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
 
@@ -130,7 +130,7 @@ def _render(
 
 
 class PageHead(NamedTuple):
-    """Title of a page, the facts below it, and what is copied from the page goes along with."""
+    """Title of a page, the facts below it, and the reference that copied texts carry."""
 
     title: str
     facts: Sequence[str]

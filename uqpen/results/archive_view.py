@@ -10,26 +10,19 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.arrays import FloatArray, rows_by_weight
+from uqpen.archive.read import group_names, model_trees
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
-from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.labels import ABSENT, ROLE, RUNS
 from uqpen.core.lookup import choices
-from uqpen.core.sampling import Sampling
-from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
-from uqpen.execution import status_counts
-from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.best_sources import is_sample_design
-from uqpen.results.digits import grouped_number
+from uqpen.results.design_view import DesignView
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
 from uqpen.results.texts import title_with_unit
-from uqpen.statistics.convergence import reason_without_parts
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["ArchiveView", "select_view"]
 
@@ -84,7 +77,7 @@ class ArchiveView:
         return [
             name
             for name in self.designs
-            if self.source in (None, name) and self.sampling(name).is_sample
+            if self.source in (None, name) and self.design(name).sampling.is_sample
         ]
 
     @cached_property
@@ -92,7 +85,7 @@ class ArchiveView:
         return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)
 
     def series(self, source: str) -> int:
-        """Return the place of a source among colours and markers, by its kind."""
+        """Return the number of the colour and marker of a source, by its kind."""
         return self._slots[source]
 
     def look(self, source: str) -> SourceStyle:
@@ -140,8 +133,8 @@ class ArchiveView:
         """Check for a design that has completed runs, but none with a value of an output."""
         if ABSENT not in self.attributes(name):
             return False
-        completed = [design for design in self.designs if self.has_shown_runs(design)]
-        return any(not self.completed_values(design, name).size for design in completed)
+        completed = [design for design in self.designs if self.design(design).has_shown_runs]
+        return any(not self.design(design).completed_values(name).size for design in completed)
 
     @cached_property
     def fields(self) -> list[str]:
@@ -158,73 +151,30 @@ class ArchiveView:
         return dict(self._first_runs.variables[name].attrs)
 
     def unit(self, name: str) -> str:
-        """The unit that an input or output is shown in."""
+        """Return the unit that an input or output is shown in."""
         return str(self.attributes(name).get("display_units", DIMENSIONLESS))
 
     def scale(self, name: str) -> Scale:
-        """From the unit that it is shown in to its SI unit."""
+        """Return the conversion between the shown unit of an input or output and its SI unit."""
         return scale(self.unit(name))
 
     def axis_label(self, name: str) -> str:
-        """The label of an axis of an input or output."""
+        """Return the label of an axis of an input or output."""
         return title_with_unit(str(self.attributes(name).get("long_name", name)), self.unit(name))
 
     def title(self, text: str) -> str:
-        """A panel's title, with the model where there are several."""
+        """Return a panel's title, with the model where there are several."""
         return f"{self.model}: {text}" if self.model else text
 
-    def runs(self, design: str) -> xr.Dataset:
-        """Return the runs of a design that sample the input distribution, failed ones too."""
-        return input_sample(read_group(self.tree, RUNS, design))
-
-    def shown_runs(self, design: str) -> xr.Dataset:
-        """Return the runs that figures show: those of `runs`, in memory, the first of very many."""
-        if design not in self._shown_runs:
-            self._shown_runs[design] = self.runs(design).isel({RUN: slice(RUNS_IN_MEMORY)}).load()
-        return self._shown_runs[design]
+    def design(self, name: str) -> DesignView:
+        """Return the view of a design, whose runs are taken out of the archive once."""
+        if name not in self._designs:
+            self._designs[name] = DesignView(self.tree, name)
+        return self._designs[name]
 
     @cached_property
-    def _shown_runs(self) -> dict[str, xr.Dataset]:
-        return {}  # each has a column for every output, and is asked for by every output
-
-    def part(self, design: str) -> str:
-        """Return what figures say before the name of a design if they show only a part of it."""
-        if self.runs(design).sizes[RUN] <= RUNS_IN_MEMORY:
-            return ""
-        return f"the first {grouped_number(RUNS_IN_MEMORY)} runs of "
-
-    def has_completed_runs(self, design: str) -> bool:
-        """Return whether a run of a design completed."""
-        return bool(status_counts(self.runs(design))[Status.OK])
-
-    def keeps_runs(self, design: str) -> bool:
-        """Return whether the archive has the runs of a design, and not only their statistics."""
-        return not are_omitted(read_group(self.tree, RUNS, design))
-
-    def shows_all_runs(self, design: str) -> bool:
-        """Return whether the runs that figures show are all of a design."""
-        return self.keeps_runs(design) and self.runs(design).sizes[RUN] <= RUNS_IN_MEMORY
-
-    def has_shown_runs(self, design: str) -> bool:
-        """Return whether there are completed runs of a design to draw."""
-        return self.keeps_runs(design) and self.has_completed_runs(design)
-
-    def completed_values(self, design: str, output: str) -> FloatArray:
-        """Return an output of the completed ones of the shown runs of a design, in SI units.
-
-        Runs without a value of a derived output are left out. Of weighted runs, as many values as
-        there are runs, each as often as its weight says.
-        """
-        runs = self.shown_runs(design)
-        is_ok = runs[STATUS].values == Status.OK
-        # A field has a value where some of its places do.
-        values = runs[output].values
-        is_ok &= ~np.isnan(values).all(axis=tuple(range(1, values.ndim)))
-        values = np.asarray(values[is_ok], dtype=np.float64)
-        if WEIGHT not in runs.coords or not values.size:
-            return values
-        weights = np.asarray(runs[WEIGHT].values[is_ok], dtype=np.float64)
-        return values[rows_by_weight(weights, (np.arange(len(values)) + 0.5) / len(values))]
+    def _designs(self) -> dict[str, DesignView]:
+        return {}
 
     def shown_values(self, design: str, output: str) -> FloatArray:
         """Return the values that a chart of an output shows, in SI units.
@@ -233,8 +183,8 @@ class ArchiveView:
         statistics alone, they are the quantiles at the equally spaced ranks of its distribution
         function: the first runs have not the band of all.
         """
-        if self.shows_all_runs(design):
-            return self.completed_values(design, output)
+        if self.design(design).shows_all_runs:
+            return self.design(design).completed_values(output)
         values = self.statistics.get(design, output, "cdf_value")
         return np.empty(0) if values is None else np.asarray(values.values, dtype=np.float64)
 
@@ -247,23 +197,9 @@ class ArchiveView:
             if variable.attrs.get(ROLE) == "input"
         }
 
-    def reason_without_convergence(self, design: str) -> str:
-        """Return why no part of a design's runs is a smaller sample; empty where some are."""
-        return reason_without_parts(read_group(self.tree, RUNS, design))
-
-    def random_inputs(self, design: str) -> list[str]:
-        """The inputs that are not the same in all runs."""
-        variables = read_group(self.tree, RUNS, design).variables
-        named = [str(name) for name, v in variables.items() if v.attrs.get(ROLE) == "input"]
-        return [name for name in named if variables[name].dims]
-
     def is_sample_design(self, source: str) -> bool:
         """Return whether a source is a design for no quantity of interest in particular."""
         return is_sample_design(self.tree, source)
-
-    def sampling(self, design: str) -> Sampling:
-        """Return the way in which the points of a design were chosen."""
-        return Sampling(read_group(self.tree, RUNS, design).attrs[SAMPLING])
 
 
 def select_view(

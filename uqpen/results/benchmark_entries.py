@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.archive.benchmark_layout import BENCHMARK_GROUP
 from uqpen.archive.estimates import unpack
 from uqpen.archive.read import group_names, read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import EXCEEDANCE, NOTE, REFERENCE
 from uqpen.core.units import DIMENSIONLESS, scale
@@ -102,6 +103,17 @@ class BenchmarkEntry:
     def error_scale(self) -> float:
         """The size that errors are relative to."""
         return float(self.variable("scale"))
+
+    def percent_errors(self, position: int) -> FloatArray:
+        """Return the errors of a method in per cent, for a logarithmic axis.
+
+        Returns
+        -------
+        ndarray, shape (budget, bound)
+            NaN where there is none, and for an error of 0, which such an axis does not show.
+        """
+        found: FloatArray = 100 * self.variable("error").values[position].astype(np.float64)
+        return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
     @property
     def error_notes(self) -> list[str]:

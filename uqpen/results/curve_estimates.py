@@ -72,12 +72,12 @@ class CurveEstimates:
     @property
     def has_runs(self) -> bool:
         """True if the archive has the runs of the design."""
-        return self.view.keeps_runs(self.source)
+        return self.view.design(self.source).keeps_runs
 
     @cached_property
     def runs(self) -> FloatArray:
         """The curves of the completed runs of a design, shape (run, place); NaN behind an end."""
-        return self._shown_runs(self.view.completed_values(self.source, self.output))
+        return self._shown_runs(self.view.design(self.source).completed_values(self.output))
 
     @property
     def outlying_runs(self) -> FloatArray:

@@ -146,7 +146,7 @@ def _sides(estimate: float, lower: float, upper: float) -> list[float]:
 
 
 def _text_without_interval(estimate: float, *, is_short: bool) -> str:
-    """Write four digits; those of a short text, of an exact number, end before zeros."""
+    """Write four digits; a short text, or an exact number, has no zeros at its end."""
     if not math.isfinite(estimate):
         return "–" if math.isnan(estimate) else f"{estimate:g}"
     mantissa, _, power = f"{estimate:.{_DIGITS - 1}e}".partition("e")
@@ -211,7 +211,7 @@ class _NumberFormat:
         return mirrored[1:] if mirrored.startswith(MINUS) else typeset_minus(f"-{mirrored}")
 
     def ends(self, estimate: float, lower: float, upper: float) -> tuple[str, str]:
-        """Write the ends of an interval; where it reaches to one side only, its end outward."""
+        """Write the ends of an interval; the only end that differs is rounded outward."""
         has_lower, has_upper = lower < estimate, upper > estimate
         if has_upper and not has_lower:
             return self(lower), self.rounded_up(upper)

@@ -13,7 +13,7 @@ from uqpen.archive.estimates import INTERVAL_TEXTS
 from uqpen.core.catalogue import DIMENSIONS
 from uqpen.core.labels import BOUND, BOUNDS, EQUIVALENT_RUNS, SURROGATE_ESTIMATE
 
-__all__ = ["estimate_rows", "rows_frame"]
+__all__ = ["Row", "estimate_rows", "rows_frame"]
 
 Row = dict[str, Any]
 

@@ -44,9 +44,9 @@ class LargestRun:
     @classmethod
     def of_design(cls, view: ArchiveView, design: str, output: str) -> LargestRun:
         """Return the largest run of a design with at least one completed run."""
-        if not view.shows_all_runs(design):
+        if not view.design(design).shows_all_runs:
             return cls._of_function(view, design, output)
-        runs = view.shown_runs(design)
+        runs = view.design(design).shown_runs
         completed = runs[output].values[runs[STATUS].values == Status.OK]
         completed = completed[~np.isnan(completed)]
         value = float(view.scale(output).from_si(completed.max()))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pandas as pd
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees
-from uqpen.core.labels import DIFFERENCES
-from uqpen.results.estimate_rows import rows_frame
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
+from uqpen.core.labels import DIFFERENCES, INPUT, RUNS
+from uqpen.results.estimate_rows import Row, estimate_rows, rows_frame
 from uqpen.results.source_statistics import SourceStatistics
 
-__all__ = ["long_table"]
+__all__ = ["long_table", "statistics_rows"]
 
 
 def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
@@ -26,7 +29,12 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The columns of `SourceStatistics.to_frame`. The model is empty where an archive has one
+        One row for each entry of a statistic, in SI units. Columns ``model``, ``source``, ``kind``,
+        ``output`` (empty for what is of the runs as a whole), ``statistic``, ``coordinates`` such
+        as ``probability=0.95``, one for each dimension that is used (``probability``,
+        ``threshold``, ``input`` …), ``estimate``, ``lower`` and ``upper`` (NaN where there is
+        none), ``unit``, ``interval``, ``interval_label`` and ``note``. Corrected estimates add
+        ``surrogate_estimate`` and ``equivalent_runs``. The model is empty where an archive has one
         alone and for the shares of model form, and such as ``fine minus coarse`` for a difference.
 
     Examples
@@ -39,10 +47,44 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
     rows = [
         row
         for name, model in model_trees(tree).items()
-        for row in SourceStatistics(model).rows(name, functions=functions)
+        for row in statistics_rows(SourceStatistics(model), name, functions=functions)
     ]
     for other in group_names(tree, DIFFERENCES):
         differences = SourceStatistics.of_differences(tree, other)
-        rows += differences.rows(other, functions=functions)
-    rows += SourceStatistics.of_model_form(tree).rows(functions=functions)
+        rows += statistics_rows(differences, other, functions=functions)
+    rows += statistics_rows(SourceStatistics.of_model_form(tree), functions=functions)
     return rows_frame(rows)
+
+
+def statistics_rows(
+    statistics: SourceStatistics, model: str = "", *, functions: bool = False
+) -> Iterator[Row]:
+    """Yield the rows of one model, or of one difference, for `long_table`."""
+    for source in statistics.sources:
+        minus = statistics.minus(source) if statistics.is_difference else ""
+        described = {
+            "model": f"{model} minus {minus}" if minus else model,
+            "source": source,
+            "kind": statistics.kind(source),
+        }
+        for output in statistics.outputs:
+            for name, array in statistics.statistics(source, output).items():
+                if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
+                    yield from estimate_rows(array, **described, output=output, statistic=name)
+        if not statistics.is_difference:
+            yield from _rows_of_runs(statistics, source, described)
+
+
+def _rows_of_runs(
+    statistics: SourceStatistics, design: str, described: dict[str, str]
+) -> Iterator[Row]:
+    """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
+    runs = read_group(statistics.tree, RUNS, design)
+    for name, array in statistics.joint_statistics(design).items():
+        yield from estimate_rows(array, **described, output="", statistic=name)
+    for name, array in statistics.failures(design).items():
+        for row in estimate_rows(array, **described, output="", statistic=name):
+            # The lowest and the highest are values of an input, each in its own unit.
+            if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
+                row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
+            yield row

@@ -80,7 +80,7 @@ def select_output(
 
 
 def _kind_and_output(path: str) -> tuple[str, str]:
-    """Return the kind of a group, such as ``runs``, and the output that it is of, if it is."""
+    """Return the kind of a group, such as ``runs``, and its output, if it has one."""
     parts = path.split("/")
     parts = parts[2:] if parts[0] == MODELS else parts
     kind = parts[0] if parts else ""

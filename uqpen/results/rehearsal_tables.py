@@ -91,7 +91,7 @@ def entry_label(entry: xr.Dataset) -> str:
 
 
 def _coverage_cell(table: OutputTable, found: xr.Dataset) -> str:
-    """Return a coverage in per cent, with what is to be said of it."""
+    """Return a coverage in per cent, with marks of its notes."""
     given = float(found["given"])
     if not given:
         return NOTHING + table.note_mark("no repeat has an interval")

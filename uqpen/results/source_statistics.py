@@ -6,13 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import pandas as pd
 import xarray as xr
 
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
-from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     CAVEAT,
     CITED,
@@ -20,18 +18,15 @@ from uqpen.core.labels import (
     COST_SPENT,
     DIFFERENCES,
     FAILURES_GROUP,
-    INPUT,
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MISSING,
     MODEL_FORM,
-    RUNS,
     RUNS_ABSENT,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
 )
-from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names, scalar_output_names
 
@@ -230,56 +225,6 @@ class SourceStatistics:
         """Return the attributes by which failed runs qualify the statistics of a design."""
         attributes = self.failures(design).get("probability", xr.DataArray()).attrs
         return {name: attributes[name] for name in (CONDITIONAL, MISSING) if name in attributes}
-
-    def to_frame(self, model: str = "", *, functions: bool = False) -> pd.DataFrame:
-        """Return all estimates as a long table, one entry of one statistic a row.
-
-        Parameters
-        ----------
-        model : str
-            The model's name, for the column of that name.
-        functions : bool
-            Whether to list distribution functions, percentiles and convergence as well.
-
-        Returns
-        -------
-        DataFrame
-            Columns ``model``, ``source``, ``kind``, ``output`` (empty for what is of the runs as a
-            whole), ``statistic``, ``coordinates`` such as ``probability=0.95``, one for each
-            dimension that is used (``probability``, ``threshold``, ``input`` …), ``estimate``,
-            ``lower`` and ``upper`` (NaN where there is none), ``unit``, ``interval``,
-            ``interval_label`` and ``note``. Corrected estimates add ``surrogate_estimate`` and
-            ``equivalent_runs``. In SI units.
-        """
-        return rows_frame(self.rows(model, functions=functions))
-
-    def rows(self, model: str = "", *, functions: bool = False) -> Iterator[dict[str, Any]]:
-        """Yield the rows of `to_frame`."""
-        for source in self.sources:
-            minus = self.minus(source) if self.is_difference else ""
-            described = {
-                "model": f"{model} minus {minus}" if minus else model,
-                "source": source,
-                "kind": self.kind(source),
-            }
-            for output in self.outputs:
-                for name, array in self.statistics(source, output).items():
-                    if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
-                        yield from estimate_rows(array, **described, output=output, statistic=name)
-            if not self.is_difference:
-                yield from self._failure_rows(source, described)
-
-    def _failure_rows(self, design: str, described: dict[str, str]) -> Iterator[dict[str, Any]]:
-        """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
-        runs = read_group(self.tree, RUNS, design)
-        for name, array in self.joint_statistics(design).items():
-            yield from estimate_rows(array, **described, output="", statistic=name)
-        for name, array in self.failures(design).items():
-            for row in estimate_rows(array, **described, output="", statistic=name):
-                # The lowest and the highest are values of an input, each in its own unit.
-                if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
-                    row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
-                yield row
 
 
 def source_entries(

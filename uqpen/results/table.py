@@ -107,7 +107,7 @@ def shown_estimate(array: xr.DataArray, convert: Conversion) -> str:
 
 
 def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:
-    """Return an estimate and its bounds in the unit that is shown; what is 0 but for rounding as 0.
+    """Return an estimate and its bounds in the shown unit; 0 for what is 0 but for rounding.
 
     Parameters
     ----------

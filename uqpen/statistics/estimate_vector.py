@@ -82,7 +82,7 @@ class EstimateVector:
         return self.replace_at(condition, EstimateVector.without_bounds(self.value, *reasons))
 
     def with_further_note(self, note: str) -> EstimateVector:
-        """Return the estimates with a note behind those that they have; an empty one is none."""
+        """Return the estimates with a further note behind their own; an empty one adds nothing."""
         if not note:
             return self
         further = np.frompyfunc(lambda each: "; ".join(filter(None, (each, note))), 1, 1)

@@ -210,7 +210,7 @@ def _is_text(values: Any) -> bool:
 
 
 def _coordinates(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.Variable]:
-    """Return the coordinates of arrays but those that each has of its own."""
+    """Return the coordinates of arrays, except the texts on their intervals."""
     return {
         str(name): coordinate.variable
         for array in arrays.values()

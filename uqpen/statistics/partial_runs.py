@@ -1,4 +1,4 @@
-"""Runs of a design that is still being run: those among them that are a sample of its kind."""
+"""Sample from the first runs of a design that is still being run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FEW = f"fewer than {_FEWEST} of its first runs are finished"
 
 
 class SampleSoFar(NamedTuple):
-    """Runs that are a sample as the whole design will be, or the reason why there are none yet.
+    """First runs that are a sample as the whole design will be, or why there are none yet.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ def first_runs(finished: xr.Dataset) -> xr.Dataset:
 
 
 def sample_so_far(runs: xr.Dataset, *, is_complete: bool) -> SampleSoFar:
-    """Return the first runs of a design as a sample of its kind, if a part of them is one.
+    """Return the first runs of a design as a sample, or the reason why they are none.
 
     Of a design of replicates, this is those that are complete.
 

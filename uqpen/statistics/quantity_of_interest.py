@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.list_reading import read_list
 from uqpen.core.model import Output
-from uqpen.core.settings import Context, probabilities, read_list, setting, text, validate
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import probabilities, setting, text, validate
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list

@@ -91,6 +91,11 @@ class SampleShape:
             return self.scale
         return np.where(self.scale > 0, self.sample.mean(powers), np.nan)
 
+    @property
+    def std(self) -> FloatArray:
+        """The standard deviation in the unit of the values, without weights; 0 of a constant."""
+        return self.scale * self.deviations.std(axis=-1)
+
     @cached_property
     def _variance(self) -> FloatArray:
         return self._mean(self.deviations**2)
@@ -131,6 +136,11 @@ class SampleShape:
     def may_be_heavy(self) -> BoolArray:
         """True if the runs are a heavy tail's, or may be: no interval of the spread is reliable."""
         return (self.kurtosis > DOUBTFUL_KURTOSIS) & self.has_few_effective_runs
+
+    @cached_property
+    def is_uncertain(self) -> BoolArray:
+        """True where the scatter of the runs does not show the error of the variance."""
+        return bool(self.hidden_tail) | self.is_heavy
 
     @property
     def is_small(self) -> bool:

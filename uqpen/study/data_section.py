@@ -83,7 +83,7 @@ def read_data(table: TableReader) -> Model | None:
 
 
 def bind_designs(table: TableReader, designs: dict[str, Design], model: Model) -> dict[str, Design]:
-    """Give designs the runs of a data file; note those that are not of it, and the converse."""
+    """Give designs the runs of a data file; note designs of the wrong kind for the model."""
     bound: dict[str, Design] = {}
     for name, design in designs.items():
         if isinstance(design, DataDesign) and isinstance(model, DataModel):

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from uqpen.core.errors import QuantityError, SettingsError, toml_text
+from uqpen.core.list_reading import as_float, read_each, read_list
 from uqpen.core.lookup import choices
-from uqpen.core.settings import as_float, number, read_each, read_list
+from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -91,7 +92,7 @@ def _inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:
 
 
 def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
-    """Read names of inputs; note those that are none of a random input."""
+    """Read names of inputs; note those that do not name a random input."""
     random = _possibly_random(inputs)
     fixed = [entry.variable.name for entry in inputs.joint.fixed]
     names = table.entries("inputs")

@@ -11,7 +11,7 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model, Output
-from uqpen.core.settings import declared_settings
+from uqpen.core.setting_fields import declared_settings
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.reductions import REDUCTIONS
 from uqpen.reductions.extremes import Maximum

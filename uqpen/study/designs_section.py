@@ -13,7 +13,7 @@ from uqpen.designs.table import TableDesign
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.outside_members import DESIGN, Files, installed_names, is_reference, read_member
 from uqpen.study.stand_in import family_costs
 from uqpen.study.study import Variant
@@ -89,16 +89,12 @@ def _refuse_rules(table: TableReader, kind: str, settings: Collection[str]) -> N
 
 def _read_object(table: TableReader) -> Design | None:
     """Read a design that is an object of the Python program; without it, it draws no points."""
-    name = table.text(OBJECT, "the text of a design")
+    expected = f'kind = "{DESIGN.form}": a file cannot contain a Python object'
+    found = read_named_object(table, "design", expected)
     table.check_unknown_keys()
-    objects = table.document.objects
-    if objects is None:
-        expected = f'kind = "{DESIGN.form}": a file cannot contain a Python object'
-        table.add_wrong(OBJECT, name, expected)
-    if objects is None or name is None:
+    if found is None:
         return None
-    given = objects.get(table.path)
-    return given if isinstance(given, Design) else UnloadedDesign(name)
+    return found.value if isinstance(found.value, Design) else UnloadedDesign(found.name)
 
 
 def check_tables(

@@ -12,11 +12,14 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ModelError, Problem, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.list_reading import as_float
 from uqpen.core.model import Dimension
-from uqpen.core.settings import Context, as_float, count, file, number, setting, text, validate
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import count, file, number, setting, text, validate
 from uqpen.core.units import DIMENSIONLESS, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
 from uqpen.study.coordinates_file import read_coordinates_file
+from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["DimensionsReader", "ModelCoordinates", "dimensions_from_model"]
@@ -192,18 +195,11 @@ def dimensions_from_model(model: Mapping[str, Any]) -> Iterator[tuple[str, ...]]
     """Yield the paths, in the table of a model, of dimensions whose coordinates its code has."""
     for path in [
         (_DIMENSIONS,),
-        *(("outputs", name, "along") for name in _table(model, "outputs")),
+        *(("outputs", name, "along") for name in inner_table(model, "outputs")),
     ]:
-        for name, declared in _table(model, *path).items():
+        for name, declared in inner_table(model, *path).items():
             if isinstance(declared, dict) and _FROM_MODEL in declared:
                 yield (*path, str(name))
-
-
-def _table(content: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
-    for key in keys:
-        inner = content.get(key)
-        content = inner if isinstance(inner, dict) else {}
-    return content
 
 
 def _in_si(values: FloatArray, unit: str) -> FloatArray:

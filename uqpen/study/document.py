@@ -15,7 +15,14 @@ from typing import Any
 from uqpen.core.errors import Problem, StudyError, toml_text
 from uqpen.study.extent import LARGEST, extent_problems, has_endless_keys
 
-__all__ = ["MOST_LISTED", "ArgumentsDocument", "Document", "parse_document", "read_document"]
+__all__ = [
+    "MOST_LISTED",
+    "ArgumentsDocument",
+    "Document",
+    "inner_table",
+    "parse_document",
+    "read_document",
+]
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
 _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
@@ -216,6 +223,14 @@ def parse_document(
     if problems := list(extent_problems(document.content)):
         raise document.error(problems)
     return document
+
+
+def inner_table(content: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
+    """Return the table at a path of keys; an empty one where there is none."""
+    for key in keys:
+        inner = content.get(key)
+        content = inner if isinstance(inner, dict) else {}
+    return content
 
 
 def _parse_error(label: str, line: int | None, found: str, expected: str) -> StudyError:

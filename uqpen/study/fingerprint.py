@@ -84,7 +84,7 @@ def model_fingerprint(study: ValidatedStudy, name: str) -> dict[str, str]:
 
 
 def _point_settings(table: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of a design that determine its runs: not what the archive has of them."""
+    """Return the settings of a design that determine its runs, so without `keep`."""
     if table.get("keep") not in (RUNS, STATISTICS):  # a design of the user's own may have another
         return table
     return {key: value for key, value in table.items() if key != "keep"}

@@ -17,7 +17,7 @@ from uqpen.distributions.frozen import (
 )
 from uqpen.distributions.joint_distribution import RandomInput
 from uqpen.distributions.unloaded import UnloadedDistribution
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["FROZEN", "SETTINGS", "read_frozen"]
@@ -78,19 +78,15 @@ def _read_object(table: TableReader, variable: Input, unit: str) -> RandomInput 
 
 def _read_own_object(table: TableReader, variable: Input) -> RandomInput | None:
     """Read an input whose distribution is an object of a user's class; it may be absent."""
-    name = table.text(OBJECT, "the text of a distribution")
+    expected = "a distribution that a file can state: a file cannot contain a Python object"
+    found = read_named_object(table, "distribution", expected)
     table.take(SETTINGS)
     table.check_unknown_keys()
-    objects = table.document.objects
-    if objects is None:
-        expected = "a distribution that a file can state: a file cannot contain a Python object"
-        table.add_wrong(OBJECT, name, expected)
-    if objects is None or name is None:
+    if found is None:
         return None
-    given = objects.get(table.path)
-    here = given if isinstance(given, Distribution) else None
-    distribution = here or UnloadedDistribution(name)
-    return RandomInput(variable, distribution, variable.preferred_unit, name)
+    here = found.value if isinstance(found.value, Distribution) else None
+    distribution = here or UnloadedDistribution(found.name)
+    return RandomInput(variable, distribution, variable.preferred_unit, found.name)
 
 
 def _parameters(table: TableReader) -> Iterator[tuple[str, float]]:

@@ -26,7 +26,7 @@ from uqpen.models.data.data_model import DataModel
 from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.joint_section import Groups
 from uqpen.study.measurements_section import MEASURED, read_measured
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import DISTRIBUTION, installed_names, is_reference, read_member
 from uqpen.study.table_reader import TableReader, check_names
 

@@ -11,7 +11,7 @@ from uqpen.core.errors import Problem, TableError
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.distributions.chaospy_joint import declare_joint, is_joint
 from uqpen.distributions.frozen import is_chaospy
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 
 __all__ = ["find_tuple_faults", "joint_paths", "joint_units", "with_joint_tables"]
 

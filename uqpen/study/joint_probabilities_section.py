@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
+from uqpen.core.list_reading import read_list
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.settings import read_list
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.threshold import AcceptanceLimits
 from uqpen.study.table_reader import TableReader
@@ -64,7 +64,7 @@ def _read_event(name: str, written: object, model: Model) -> JointEvent:
 def _read_quantified(
     content: dict[str, object], model: Model
 ) -> tuple[tuple[OutputLimit, ...], bool]:
-    """Take the limits out of a table; whether any of them suffices."""
+    """Take the limits out of a table; return them, and whether any of them suffices."""
     quantifiers = [key for key in (_ALL, _ANY) if key in content]
     if len(quantifiers) != 1:
         found = "both all and any" if quantifiers else "neither all nor any"
@@ -90,7 +90,7 @@ def _read_given(written: object, model: Model) -> JointEvent:
 
 @contextmanager
 def _within(key: str) -> Iterator[None]:
-    """Put the problems of what is read inside under a key."""
+    """Extend the path of problems that are raised in this context by a key."""
     try:
         yield
     except (SettingsError, QuantityError) as error:

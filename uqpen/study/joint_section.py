@@ -21,7 +21,7 @@ from uqpen.distributions.chaospy_joint import ChaospyJoint, chaospy_joint
 from uqpen.distributions.input_group import ImplicitMarginal, InputGroup, UnloadedGroup
 from uqpen.distributions.joint_distribution import RandomInput
 from uqpen.distributions.sample_distribution import SampleDistribution
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["Groups", "read_groups"]
@@ -193,26 +193,22 @@ def _read_object(
     section: TableReader, names: tuple[str, ...], units: tuple[str, ...]
 ) -> InputGroup | None:
     """Read a joint distribution that is an object of the Python program; it may be absent."""
-    name = section.text(OBJECT, "the text of a joint distribution")
-    objects = section.document.objects
-    if objects is None:
-        expected = "a distribution that a file can state: a Python object is in none"
-        section.add_wrong(OBJECT, name, expected)
-    if objects is None or name is None:
+    expected = "a distribution that a file can state: a Python object is in none"
+    found = read_named_object(section, "joint distribution", expected)
+    if found is None:
         return None
-    if section.path not in objects:
-        return UnloadedGroup(names, name)
-    joint = objects[section.path]
+    if found.value is None:
+        return UnloadedGroup(names, found.name)
     try:
-        dimensions = len(joint)
-        made = ChaospyJoint(names, joint, units, name)
+        dimensions = len(found.value)
+        made = ChaospyJoint(names, found.value, units, found.name)
         is_usable = dimensions == len(names) and bool(np.isfinite(made.nominal()).all())
     except Exception as error:  # an object from outside can raise anything
         section.add_problem(OBJECT, str(error) or type(error).__name__, "a distribution of chaospy")
         return None
     if not is_usable:
-        found = f"{dimensions} dimensions for {len(names)} inputs"
-        section.add_problem(OBJECT, found, "one for each input, with finite values")
+        wrong = f"{dimensions} dimensions for {len(names)} inputs"
+        section.add_problem(OBJECT, wrong, "one for each input, with finite values")
         return None
     return made
 

@@ -12,7 +12,8 @@ from uqpen.core.columns import Column
 from uqpen.core.errors import SettingsError, TableError, toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input
-from uqpen.core.settings import declared_settings, file, text
+from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS

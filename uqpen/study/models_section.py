@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uqpen.core.model import Input, Model
-from uqpen.core.settings import declared_settings
+from uqpen.core.setting_fields import declared_settings
 from uqpen.core.units import are_convertible
 from uqpen.study.model_section import read_model, read_partial_model
 from uqpen.study.models_together import ModelsTogether

@@ -16,13 +16,11 @@ from uqpen.study.model_section import (
     read_function_limits,
     unloaded_function,
 )
+from uqpen.study.named_object import OBJECT
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["OBJECT", "read_object"]
-
-# The key with the name of an object.
-OBJECT = "object"
+__all__ = ["read_object"]
 
 
 @dataclass(frozen=True)

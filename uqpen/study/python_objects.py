@@ -14,7 +14,7 @@ from uqpen.core.errors import Problem, QuantityError
 from uqpen.core.lookup import family_name
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
-from uqpen.core.settings import written_settings
+from uqpen.core.setting_fields import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
@@ -35,7 +35,7 @@ from uqpen.study.derived_section import is_derived
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES

@@ -11,7 +11,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.keep import RUNS
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.outside_members import SURROGATE, installed_names, is_reference, read_member
 from uqpen.study.study import SurrogateOrigin
 from uqpen.study.table_reader import TableReader, family_member, named_tables
@@ -120,17 +120,15 @@ def _unloaded(table: TableReader, kind: str) -> UnloadedSurrogate:
 
 def _read_object(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
     """Read a surrogate that is an object of the Python program; without it, it is not fitted."""
-    name = table.text(OBJECT, "the text of a surrogate")
+    expected = f'kind = "{SURROGATE.form}": a file cannot contain a Python object'
+    found = read_named_object(table, "surrogate", expected)
     table.check_unknown_keys()
-    objects = table.document.objects
-    if objects is None:
-        expected = f'kind = "{SURROGATE.form}": a file cannot contain a Python object'
-        table.add_wrong(OBJECT, name, expected)
-    if objects is None or name is None:
+    if found is None:
         return None, None
-    given = objects.get(table.path)
-    surrogate = given if isinstance(given, Surrogate) else UnloadedSurrogate(name, is_object=True)
-    return surrogate, SurrogateOrigin(name)
+    origin = SurrogateOrigin(found.name)
+    if isinstance(found.value, Surrogate):
+        return found.value, origin
+    return UnloadedSurrogate(found.name, is_object=True), origin
 
 
 def _check_names(section: TableReader, surrogate: Surrogate, designs: Collection[str]) -> None:

@@ -12,9 +12,10 @@ from typing import Any
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.limits import time_limit
+from uqpen.core.list_reading import read_each
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output, Variable
-from uqpen.core.settings import read_each, setting, text
+from uqpen.core.settings import setting, text
 from uqpen.models.umbridge import UmbridgeModel, VectorSizes, request_sizes
 from uqpen.models.umbridge_client import PROTOCOL, Address, NoAnswerError, UmbridgeClient
 from uqpen.study.field_table import refuse_grids

@@ -22,7 +22,7 @@ from uqpen.study.data_section import DATA
 from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
-from uqpen.study.object_section import OBJECT
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import (
     is_reference,
     object_members,

@@ -16,7 +16,8 @@ from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.dimensions_section import dimensions_from_model
-from uqpen.study.object_section import OBJECT
+from uqpen.study.document import inner_table
+from uqpen.study.named_object import OBJECT
 from uqpen.study.outside_members import is_reference
 
 __all__ = ["archived_dimensions", "unloaded_models"]
@@ -44,7 +45,7 @@ def unloaded_models(
     found: dict[tuple[str | int, ...], UnloadedModel] = {}
     for name, group in model_trees(tree).items():
         path = ("models", name) if name else ("model",)
-        table = _table(content, *path)
+        table = inner_table(content, *path)
         is_object = table.get("class") is True and OBJECT in table
         designs = group_names(group, RUNS)
         if designs and (is_object or (is_reference(table.get("use")) and not trust)):
@@ -76,18 +77,11 @@ def archived_dimensions(
         path = ("models", name) if name else ("model",)
         for design in group_names(group, RUNS)[:1]:
             runs = read_group(group, RUNS, design)
-            for inner in dimensions_from_model(_table(content, *path)):
+            for inner in dimensions_from_model(inner_table(content, *path)):
                 # A damaged archive may have none, or another; the study then says so.
                 with contextlib.suppress(SettingsError, KeyError):
                     found[*path, *inner] = _dimension(inner[-1], runs)
     return found
-
-
-def _table(content: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
-    for key in keys:
-        inner = content.get(key)
-        content = inner if isinstance(inner, dict) else {}
-    return content
 
 
 def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.designs.multifidelity.linear_unbiased import LinearEstimator
 
-__all__ = ["Allocation", "best_allocation", "multifidelity_ratio"]
+__all__ = ["Allocation", "best_allocation"]
 
 # Each step lowers the variance. Numbers of runs are rounded, so a millionth is near enough.
 _MOST_STEPS, _TOLERANCE = 2000, 1e-6
@@ -73,30 +73,6 @@ def best_allocation(
         if is_kept.all():
             return Allocation(groups, runs)
         groups = tuple(group for group, keep in zip(groups, is_kept, strict=True) if keep)
-
-
-def multifidelity_ratio(correlations: FloatArray, costs: FloatArray) -> float:
-    """Return the variance of multifidelity Monte Carlo over that of Monte Carlo, at equal cost.
-
-    It has the best numbers of nested points, and the best choice of the stand-ins (Peherstorfer,
-    B., Willcox, K. & Gunzburger, M. (2016). SIAM J. Sci. Comput. 38, A3163-A3194).
-
-    Parameters
-    ----------
-    correlations : ndarray, shape (stand-in,)
-        Of each stand-in with the model it stands for.
-    costs : ndarray, shape (stand-in,)
-        Of a run of each, relative to one of that model.
-    """
-    order = np.argsort(-(correlations**2))
-    squares, prices = correlations[order] ** 2, costs[order]
-    smallest = 1.0
-    for number in range(1, len(order) + 1):
-        for chosen in map(list, combinations(range(len(order)), number)):
-            steps = -np.diff(np.concatenate([[1.0], squares[chosen], [0.0]]))
-            ratio = np.sqrt(steps * np.concatenate([[1.0], prices[chosen]])).sum() ** 2
-            smallest = min(smallest, float(ratio))
-    return smallest
 
 
 def _all_groups(models: int) -> tuple[BoolArray, ...]:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from uqpen.core.arrays import IntArray
-from uqpen.core.errors import Problem
 from uqpen.core.labels import MOVED_AXIS, NORMAL_DISTANCE, SEARCH_ORIGIN, SEARCH_START
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.curvature import CURVATURE_AXIS, curvature_offsets, tangent_basis
 from uqpen.designs.rare_events.design_point_search import (
     FoundPoints,
@@ -23,22 +18,16 @@ from uqpen.designs.rare_events.design_point_search import (
     search_design_points,
     starting_points,
 )
-from uqpen.designs.rare_events.limit_state import (
-    LimitState,
-    check_event_outputs,
-    limit_state,
-    parse_limit_state,
-)
-from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
-from uqpen.designs.rare_events.single_model import check_single_model
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.rare_events.limit_state import LimitState
+from uqpen.designs.rare_events.rare_event_design import RareEventDesign
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Form"]
 
 
 @dataclass(frozen=True)
-class Form(Design):
+class Form(RareEventDesign):
     """First-order reliability method (FORM), from several starts.
 
     It finds the design points of an event and takes its limit as a plane at each. Further runs
@@ -62,26 +51,9 @@ class Form(Design):
     Hohenbichler, M. & Rackwitz, R. (1988). Journal of Engineering Mechanics 114, 2195-2199.
     """
 
-    sampling = Sampling.TOWARDS_EVENT
-
-    event: str = limit_state()
     starts: int = count(default=5, maximum=1000)
     iterations: int = count(default=20, maximum=1000)
     curvature: bool = flag(default=True)
-
-    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        yield from check_event_outputs(self.event, requested)
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        yield from check_single_model(models)
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        event, dimension = parse_limit_state(self.event), len(joint.random)
-        yield from advance_together(
-            joint, event, [partial(self._searches, event, stream, dimension)]
-        )
 
     @property
     def ends_early(self) -> bool:
@@ -93,13 +65,13 @@ class Form(Design):
         of_curvature = len(curvature_offsets(dimension)) if self.curvature else 0
         return self.starts * (1 + self.iterations * of_iteration + of_curvature)
 
-    def _searches(self, event: LimitState, stream: Stream, dimension: int) -> Replicate:
-        """Yield the points of all searches, and then those for the curvature."""
+    def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
+        dimension = len(joint.random)
         starts = starting_points(self.starts, dimension, stream.generator("starts"))
         search = search_design_points(starts, self.iterations)
         wanted, scales = next(search), None
         while True:
-            made = yield _wanted(wanted)
+            made = yield _request(wanted)
             scales = event.scales(made.outcomes) if scales is None else scales
             try:
                 wanted = search.send((made.runs, event.performance(made.outcomes, scales)))
@@ -108,7 +80,7 @@ class Form(Design):
                 break
         converged = np.flatnonzero(found.converged)
         if self.curvature and dimension > 1 and len(converged):
-            yield _wanted(_around(found, converged[distinct_points(found.points[converged])]))
+            yield _request(_around(found, converged[distinct_points(found.points[converged])]))
 
 
 def _around(found: FoundPoints, chosen: IntArray) -> SearchPoints:
@@ -124,9 +96,9 @@ def _around(found: FoundPoints, chosen: IntArray) -> SearchPoints:
     )
 
 
-def _wanted(searched: SearchPoints) -> Wanted:
+def _request(searched: SearchPoints) -> RequestedPoints:
     """Return points of the search with what the analysis needs."""
-    return Wanted(
+    return RequestedPoints(
         searched.points,
         {
             SEARCH_START: searched.start,

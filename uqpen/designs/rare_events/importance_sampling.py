@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem
 from uqpen.core.labels import (
     DENSITY_RATIO,
     MIXTURE_COMPONENT,
     NORMAL_DISTANCE,
     SAMPLING_STAGE,
 )
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.design_point_search import (
     distinct_points,
     search_design_points,
@@ -27,15 +23,9 @@ from uqpen.designs.rare_events.design_point_search import (
 )
 from uqpen.designs.rare_events.gaussian_mixture import GaussianMixture, log_normal_density
 from uqpen.designs.rare_events.importance_stages import ImportanceStages
-from uqpen.designs.rare_events.limit_state import (
-    LimitState,
-    check_event_outputs,
-    limit_state,
-    parse_limit_state,
-)
-from uqpen.designs.rare_events.replicates import Made, Replicate, Wanted, advance_together
-from uqpen.designs.rare_events.single_model import check_single_model
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.rare_events.limit_state import LimitState
+from uqpen.designs.rare_events.rare_event_design import RareEventDesign
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints, RunOutcomes
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["ImportanceSampling"]
@@ -53,7 +43,7 @@ _NEAR = 0.1
 
 
 @dataclass(frozen=True)
-class ImportanceSampling(Design):
+class ImportanceSampling(RareEventDesign):
     """Importance sampling from a mixture of normal distributions, in independent replicates.
 
     A replicate searches for design points from several starts, draws around them, fits the mixture
@@ -78,28 +68,9 @@ class ImportanceSampling(Design):
     The Cross-Entropy Method, Springer; Hesterberg, T. (1995). Technometrics 37, 185-194.
     """
 
-    sampling = Sampling.TOWARDS_EVENT
-
-    event: str = limit_state()
     samples: int = count(minimum=200, default=2000)
     replicates: int = count(minimum=3, default=5)
     start: str = choice("form", "cross-entropy", default="form")
-
-    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        yield from check_event_outputs(self.event, requested)
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        yield from check_single_model(models)
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        event, dimension = parse_limit_state(self.event), len(joint.random)
-        replicates = [
-            partial(self._replicate, event, stream.child("replicate", number), dimension)
-            for number in range(self.replicates)
-        ]
-        yield from advance_together(joint, event, replicates)
 
     @property
     def replicate_count(self) -> int:
@@ -108,8 +79,8 @@ class ImportanceSampling(Design):
     def run_count(self, joint: JointDistribution) -> int:
         return self.replicates * self.samples
 
-    def _replicate(self, event: LimitState, stream: Stream, dimension: int) -> Replicate:
-        """Yield the points of a replicate, stage by stage."""
+    def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
+        dimension = len(joint.random)
         centres, spent = np.empty((0, dimension)), 0
         if self.start == "form":
             centres, spent = yield from self._search(event, stream, dimension)
@@ -118,7 +89,7 @@ class ImportanceSampling(Design):
         mixture = stages.first(number)
         for stage in range(1, _STAGES + 1):
             points = mixture.draw(stream.generator("stage", stage))
-            made = yield _wanted(points, stage, mixture)
+            made = yield _request(points, stage, mixture)
             stages.add(mixture, points, made.outcomes)
             spent += number
             if stages.are_enough:
@@ -126,18 +97,18 @@ class ImportanceSampling(Design):
             mixture = stages.following(number)
         mixture = stages.following(self.samples - spent)
         points = mixture.draw(stream.generator("last stage"))
-        yield _wanted(points, stage + 1, mixture)
+        yield _request(points, stage + 1, mixture)
 
     def _search(
         self, event: LimitState, stream: Stream, dimension: int
-    ) -> Generator[Wanted, Made, tuple[FloatArray, int]]:
+    ) -> Generator[RequestedPoints, RunOutcomes, tuple[FloatArray, int]]:
         """Yield the points of the search; return where it ended near the event, and its runs."""
         most = int(_SEARCH_SHARE * self.samples)
         starts = starting_points(_STARTS, dimension, stream.generator("starts"))
         search = search_design_points(starts, _ITERATIONS)
         wanted, scales, spent = next(search), None, 0
         while spent + len(wanted.points) <= most:
-            made = yield _wanted(wanted.points, 0, None)
+            made = yield _request(wanted.points, 0, None)
             spent += len(wanted.points)
             scales = event.scales(made.outcomes) if scales is None else scales
             try:
@@ -150,7 +121,7 @@ class ImportanceSampling(Design):
         return np.empty((0, dimension)), spent
 
 
-def _wanted(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> Wanted:
+def _request(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> RequestedPoints:
     """Return points with their stage, the component that drew them, and the ratio of densities.
 
     The points of a search are no draws: their component is -1, and they have no ratio.
@@ -161,7 +132,7 @@ def _wanted(points: FloatArray, stage: int, mixture: GaussianMixture | None) -> 
     else:
         component = mixture.component
         ratio = np.exp(log_normal_density(points) - mixture.log_density(points))
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             SAMPLING_STAGE: np.full(size, stage),

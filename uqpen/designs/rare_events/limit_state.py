@@ -13,18 +13,18 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import STATUS
-from uqpen.core.lookup import choices
+from uqpen.core.list_reading import read_list
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.settings import Context, read_list, setting
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import setting
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems
 
 __all__ = [
     "EventLimit",
     "EventOutcomes",
     "LimitState",
-    "check_event_outputs",
     "limit_state",
     "parse_limit_state",
 ]
@@ -38,7 +38,7 @@ _OR, _AND = " or ", " and "
 
 
 class EventOutcomes(NamedTuple):
-    """EventOutcomes of runs.
+    """Outcomes of an event in runs.
 
     Parameters
     ----------
@@ -160,21 +160,8 @@ class LimitState:
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         """Yield the problems between the event and the outputs of a study."""
-        known = {
-            each.output.name: each.output
-            for each in requested
-            if each.output.is_number and not each.output.dims
-        }
         for limit in self.limits:
-            if limit.output not in known:
-                expected = f"an output that is a number; {choices(limit.output, known)}"
-                yield Problem((), toml_text(limit.output), expected)
-                continue
-            output = known[limit.output]
-            try:
-                parse_quantity(limit.value, output.unit, allow_offset=not output.is_difference)
-            except QuantityError as error:
-                yield Problem((), error.found, error.expected)
+            yield from output_value_problems(limit.output, limit.value, requested)
 
     def __str__(self) -> str:
         return (_OR if self.is_any else _AND).join(map(str, self.limits))
@@ -193,12 +180,6 @@ def parse_limit_state(text: str) -> LimitState:
     is_any = _OR in text
     parts = text.split(_OR if is_any else _AND)
     return LimitState(tuple(map(_parse_limit, parts)), is_any)
-
-
-def check_event_outputs(event: str, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-    """Yield the problems between the text of a design's event and the outputs of a study."""
-    for problem in parse_limit_state(event).check_outputs(requested):
-        yield problem.within("event")
 
 
 def limit_state() -> Any:

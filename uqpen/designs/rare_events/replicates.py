@@ -16,12 +16,12 @@ from uqpen.designs.design import Rounds
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Made", "Replicate", "Wanted", "advance_together"]
+__all__ = ["Replicate", "RequestedPoints", "RunOutcomes", "advance_together"]
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
-    """Points that a replicate wants to run.
+class RequestedPoints:
+    """Points that a replicate asks to be run.
 
     Parameters
     ----------
@@ -36,15 +36,15 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """Runs of a replicate: their numbers in the design, and their outcomes."""
+class RunOutcomes:
+    """Outcomes of the runs at requested points, with the numbers of the runs in the design."""
 
     runs: IntArray
     outcomes: EventOutcomes
 
 
-# A replicate yields points, and is sent what became of them.
-Replicate = Generator[Wanted, Made, None]
+# A replicate yields points, and is sent the outcomes of their runs.
+Replicate = Generator[RequestedPoints, RunOutcomes, None]
 
 
 def advance_together(
@@ -67,7 +67,7 @@ def advance_together(
         start = 0
         for number, points in wanted.items():
             part = np.arange(start, start + len(points.points))
-            made = Made(first + part, outcomes.of(part))
+            made = RunOutcomes(first + part, outcomes.of(part))
             with suppress(StopIteration):  # it is at its last level
                 following[number] = going[number].send(made)
             start += len(part)
@@ -75,7 +75,9 @@ def advance_together(
         wanted = following
 
 
-def _points(joint: JointDistribution, event: LimitState, wanted: dict[int, Wanted]) -> xr.Dataset:
+def _points(
+    joint: JointDistribution, event: LimitState, wanted: dict[int, RequestedPoints]
+) -> xr.Dataset:
     sizes = [len(each.points) for each in wanted.values()]
     names = next(iter(wanted.values())).coordinates
     coordinates = {

@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
 from uqpen.designs.rare_events.conditional_sampling import ConditionalSampling
-from uqpen.designs.rare_events.limit_state import (
-    LimitState,
-    check_event_outputs,
-    limit_state,
-    parse_limit_state,
-)
-from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
-from uqpen.designs.rare_events.single_model import check_single_model
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.rare_events.limit_state import LimitState
+from uqpen.designs.rare_events.rare_event_design import RareEventDesign
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["SubsetSimulation"]
 
 
 @dataclass(frozen=True)
-class SubsetSimulation(Design):
+class SubsetSimulation(RareEventDesign):
     """Subset simulation by adaptive conditional sampling, in independent replicates.
 
     Independent draws give the nearest tenth of all cases. Markov chains from there stay within it
@@ -56,9 +47,6 @@ class SubsetSimulation(Design):
     Papaioannou, I. et al. (2015). Probabilistic Engineering Mechanics 41, 89-103.
     """
 
-    sampling = Sampling.TOWARDS_EVENT
-
-    event: str = limit_state()
     samples: int = count(minimum=100, default=1000)
     replicates: int = count(minimum=3, default=5)
     levels: int = count(default=10, maximum=15)
@@ -66,22 +54,6 @@ class SubsetSimulation(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.samples % (STEPS + 1):
             yield Problem(("samples",), str(self.samples), f"a multiple of {STEPS + 1}")
-
-    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        yield from check_event_outputs(self.event, requested)
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        yield from check_single_model(models)
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        event, dimension = parse_limit_state(self.event), len(joint.random)
-        replicates = [
-            partial(self._replicate, event, stream.child("replicate", number), dimension)
-            for number in range(self.replicates)
-        ]
-        yield from advance_together(joint, event, replicates)
 
     @property
     def replicate_count(self) -> int:
@@ -95,11 +67,11 @@ class SubsetSimulation(Design):
         further = (self.levels - 1) * self._chains * STEPS
         return self.replicates * (self.samples + further)
 
-    def _replicate(self, event: LimitState, stream: Stream, dimension: int) -> Replicate:
-        """Yield the points of a replicate, level by level."""
+    def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
+        dimension = len(joint.random)
         points = stream.generator("level", 0).standard_normal((self.samples, dimension))
         threshold = -math.inf
-        made = yield _wanted(points, 0, np.full(self.samples, -1), threshold)
+        made = yield _request(points, 0, np.full(self.samples, -1), threshold)
         scales = event.scales(made.outcomes)
         drawn = ChainStates.of(made.runs, made.outcomes, event, scales)
         states, points = drawn.at(made.outcomes.belongs), points[made.outcomes.belongs]
@@ -118,7 +90,7 @@ class SubsetSimulation(Design):
             visited, places = [chain], [at]
             for _ in range(STEPS):
                 candidates = sampling.candidates(at, rng)
-                made = yield _wanted(candidates, level, chain.runs, threshold)
+                made = yield _request(candidates, level, chain.runs, threshold)
                 new = ChainStates.of(made.runs, made.outcomes, event, scales)
                 accepted = new.at_or_above(threshold)
                 chain = chain.moved(new, threshold)
@@ -133,10 +105,12 @@ class SubsetSimulation(Design):
         return self.samples // (STEPS + 1)
 
 
-def _wanted(points: FloatArray, level: int, parents: IntArray, threshold: float) -> Wanted:
+def _request(
+    points: FloatArray, level: int, parents: IntArray, threshold: float
+) -> RequestedPoints:
     """Return points with what the analysis needs: level, threshold, and the state moved from."""
     size = len(points)
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             SUBSET_LEVEL: np.full(size, level),

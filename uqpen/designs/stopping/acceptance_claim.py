@@ -14,12 +14,11 @@ from uqpen.core.arrays import BoolArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import STATUS
-from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict, Decision, decide
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems
 
 __all__ = ["CLAIM", "AcceptanceClaim", "Outcomes", "is_claim", "parse_claim"]
 
@@ -102,16 +101,7 @@ class AcceptanceClaim:
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         """Yield the problems between the claim and the outputs of a study."""
-        known = {each.output.name: each.output for each in requested if each.output.is_number}
-        if self.output not in known:
-            expected = f"an output that is a number; {choices(self.output, known)}"
-            yield Problem((), toml_text(self.output), expected)
-            return
-        output = known[self.output]
-        try:
-            parse_quantity(self.value, output.unit, allow_offset=not output.is_difference)
-        except QuantityError as error:
-            yield Problem((), error.found, error.expected)
+        return output_value_problems(self.output, self.value, requested)
 
     def __str__(self) -> str:
         event, sign = "<>"[self.is_above], "><"[self.is_less]

@@ -6,9 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from uqpen.core.errors import Problem
-from uqpen.core.lookup import resolve
-from uqpen.core.settings import Context, setting
+from uqpen.core.errors import Problem, QuantityError, toml_text
+from uqpen.core.lookup import choices, resolve
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import setting
 from uqpen.core.variables import Output
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
@@ -18,6 +20,7 @@ __all__ = [
     "RequestedThreshold",
     "StatisticName",
     "StoppingRule",
+    "output_value_problems",
     "stopping_rule",
 ]
 
@@ -64,6 +67,21 @@ class RequestedOutput(Protocol):
     @property
     def quantiles(self) -> Sequence[float]:
         """Probabilities of the requested quantiles."""
+
+
+def output_value_problems(
+    name: str, value: str, requested: Sequence[RequestedOutput]
+) -> Iterator[Problem]:
+    """Yield the problem of a value that a design compares with an output of a study."""
+    known = {each.output.name: each.output for each in requested if each.output.is_number}
+    if name not in known:
+        yield Problem((), toml_text(name), f"an output that is a number; {choices(name, known)}")
+        return
+    output = known[name]
+    try:
+        parse_quantity(value, output.unit, allow_offset=not output.is_difference)
+    except QuantityError as error:
+        yield from error.problems
 
 
 class StoppingRule(ABC):

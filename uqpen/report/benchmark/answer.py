@@ -11,19 +11,17 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.labels import METHODS, SINGLE
-from uqpen.report.benchmark.plotted_methods import (
+from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
-    PlottedMethod,
-    benchmark_budgets,
     entries_by_output,
     method_keys,
     output_heading,
-    plotted_methods,
     reference_run_counts,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
-from uqpen.report.marks import Trace, point_trace
+from uqpen.report.marks import Trace, point_trace, series_marker
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.benchmark_tables import (
     IS_DOUBTFUL,
     IS_LEVEL,
@@ -69,7 +67,7 @@ def answer(tree: xr.DataTree) -> Iterator[Block]:
         omitted = [f"The first {MOST_CHARTS} of {count} outputs; the verdicts below cover all."]
     yield Charts(
         tuple(_leaders(tree, *each) for each in islice(outputs.items(), MOST_CHARTS)),
-        keys=method_keys(plotted_methods(tree, SINGLE)),
+        keys=method_keys(benchmark_methods(tree, SINGLE)),
         notes=(
             "One filled marker: this method leads all others by more than the noise. Several side "
             "by side: they are level. A hollow one: this method is ahead, but its lead is "
@@ -94,7 +92,7 @@ def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iter
     """Yield a statement on each method at a number of runs, the best first."""
     counted = {
         method.source: Counter(standing_mark(method.source, *contest) for contest in found)
-        for method in plotted_methods(tree, SINGLE)
+        for method in benchmark_methods(tree, SINGLE)
     }
     ranked = sorted(counted, key=lambda name: [-counted[name][mark] for mark in _STANDING_TEXTS])
     known: set[str] = set()
@@ -147,7 +145,7 @@ def _is_doubtful(level: str, lowest: float) -> bool:
 
 def _absent_methods(tree: xr.DataTree) -> Iterator[str]:
     runs = read_group(tree, METHODS)["runs"].values
-    for method in plotted_methods(tree, SINGLE):
+    for method in benchmark_methods(tree, SINGLE):
         counts = zip(benchmark_budgets(tree), runs[method.position].tolist(), strict=True)
         if where := [grouped_number(budget) for budget, count in counts if not count]:
             yield f"{method.source} takes no part at {join_names(where)} runs."
@@ -157,7 +155,7 @@ def _count_without_error(entry: BenchmarkEntry) -> int:
     """Return the number of methods that made their runs, as single sets, but have no error."""
     errors = entry.variable("error").values[..., 0]
     takes_part = read_group(entry.tree, METHODS)["runs"].values > 0
-    single = [method.position for method in plotted_methods(entry.tree, SINGLE)]
+    single = [method.position for method in benchmark_methods(entry.tree, SINGLE)]
     return int((np.isnan(errors) & takes_part)[single].sum())
 
 
@@ -175,12 +173,13 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
         f"{'; '.join(texts) or 'none'}. The other numbers of runs are in the sentences below.",
         x=Axis("runs", ends, ticks=ticks),
         y=Axis("", rows=rows),
-        traces=tuple(_leader_markers(method, found) for method in plotted_methods(tree, SINGLE)),
+        traces=tuple(_leader_markers(method, found) for method in benchmark_methods(tree, SINGLE)),
         height=_FRAME + _ROW * len(rows),
     )
 
 
-def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace:
+def _leader_markers(method: ArchivedMethod, found: list[BenchmarkEntry]) -> Trace:
+    marker = series_marker(method.series)
     marks: list[tuple[float, float, str, float, str]] = []
     for row, entry in enumerate(found):
         texts = entry.variable("verdict").values[0].tolist()
@@ -190,7 +189,7 @@ def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace
             if mark in _STANDING_TEXTS:
                 step = min(_APART, 0.8 / len(names))
                 place = column + (names.index(method.source) - (len(names) - 1) / 2) * step
-                symbol = f"{method.marker}-open" if mark == IS_DOUBTFUL else method.marker
+                symbol = f"{marker}-open" if mark == IS_DOUBTFUL else marker
                 size = _TOGETHER if mark == IS_LEVEL else _ALONE
                 text = f"{entry.label}: {texts[column]}"
                 marks.append((place, float(row), symbol, size, text))

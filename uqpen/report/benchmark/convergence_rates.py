@@ -11,15 +11,6 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import SINGLE
 from uqpen.report.axes import padded_limits
-from uqpen.report.benchmark.plotted_methods import (
-    MOST_CHARTS,
-    PlottedMethod,
-    entries_by_output,
-    method_keys,
-    output_heading,
-    plotted_methods,
-    variants,
-)
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
@@ -27,10 +18,18 @@ from uqpen.report.benchmark.row_charts import (
     omitted_charts_note,
     variant_text,
 )
+from uqpen.report.benchmark.section_elements import (
+    MOST_CHARTS,
+    entries_by_output,
+    method_keys,
+    output_heading,
+    variants,
+)
 from uqpen.report.blocks import Axis, Block, Chart, Charts
-from uqpen.report.marks import Trace, dot_trace
+from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.shapes import vertical_line
 from uqpen.results.benchmark_entries import BenchmarkEntry
+from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_methods
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import OutputTable
 
@@ -54,7 +53,7 @@ def convergence_rates(tree: xr.DataTree) -> Iterator[Block]:
     if charts:
         yield Charts(
             tuple(charts[:MOST_CHARTS]),
-            keys=method_keys(plotted_methods(tree, SINGLE)),
+            keys=method_keys(benchmark_methods(tree, SINGLE)),
             notes=("Dashed: −0.5, as errors fall with 1/√runs.", *omitted_charts_note(charts)),
         )
 
@@ -63,7 +62,7 @@ def _slope_chart(
     tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry]
 ) -> Chart:
     slopes = method_values(tree, variant, found, "slope")
-    methods = plotted_methods(tree, variant)
+    methods = benchmark_methods(tree, variant)
     has_interval = np.asarray(np.isfinite(slopes).all(axis=-1))
     lower, upper = _axis_limits(slopes, has_interval)
     outside = [
@@ -103,7 +102,7 @@ def _is_outside(slopes: FloatArray, lower: float, upper: float) -> BoolArray:
 
 
 def _steepest_sentences(
-    found: list[BenchmarkEntry], methods: list[PlottedMethod], slopes: FloatArray
+    found: list[BenchmarkEntry], methods: list[ArchivedMethod], slopes: FloatArray
 ) -> Iterator[str]:
     for entry, row in zip(found, slopes, strict=True):
         if np.isfinite(row[:, 0]).any():
@@ -112,7 +111,7 @@ def _steepest_sentences(
 
 
 def _dots(
-    method: PlottedMethod, slopes: FloatArray, found: list[BenchmarkEntry], places: FloatArray
+    method: ArchivedMethod, slopes: FloatArray, found: list[BenchmarkEntry], places: FloatArray
 ) -> Trace:
     hovers = [
         f"{method.source}, {entry.label}: {estimate_text(*row)}"
@@ -120,12 +119,17 @@ def _dots(
         for entry, row in zip(found, slopes, strict=True)
     ]
     return dot_trace(
-        slopes, places, method.series, hovers=hovers, name=method.source, marker=method.marker
+        slopes,
+        places,
+        method.series,
+        hovers=hovers,
+        name=method.source,
+        marker=series_marker(method.series),
     )
 
 
 def _slope_table(
-    found: list[BenchmarkEntry], methods: list[PlottedMethod], slopes: FloatArray
+    found: list[BenchmarkEntry], methods: list[ArchivedMethod], slopes: FloatArray
 ) -> OutputTable:
     table = OutputTable("Slopes, with their 95 % intervals", [m.source for m in methods])
     for entry, row in zip(found, slopes, strict=True):

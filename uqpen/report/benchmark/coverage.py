@@ -11,16 +11,6 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
-from uqpen.report.benchmark.plotted_methods import (
-    MOST_CHARTS,
-    PlottedMethod,
-    benchmark_budgets,
-    entries_by_output,
-    method_keys,
-    output_heading,
-    plotted_methods,
-    variants,
-)
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
@@ -28,10 +18,18 @@ from uqpen.report.benchmark.row_charts import (
     omitted_charts_note,
     variant_text,
 )
+from uqpen.report.benchmark.section_elements import (
+    MOST_CHARTS,
+    entries_by_output,
+    method_keys,
+    output_heading,
+    variants,
+)
 from uqpen.report.blocks import Axis, Block, Chart, Charts
-from uqpen.report.marks import Trace, point_trace
+from uqpen.report.marks import Trace, point_trace, series_marker
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
+from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -54,7 +52,7 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
     if charts:
         yield Charts(
             tuple(charts[:MOST_CHARTS]),
-            keys=method_keys(plotted_methods(tree, SINGLE)),
+            keys=method_keys(benchmark_methods(tree, SINGLE)),
             notes=(
                 _expected_coverage_note(tree, repeats),
                 *_methods_without_intervals(tree),
@@ -85,7 +83,7 @@ def _methods_without_intervals(tree: xr.DataTree) -> Iterator[str]:
     has_coverage: dict[str, bool] = {}
     for variant in variants(tree):
         shares = method_values(tree, variant, every, "coverage")
-        for at, method in enumerate(plotted_methods(tree, variant)):
+        for at, method in enumerate(benchmark_methods(tree, variant)):
             has_coverage.setdefault(method.source, False)
             has_coverage[method.source] |= bool(np.isfinite(shares[:, at]).any())
     for source, has_intervals in has_coverage.items():
@@ -97,7 +95,7 @@ def _coverage_chart(
     tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry], repeats: int
 ) -> Chart:
     shares = method_values(tree, variant, found, "coverage")
-    methods = plotted_methods(tree, variant)
+    methods = benchmark_methods(tree, variant)
     level = _nominal_level(tree)
     known = shares[np.isfinite(shares)]
     lowest, highest = (percent_text(round(share, 3)) for share in (known.min(), known.max()))
@@ -125,7 +123,7 @@ def _coverage_chart(
 
 def _points(
     tree: xr.DataTree,
-    method: PlottedMethod,
+    method: ArchivedMethod,
     shares: FloatArray,
     found: list[BenchmarkEntry],
     places: FloatArray,
@@ -144,13 +142,16 @@ def _points(
         hover="%{text}",
         name=method.source,
         texts=texts,
-        marker=method.marker,
+        marker=series_marker(method.series),
         size=7,
     )
 
 
 def _coverage_table(
-    tree: xr.DataTree, methods: list[PlottedMethod], shares: FloatArray, found: list[BenchmarkEntry]
+    tree: xr.DataTree,
+    methods: list[ArchivedMethod],
+    shares: FloatArray,
+    found: list[BenchmarkEntry],
 ) -> OutputTable:
     columns = [*map(grouped_number, benchmark_budgets(tree))]
     table = OutputTable("Coverage of the reference, in %", columns)

@@ -11,20 +11,18 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.axes import logarithmic_axis
-from uqpen.report.benchmark.plotted_methods import (
+from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
-    PlottedMethod,
-    benchmark_budgets,
     budget_axis,
     method_keys,
     output_heading,
-    plotted_methods,
     reference_error,
     variants,
 )
 from uqpen.report.blocks import Block, Chart, Charts, Heading, LegendKey, Text
-from uqpen.report.marks import Trace, band_traces, dot_trace, line_trace
+from uqpen.report.marks import Trace, band_traces, dot_trace, line_trace, series_marker
 from uqpen.results.benchmark_entries import BenchmarkEntry
+from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.benchmark_tables import (
     IS_DOUBTFUL,
     IS_LEVEL,
@@ -77,7 +75,7 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
     for output, found in charts.items():
         yield Heading(output_heading(tree, output))
         yield Charts(
-            tuple(found), keys=(*method_keys(plotted_methods(tree, variant)), *_keys(found))
+            tuple(found), keys=(*method_keys(benchmark_methods(tree, variant)), *_keys(found))
         )
     drawn = sum(map(len, charts.values()))
     if without:
@@ -97,8 +95,8 @@ def _keys(charts: list[Chart]) -> Iterator[LegendKey]:
 def _chart(comparison: EntryComparison, variant: str) -> Chart | None:
     """Error against runs of one statistic; None where no method has an error."""
     entry = comparison.entry
-    methods = plotted_methods(entry.tree, variant)
-    method_bounds = {method: _bounds(entry, method) for method in methods}
+    methods = benchmark_methods(entry.tree, variant)
+    method_bounds = {method: entry.percent_errors(method.position) for method in methods}
     known = np.array([bounds[:, 0] for bounds in method_bounds.values()])
     if not np.isfinite(known).any():
         return None
@@ -127,15 +125,6 @@ def _chart(comparison: EntryComparison, variant: str) -> Chart | None:
     )
 
 
-def _bounds(entry: BenchmarkEntry, method: PlottedMethod) -> FloatArray:
-    """Errors in per cent with their intervals, along budget and bound; NaN for those not shown.
-
-    An error of 0 has no place on a logarithmic axis.
-    """
-    found: FloatArray = 100 * entry.variable("error").values[method.position].astype(np.float64)
-    return np.where(np.isfinite(found) & (found > 0), found, np.nan)
-
-
 def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Trace]:
     """Yield a line that falls with the root of the runs, from the largest error at the fewest."""
     first = next((at for at in range(budgets.size) if np.isfinite(known[:, at]).any()), 0)
@@ -146,7 +135,7 @@ def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Trace]:
 
 
 def _line(
-    entry: BenchmarkEntry, method: PlottedMethod, bounds: FloatArray, places: FloatArray
+    entry: BenchmarkEntry, method: ArchivedMethod, bounds: FloatArray, places: FloatArray
 ) -> Trace:
     hovers = [
         f"{method.source}, {grouped_number(budget)} runs: {_error_text(row)}"
@@ -158,7 +147,7 @@ def _line(
         method.series,
         hovers=hovers,
         name=method.source,
-        marker=method.marker,
+        marker=series_marker(method.series),
         along="y",
         is_joined=True,
     )
@@ -170,7 +159,7 @@ def _error_text(bounds: FloatArray) -> str:
 
 
 def _summary(
-    entry: BenchmarkEntry, methods: list[PlottedMethod], bounds: dict[PlottedMethod, FloatArray]
+    entry: BenchmarkEntry, methods: list[ArchivedMethod], bounds: dict[ArchivedMethod, FloatArray]
 ) -> str:
     most = grouped_number(benchmark_budgets(entry.tree)[-1])
     found = [
@@ -184,7 +173,7 @@ def _summary(
 def _notes(
     comparison: EntryComparison,
     variant: str,
-    bounds: dict[PlottedMethod, FloatArray],
+    bounds: dict[ArchivedMethod, FloatArray],
     own: float,
     lower: float,
 ) -> Iterator[str]:
@@ -231,7 +220,7 @@ def _table(entry: BenchmarkEntry, variant: str) -> OutputTable:
         title += f"; {WINS} leads, {IS_LEVEL} is level with the best, {IS_DOUBTFUL} is uncertain"
     table = OutputTable(title, [*map(grouped_number, budgets)])
     array = entry.variable("error")
-    for method in plotted_methods(entry.tree, variant):
+    for method in benchmark_methods(entry.tree, variant):
         cells = []
         for bounds, level_and_bound in zip(
             array.values[method.position], entry.single_set_standings, strict=True

@@ -12,7 +12,7 @@ from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import read_group
 from uqpen.core.labels import BUDGET, INTERVAL, METHODS
 from uqpen.core.units import scale
-from uqpen.report.benchmark.plotted_methods import (
+from uqpen.report.benchmark.section_elements import (
     entries_by_output,
     indent_labels,
     output_heading,

@@ -9,9 +9,10 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
-from uqpen.report.benchmark.plotted_methods import MOST_CHARTS, plotted_methods, variants
+from uqpen.report.benchmark.section_elements import MOST_CHARTS, variants
 from uqpen.report.blocks import Chart
 from uqpen.results.benchmark_entries import BenchmarkEntry
+from uqpen.results.benchmark_methods import benchmark_methods
 
 __all__ = [
     "chart_height",
@@ -41,7 +42,7 @@ def method_values(
     tree: xr.DataTree, variant: str, found: Sequence[BenchmarkEntry], name: str
 ) -> FloatArray:
     """Return a variable along statistic and method, then along its own dimensions."""
-    positions = [method.position for method in plotted_methods(tree, variant)]
+    positions = [method.position for method in benchmark_methods(tree, variant)]
     return np.array([entry.variable(name).values[positions] for entry in found], dtype=np.float64)
 
 

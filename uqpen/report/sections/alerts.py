@@ -89,7 +89,7 @@ def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
 
 def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     condition = sample_account(view, design).get(CONDITIONAL)
-    runs = view.runs(design)
+    runs = view.design(design).runs
     excluded = status_counts(runs)[Status.INADMISSIBLE]
     if condition and excluded >= _MANY * run_count(runs):
         yield Alert(
@@ -105,7 +105,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
             "Compare inputs by Shapley effects, which divide what is shared.",
         )
-    if view.sampling(design) is Sampling.USER_SUPPLIED:
+    if view.design(design).sampling is Sampling.USER_SUPPLIED:
         yield Alert(
             "Points",
             f"The points of {design} are the user's own, and presumed to be a sample of the "
@@ -138,7 +138,7 @@ def _absence_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
 
 
 def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:
-    runs = view.runs(design)
+    runs = view.design(design).runs
     count = status_counts(runs)[Status.INADMISSIBLE]
     some = f"{grouped_number(count)} of the {grouped_number(run_count(runs))} points of {design}"
     were = "was" if count == 1 else "were"
@@ -151,7 +151,7 @@ def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:
 def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
     measured = {
         name: str(view.attributes(name)["fit_measurements"])
-        for name in view.random_inputs(design)
+        for name in view.design(design).random_inputs
         if "fit_measurements" in view.attributes(name)
     }
     if measured:
@@ -165,7 +165,7 @@ def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
 
 
 def _scope_alert(view: ArchiveView, design: str) -> Alert:
-    runs = view.runs(design)
+    runs = view.design(design).runs
     completed = status_counts(runs)[Status.OK]
     rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
     return Alert(

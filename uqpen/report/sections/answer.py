@@ -142,7 +142,7 @@ def _omissions(shown: Sequence[OutputSentences], outputs: int) -> str:
 
 
 def _origin_sentence(view: ArchiveView, design: str) -> str:
-    runs = view.runs(design)
+    runs = view.design(design).runs
     completed, every = status_counts(runs)[Status.OK], run_count(runs)
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
@@ -169,7 +169,7 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
         )
     earlier = [each for each in view.sample_designs if view.is_sample_design(each)]
     text = "" if earlier[0] == design else " with completed runs"
-    taken = "presumed " if view.sampling(design) is Sampling.USER_SUPPLIED else ""
+    taken = "presumed " if view.design(design).sampling is Sampling.USER_SUPPLIED else ""
     return f"the first {taken}sample of the inputs in the study{text}"
 
 

@@ -56,7 +56,7 @@ def answer_without_sample(view: ArchiveView) -> Iterator[Block]:
 
 
 def _quadrature_means(view: ArchiveView) -> Iterator[str]:
-    rules = [each for each in view.designs if view.sampling(each) is Sampling.QUADRATURE]
+    rules = [each for each in view.designs if view.design(each).sampling is Sampling.QUADRATURE]
     for output in view.numeric_outputs[:_MOST_OUTPUTS]:
         quantity = QuotedStatistic(view, output, "mean")
         for design in rules:

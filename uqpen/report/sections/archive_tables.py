@@ -60,8 +60,9 @@ def inputs_table(view: ArchiveView) -> OutputTable:
     design = leading_design(view) or next(iter([*view.sample_designs, *view.designs]))
     runs = read_group(view.tree, RUNS, design).isel({RUN: slice(RUNS_IN_MEMORY)})
     written = _inputs_as_written(view)
+    source = f"{view.design(design).shown_prefix or 'the runs of '}{design}"
     table = OutputTable(
-        f"Inputs, over {view.part(design) or 'the runs of '}{design}, failed ones included",
+        f"Inputs, over {source}, failed ones included",
         ["meaning", "value or median", "from … to", "in the study"],
     )
     for key, values in runs.data_vars.items():
@@ -117,7 +118,7 @@ def designs_table(view: ArchiveView) -> OutputTable:
     table = OutputTable("Designs", ["points", "runs", "completed", "replicates", "purpose"])
     for name in view.designs:
         runs = read_group(view.tree, RUNS, name)
-        sampling = view.sampling(name)
+        sampling = view.design(name).sampling
         completed = grouped_number(status_counts(runs)[Status.OK])
         purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(view, name)))
         replicates = str(replicate_count(runs)) if REPLICATE in runs.variables else NOTHING

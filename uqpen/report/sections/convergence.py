@@ -89,7 +89,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
     statistics = {
         output: view.statistics.statistics(design, output) for output in outputs[:_MOST_OUTPUTS]
     }
-    reason = view.reason_without_convergence(design)
+    reason = view.design(design).reason_without_convergence
     if not any(RUNS_SO_FAR in array.dims for of in statistics.values() for array in of.values()):
         reason = reason or "the archive has no estimates from parts of its runs"
     if reason:
@@ -112,7 +112,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
 
 def _design_sentence(view: ArchiveView, design: str) -> str:
     runs = read_group(view.tree, RUNS, design)
-    drawn = view.runs(design)
+    drawn = view.design(design).runs
     runs_text = count_text(run_count(drawn), "run")
     if run_count(drawn) < run_count(runs):
         runs_text += " that are a sample"

@@ -41,7 +41,7 @@ def measures_along(curve: CurveEstimates) -> list[tuple[str, str, xr.DataArray]]
 def driver_areas(
     curve: CurveEstimates, indices: Sequence[tuple[str, str, xr.DataArray]]
 ) -> Iterator[Chart]:
-    """Yield the parts of the inputs in the variance, one upon the other, and what they leave."""
+    """Yield a chart of the inputs' shares of the variance, stacked, and of the remainder."""
     if not indices:
         return
     label, source, array = indices[0]

@@ -57,7 +57,7 @@ def curves(view: ArchiveView) -> Iterator[Block]:
 
 
 def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]:
-    along = field_dimensions(view.runs(design)[field])
+    along = field_dimensions(view.design(design).runs[field])
     if view.statistics.get(design, field, "mean") is None:
         return
     if len(along) == 1:

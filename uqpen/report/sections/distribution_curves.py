@@ -42,10 +42,10 @@ class Grid(NamedTuple):
 
 def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
     """A function at other values: from its runs or, without all of them, between its ranks."""
-    if curve.name in view.designs and view.shows_all_runs(curve.name):
+    if curve.name in view.designs and view.design(curve.name).shows_all_runs:
         measure = view.scale(output)
         in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
-        share = empirical_cdf(view.completed_values(curve.name, output), in_si)
+        share = empirical_cdf(view.design(curve.name).completed_values(output), in_si)
         return replace(curve, values=grid.values, band=curve.limits.around(share))
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     if curve.name in view.designs:

@@ -35,7 +35,7 @@ def map_charts(view: ArchiveView, field: str, design: str) -> Iterator[Chart]:
     mean = view.statistics.get(design, field, "mean")
     if mean is None or not np.isfinite(mean.values[..., 0]).any():
         return
-    along = field_dimensions(view.runs(design)[field])
+    along = field_dimensions(view.design(design).runs[field])
     largest = np.unravel_index(int(np.nanargmax(mean.values[..., 0])), mean.shape[:-1])
     at = dict(zip(along[:-2], map(int, largest), strict=False))
     place = ", ".join(

@@ -31,7 +31,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     """Return the chart of a design's completed runs, in bins; of quantiles if not all are shown."""
     values = view.scale(output).from_si(view.shown_values(design, output))
     unit, title = "run", f"{count_text(values.size, 'run')} of {design}"
-    if not view.shows_all_runs(design):
+    if not view.design(design).shows_all_runs:
         unit, title = "quantile", f"{design}, by {count_text(values.size, 'quantile')}"
     counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())

@@ -119,7 +119,7 @@ def _widths(view: ArchiveView, statistic: ComparedStatistic) -> dict[str, _Width
 
 
 def _independent_design(view: ArchiveView) -> str:
-    return next((n for n in view.designs if view.sampling(n) is Sampling.INDEPENDENT), "")
+    return next((n for n in view.designs if view.design(n).sampling is Sampling.INDEPENDENT), "")
 
 
 def _key(view: ArchiveView, source: str) -> LegendKey:
@@ -207,7 +207,7 @@ def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:
-        sampled = run_count(view.runs(source))
+        sampled = run_count(view.design(source).runs)
     note = f"{grouped_number(sampled)} of them are a sample; the others are for its indices"
     return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 

@@ -34,7 +34,7 @@ def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
     """Yield the probability of the event of each design that was made for one, with its caveat."""
     for design in view.designs:
         joint = view.statistics.joint_probability(design)
-        if joint is None or view.sampling(design) is not Sampling.TOWARDS_EVENT:
+        if joint is None or view.design(design).sampling is not Sampling.TOWARDS_EVENT:
             continue
         for array, finding in zip(joint, joint_findings(view, design), strict=True):
             caveat = (
@@ -48,7 +48,7 @@ def _disagreement_findings(view: ArchiveView) -> Iterator[Finding]:
     """Yield which designs disagree on the event of one that was made for it."""
     found = {design: view.statistics.joint_probability(design) for design in view.designs}
     arrays = {design: array for design, array in found.items() if array is not None}
-    of_events = {each for each in arrays if view.sampling(each) is Sampling.TOWARDS_EVENT}
+    of_events = {each for each in arrays if view.design(each).sampling is Sampling.TOWARDS_EVENT}
     for each in disagreements(arrays):
         if of_events & {each.first, each.second}:
             event = capitalized(plain_text(each.condition))

@@ -16,7 +16,7 @@ def leading_design(view: ArchiveView) -> str | None:
     It is the first design of the study whose runs are a sample. So its place decides, not its
     results. A design that is made for another purpose is chosen only where there is no other.
     """
-    found = [name for name in view.sample_designs if view.has_completed_runs(name)]
+    found = [name for name in view.sample_designs if view.design(name).has_completed_runs]
     plain = [name for name in found if view.is_sample_design(name)]
     return next(iter((*plain, *found)), None)
 

@@ -26,15 +26,15 @@ _MOST = 2
 
 def missing_count(view: ArchiveView, design: str) -> int:
     """Return the number of runs without a result at an admissible point."""
-    counts = status_counts(view.runs(design))
+    counts = status_counts(view.design(design).runs)
     done = counts[Status.OK] + counts[Status.INADMISSIBLE]
-    return int(run_count(view.runs(design)) - done)
+    return int(run_count(view.design(design).runs) - done)
 
 
 def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     """Yield the number of failed and of inadmissible runs, and the inputs of the failed."""
-    runs = run_count(view.runs(design))
-    counts = status_counts(view.runs(design))
+    runs = run_count(view.design(design).runs)
+    counts = status_counts(view.design(design).runs)
     missing, excluded = missing_count(view, design), counts[Status.INADMISSIBLE]
     if not missing:
         every = "The only run" if runs == 1 else f"All {grouped_number(runs - excluded)} runs"

@@ -34,7 +34,7 @@ class PlottedRuns:
     def runs(self) -> xr.Dataset:
         """Sample of the joint distribution, each run with its place among all of the design."""
         every = read_group(self.view.tree, RUNS, self.design)
-        runs = self.view.shown_runs(self.design)
+        runs = self.view.design(self.design).shown_runs
         if MATRIX in every:
             places = np.flatnonzero(every[MATRIX].values <= 1)
         else:
@@ -60,7 +60,7 @@ class PlottedRuns:
     @property
     def inputs(self) -> list[str]:
         """Inputs that are not the same in all runs."""
-        return self.view.random_inputs(self.design)
+        return self.view.design(self.design).random_inputs
 
     @property
     def thinning_note(self) -> str:

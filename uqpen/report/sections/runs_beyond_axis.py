@@ -23,9 +23,9 @@ def runs_beyond_axis(
     view: ArchiveView, output: str, curve: Curve, grid: Grid
 ) -> RunsBeyondAxis | None:
     """Return the runs beyond a grid of thresholds; None of a function without runs."""
-    if curve.name not in view.designs or not view.keeps_runs(curve.name):
+    if curve.name not in view.designs or not view.design(curve.name).keeps_runs:
         return None
-    values = np.sort(view.completed_values(curve.name, output))
+    values = np.sort(view.design(curve.name).completed_values(output))
     shown = view.scale(output).from_si(values)
     first, last = float(grid.values[0]), float(grid.values[-1])
 

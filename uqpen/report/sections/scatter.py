@@ -46,7 +46,7 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     if design is None or not outputs:
         return
-    if not view.keeps_runs(design):
+    if not view.design(design).keeps_runs:
         yield Text(f"The runs of {design} are not in the archive, which keeps their statistics.")
         return
     cloud = PlottedRuns(view, design)

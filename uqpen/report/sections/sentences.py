@@ -76,7 +76,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     """Return how often an output lies beyond a limit, and whether the study accepts that."""
     name = capitalized(output_name(quantity.view, quantity.output))
     estimate, lower, upper = quantity.texts(array)
-    counts = status_counts(quantity.view.runs(design))
+    counts = status_counts(quantity.view.design(design).runs)
     runs = grouped_number(counts[Status.OK])
     level = _level(array)
     text = f"in {estimate} of cases {quantity.interval(array)}."
@@ -154,7 +154,7 @@ def _share_of_cases(content: float) -> str:
 
 
 def _is_constant(quantity: QuotedStatistic, design: str) -> bool:
-    values = quantity.view.completed_values(design, quantity.output)
+    values = quantity.view.design(design).completed_values(quantity.output)
     # Equal but for rounding.
     return bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max())
 
@@ -172,7 +172,7 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
         for label, each, array in shown
     ]
     start = capitalized(output_name(view, output))
-    runs = run_count(view.runs(design))
+    runs = run_count(view.design(design).runs)
     if runs > 1 and float(shown[0][2].values[0]) == 1:
         parts = parts[:1]
     omitted = len(found) - len(shown)

@@ -46,7 +46,7 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
         outputs = [each for each in fitted_outputs(made) if each in view.numeric_outputs]
         if not is_restorable(made):
             yield Text(f"{made.attrs['kind']} is not executed here, so no predictions are shown.")
-        elif outputs and view.has_completed_runs(design):
+        elif outputs and view.design(design).has_completed_runs:
             yield _comparison(view, name, design, outputs)
         for tables in (correction_tables, missing_run_tables):
             for table in tables(view.tree, name):

@@ -54,7 +54,7 @@ class MatchedThresholds:
 
     @classmethod
     def of(cls, groups: Sequence[GroupRuns], level: float) -> MatchedThresholds:
-        """Return those of the stand-in that is closest in the ranks of all models' common runs."""
+        """Return the thresholds of the stand-in that is closest in the ranks of shared runs."""
         ranks = np.argsort(np.argsort(groups[0].values, axis=1), axis=1)
         varies = np.ptp(groups[0].values, axis=1) > 0
         correlations = np.where(varies, np.corrcoef(ranks)[0], 0.0)

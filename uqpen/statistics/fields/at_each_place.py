@@ -83,7 +83,7 @@ def _joined(
         attributes[CONDITIONAL] = texts.REACHED
     return estimate_array(
         np.concatenate([array.values for array in arrays])[order],
-        {**{each.name: len(each.values) for each in output.dims}, **own},
+        {**output.sizes, **own},
         {
             text: np.concatenate([array.coords[text].values for array in arrays])[order]
             for text in INTERVAL_TEXTS

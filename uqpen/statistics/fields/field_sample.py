@@ -65,11 +65,6 @@ class FieldSample:
         """The dimensions of the field."""
         return self.output.dims
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """The size of each dimension by name."""
-        return {dimension.name: len(dimension.values) for dimension in self.dims}
-
     @cached_property
     def weights(self) -> FloatArray:
         """Weight of each place in a mean over the field; their sum is 1."""

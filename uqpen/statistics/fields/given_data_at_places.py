@@ -236,4 +236,4 @@ class _FieldRegressions:
     def _weights(self, places: IntArray, variable: SampledVariable) -> FloatArray:
         if variable.too_few_runs:
             return np.zeros(len(places))
-        return self.field.weights[places] * (variable.std / self.unit) ** 2
+        return self.field.weights[places] * (variable.shape.std / self.unit) ** 2

@@ -55,7 +55,7 @@ def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArra
     attributes = {key: value for each in arrays for key, value in each.attrs.items()}
     array = estimate_array(
         np.stack([each.values for each in arrays]),
-        {**_sizes(output), **own},
+        {**output.sizes, **own},
         {text: np.stack([each.coords[text].values for each in arrays]) for text in INTERVAL_TEXTS},
         units=attributes.pop("units"),
         long_name=attributes.pop("long_name"),
@@ -66,10 +66,6 @@ def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArra
         },
     )
     return array.assign_attrs(_condition(output))
-
-
-def _sizes(output: Output) -> dict[str, int]:
-    return {each.name: len(each.values) for each in output.dims}
 
 
 def _condition(output: Output) -> dict[str, str]:

@@ -62,7 +62,7 @@ def ranked_curves(
     ):
         array = estimate_array(
             np.stack([field.matrix[median], *ends], axis=-1),
-            field.sizes,
+            field.output.sizes,
             dict(zip(INTERVAL_TEXTS, ("none", "none", texts.REGION_OF_RUNS), strict=True)),
             units=quantity.output.unit,
             long_name=f"median curve of {quantity.output.title} and range of {what}",
@@ -99,7 +99,7 @@ def band_depth(field: FieldSample) -> FloatArray:
 
 
 def _enclosing_share(values: FloatArray) -> FloatArray:
-    """Return the share of the pairs of values between which each value lies, or on one of them.
+    """Return for each value the share of the pairs of values that enclose it, ends included.
 
     Values are of shape (place, run), and compared with those of the same place.
     """

@@ -241,7 +241,9 @@ class _Field:
             yield places[~varies], texts.CONSTANT_OUTPUT
         if varies.any():
             variable = BlockVariable(blocks, values[varies], level=self.level)
-            weights = self.output.place_weights[places[varies]] * (variable.std / self.unit) ** 2
+            weights = (
+                self.output.place_weights[places[varies]] * (variable.shape.std / self.unit) ** 2
+            )
             yield places[varies], _Places(reached, variable, weights)
 
     @cached_property

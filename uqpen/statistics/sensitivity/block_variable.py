@@ -99,11 +99,6 @@ class BlockVariable:
         """The shape of that sample."""
         return SampleShape(self.sample)
 
-    @property
-    def std(self) -> FloatArray:
-        """The standard deviation of that sample."""
-        return self.shape.scale * self.shape.deviations.std(axis=-1)
-
     def logarithm(self) -> BlockVariable:
         """Return the variable's logarithm; NaN for failed runs."""
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -206,23 +201,19 @@ class BlockVariable:
         influence = terms.numerator - value[..., np.newaxis] * self._denominator
         over_blocks = influence.std(axis=-1, ddof=1) / math.sqrt(blocks.count)
         wide = np.maximum(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
-        half = np.where(self._is_warned, wide, half)
+        is_uncertain = self.shape.is_uncertain
+        half = np.where(is_uncertain, wide, half)
         warning = texts.DOUBTFUL_AS.format(reason=self._warning)
         found = EstimateVector(
             value,
             value - half,
             value + half,
-            np.where(self._is_warned, texts.WIDER_OF_TWO, texts.JACKKNIFE),
-            np.where(self._is_warned, "conservative", "nominal"),
-            np.where(self._is_warned, warning, self._reservation),
+            np.where(is_uncertain, texts.WIDER_OF_TWO, texts.JACKKNIFE),
+            np.where(is_uncertain, "conservative", "nominal"),
+            np.where(is_uncertain, warning, self._reservation),
         )
         found = found.remove_bounds_at(error < _ROUNDING, texts.NO_SCATTER_OF_STRATA)
         return self._without_doubtful_bounds(found, terms.informative)
-
-    @cached_property
-    def _is_warned(self) -> BoolArray:
-        """True where the scatter of replicates does not show the error, as `_warning` says."""
-        return bool(self.shape.hidden_tail) | self.shape.is_heavy
 
     @property
     def _warning(self) -> str:

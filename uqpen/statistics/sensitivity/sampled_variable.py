@@ -63,11 +63,6 @@ class SampledVariable:
         """Reason why no input has an index where the variable is constant."""
         return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
 
-    @property
-    def std(self) -> FloatArray:
-        """The standard deviation in the unit of the values; 0 where it is constant."""
-        return self.shape.scale * self.shape.deviations.std(axis=-1)
-
     @cached_property
     def standardized(self) -> FloatArray:
         """Deviations from the mean, of variance 1; 0 where it is constant."""
@@ -94,10 +89,10 @@ class SampledVariable:
         """
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
             return EstimateVector.without_bounds(value, reason)
-        noise = pair_noise**2
-        variance = np.maximum(np.where(self._is_warned, error**2, error**2 - noise), noise)
+        noise, is_uncertain = pair_noise**2, self.shape.is_uncertain
+        variance = np.maximum(np.where(is_uncertain, error**2, error**2 - noise), noise)
         half = student_quantile(freedom, self.sample.level) * np.sqrt(variance)
-        is_wider = self._is_warned | self._is_wider
+        is_wider = is_uncertain | self._is_wider
         note = np.where(self._is_doubtful, texts.DOUBTFUL_TAIL, "").astype(object)
         found = EstimateVector(
             value,
@@ -105,7 +100,7 @@ class SampledVariable:
             np.minimum(value + half, 1.0),
             texts.DELTA_METHOD.format(error_model=self.sample.error_model),
             np.where(is_wider, "conservative", "nominal").astype(object),
-            np.where(self._is_warned, texts.DOUBTFUL_AS.format(reason=self._warning), note),
+            np.where(is_uncertain, texts.DOUBTFUL_AS.format(reason=self._warning), note),
         )
         return found.remove_bounds_at(~(variance > _ROUNDING**2), texts.NO_SCATTER_OF_RUNS)
 
@@ -122,11 +117,6 @@ class SampledVariable:
         # study showed none in it, the largest index was covered in 78 %.
         may_hide = self.has_doubtful_source & self.shape.has_few_effective_runs
         return self.shape.is_doubtful | may_hide
-
-    @cached_property
-    def _is_warned(self) -> BoolArray:
-        """True where `_warning` applies."""
-        return bool(self.shape.hidden_tail) | self.shape.is_heavy
 
     @property
     def _warning(self) -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem
 from uqpen.core.labels import (
     CORRECTION_WEIGHT,
     PREDICTED_EVENT,
@@ -20,21 +17,12 @@ from uqpen.core.labels import (
     SURROGATE_PROBABILITY,
     SURROGATE_PROBABILITY_ERROR,
 )
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, number
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.gaussian_mixture import inflation
-from uqpen.designs.rare_events.limit_state import (
-    EventOutcomes,
-    LimitState,
-    check_event_outputs,
-    limit_state,
-    parse_limit_state,
-)
-from uqpen.designs.rare_events.replicates import Replicate, Wanted, advance_together
-from uqpen.designs.rare_events.single_model import check_single_model
-from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.designs.rare_events.rare_event_design import RareEventDesign
+from uqpen.designs.rare_events.replicates import Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.active_learning.correction import CorrectionPoints, draw_correction
 from uqpen.surrogates.active_learning.learning_points import (
@@ -57,7 +45,7 @@ _MOST_LEARNING = 1500
 
 
 @dataclass(frozen=True)
-class ActiveLearning(Design):
+class ActiveLearning(RareEventDesign):
     """Active learning of a limit state by Gaussian processes, corrected by weighted runs.
 
     Parameters
@@ -84,26 +72,11 @@ class ActiveLearning(Design):
     (a surrogate corrected by importance sampling).
     """
 
-    sampling = Sampling.TOWARDS_EVENT
-
-    event: str = limit_state()
     learning: int | None = count(minimum=20, maximum=_MOST_LEARNING, default=None)
     correction: int = count(minimum=60, maximum=100_000, default=300)
     batch: int = count(maximum=100, default=5)
     criterion: str = choice(U_FUNCTION, EXPECTED_FEASIBILITY, default=U_FUNCTION)
     tolerance: float = number(above=0, below=1, default=0.005)
-
-    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        yield from check_event_outputs(self.event, requested)
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        yield from check_single_model(models)
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        event = parse_limit_state(self.event)
-        yield from advance_together(joint, event, [partial(self._runs, joint, event, stream)])
 
     @property
     def ends_early(self) -> bool:
@@ -115,8 +88,7 @@ class ActiveLearning(Design):
     def _most_learning(self, joint: JointDistribution) -> int:
         return self.learning or _LEARNING + _LEARNING_PER_INPUT * len(joint.random)
 
-    def _runs(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
-        """Yield the runs to learn from, batch by batch, and those that correct what is learned."""
+    def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
         dimension, most = len(joint.random), self._most_learning(joint)
         points = _first_points(min(_FIRST + _FIRST_PER_INPUT * dimension, most), dimension, stream)
         outcomes = (yield _to_learn(points)).outcomes
@@ -189,10 +161,10 @@ def _joined(one: EventOutcomes, other: EventOutcomes) -> EventOutcomes:
     )
 
 
-def _to_learn(points: FloatArray) -> Wanted:
+def _to_learn(points: FloatArray) -> RequestedPoints:
     """Return points of runs that no estimate is made from: their weight is 0."""
     unknown = np.full(len(points), np.nan)
-    return Wanted(
+    return RequestedPoints(
         points,
         {
             CORRECTION_WEIGHT: np.zeros(len(points)),
@@ -205,9 +177,9 @@ def _to_learn(points: FloatArray) -> Wanted:
     )
 
 
-def _to_correct(runs: CorrectionPoints) -> Wanted:
+def _to_correct(runs: CorrectionPoints) -> RequestedPoints:
     size = len(runs.points)
-    return Wanted(
+    return RequestedPoints(
         runs.points,
         {
             CORRECTION_WEIGHT: runs.weights,

@@ -39,7 +39,7 @@ _ROUND_PART = 2
 
 @dataclass(frozen=True, eq=False)
 class RefinedModel:
-    """A model of a study, and what is to be sharpened of it.
+    """A model of a study, with the outputs whose surrogate is to be refined.
 
     Parameters
     ----------

@@ -1,19 +1,14 @@
-"""Methods, budgets and statistics that all sections about a benchmark of methods use."""
+"""Axis, legend, headings and numbers that the sections about a benchmark have in common."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import chain
 
 import xarray as xr
 
-from uqpen.archive.benchmark_structure import find_benchmark_faults
 from uqpen.archive.read import read_group
-from uqpen.archive.requirements import find_level_faults
-from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
+from uqpen.core.labels import METHODS, REPLICATED, SINGLE
 from uqpen.report.blocks import Axis, LegendKey
 from uqpen.report.marks import series_marker
 from uqpen.results.benchmark_entries import (
@@ -22,22 +17,22 @@ from uqpen.results.benchmark_entries import (
     output_title,
     reference_attributes,
 )
+from uqpen.results.benchmark_methods import (
+    ArchivedMethod,
+    benchmark_budgets,
+    benchmark_methods,
+)
 from uqpen.results.digits import grouped_number
-from uqpen.results.source_slots import source_slots
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_name
 
 __all__ = [
     "MOST_CHARTS",
-    "PlottedMethod",
-    "benchmark_budgets",
     "budget_axis",
-    "check_benchmark",
     "entries_by_output",
     "indent_labels",
     "method_keys",
     "output_heading",
-    "plotted_methods",
     "reference_error",
     "reference_run_counts",
     "variants",
@@ -50,56 +45,12 @@ MOST_CHARTS = 24
 _FREE = 0.1
 
 
-@dataclass(frozen=True)
-class PlottedMethod:
-    """One that takes part."""
-
-    position: int  # along the dimension of the methods
-    source: str  # the study's name of what it is
-    variants: tuple[str, ...]  # the contests that it is in
-    series: int  # colour and marker, the same for a design as one set and in replicates
-
-    @property
-    def marker(self) -> str:
-        """Marker of the method, the same in every chart."""
-        return series_marker(self.series)
-
-
-def check_benchmark(tree: xr.DataTree) -> None:
-    """Compare the archive of a benchmark of methods with what the report needs.
-
-    Raises
-    ------
-    ArchiveError
-        If it lacks anything.
-    """
-    if fault := next(chain(find_benchmark_faults(tree), find_level_faults(tree)), None):
-        raise ArchiveError(f"the archive is damaged: {fault}")
-
-
-def plotted_methods(tree: xr.DataTree, variant: str) -> list[PlottedMethod]:
-    """The methods that are in a contest, in the order of the archive."""
-    methods = read_group(tree, METHODS)
-    sources = [str(source) for source in methods["source"].values]
-    slots = source_slots(str(tree.attrs.get("study_text", "")), sources)
-    every = [
-        PlottedMethod(position, source, tuple(str(contests).split()), slots[source])
-        for position, (source, contests) in enumerate(
-            zip(sources, methods["contests"].values, strict=True)
-        )
-    ]
-    return [method for method in every if variant in method.variants]
-
-
 def variants(tree: xr.DataTree) -> list[str]:
-    """The contests that differ: there is one where no method has replicates."""
-    has_replicates = any(SINGLE not in each.variants for each in plotted_methods(tree, REPLICATED))
+    """Return the comparisons that differ: only one where no method has replicates."""
+    has_replicates = any(
+        SINGLE not in each.variants for each in benchmark_methods(tree, REPLICATED)
+    )
     return [SINGLE, REPLICATED] if has_replicates else [SINGLE]
-
-
-def benchmark_budgets(tree: xr.DataTree) -> list[int]:
-    """The numbers of runs that methods are given."""
-    return [int(budget) for budget in read_group(tree, METHODS)[BUDGET].values]
 
 
 def entries_by_output(tree: xr.DataTree) -> dict[str, list[BenchmarkEntry]]:
@@ -137,9 +88,11 @@ def budget_axis(tree: xr.DataTree) -> Axis:
     return Axis("runs", ends, ticks=ticks, is_logarithmic=True)
 
 
-def method_keys(methods: Sequence[PlottedMethod]) -> tuple[LegendKey, ...]:
+def method_keys(methods: Sequence[ArchivedMethod]) -> tuple[LegendKey, ...]:
     """The legend's entries of methods."""
-    return tuple(LegendKey(method.source, method.series, method.marker) for method in methods)
+    return tuple(
+        LegendKey(method.source, method.series, series_marker(method.series)) for method in methods
+    )
 
 
 def indent_labels(table: OutputTable) -> OutputTable:
