@@ -116,6 +116,18 @@ def points(*x: float) -> xr.Dataset:
     return xr.Dataset({"x": ("run", np.array(x))}, {"run": np.arange(len(x))})
 
 
+def test_a_worker_loads_what_runs_need_and_no_datasets(tmp_path: Path) -> None:
+    source = """
+import sys
+def f(x):
+    return {"y": len({"pandas", "scipy", "xarray"} & sys.modules.keys())}
+"""
+    model = uqpen.parse_study(study(tmp_path, source), folder=tmp_path).model
+    with processes(1) as one:
+        runs = evaluate(Evaluator(model), points(0.0), {}, map=one)
+    assert runs["y"].values.tolist() == [0.0]
+
+
 def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
     text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
     model = uqpen.parse_study(text, folder=tmp_path).model

@@ -1,4 +1,4 @@
-"""Worker process: its own loop, and its handle in the process that started it."""
+"""Handle of a worker process in the process that has started it."""
 
 from __future__ import annotations
 
@@ -6,41 +6,25 @@ import contextlib
 import math
 import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import tempfile
-import threading
 import time
-import traceback
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, SpawnContext
 from typing import Any
 
-import numpy as np
-
-from uqpen.core.interrupts import exit_at_interrupt
 from uqpen.core.limits import Limits
-from uqpen.core.processors import use_one_thread
-from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.import_signal import ImportSignal
-from uqpen.execution.memory_limit import limit_memory
-from uqpen.execution.process_role import mark_as_child_process
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.worker_process import run_batches
 
-__all__ = ["IMPORTING", "Worker", "WorkerDiedError", "preload_in_workers"]
-
-# Message of a worker: its run looks for a module that is not loaded yet.
-IMPORTING = "importing"
+__all__ = ["Worker", "WorkerDiedError"]
 
 # Time that a run has, in seconds, from when it first imports a module; some packages take tens of
 # seconds from a shared disk. A run that then was longer than its limit is made again.
 _IMPORT_SECONDS = 60.0
-
-# Number of models, each loaded once, that a worker keeps.
-_KNOWN = 16
 
 # The system allows 107 bytes for a socket's path; Python's own names need up to 33 of them.
 _LONGEST_FOLDER = 70
@@ -48,17 +32,8 @@ _LONGEST_FOLDER = 70
 # Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
-# Exit code; nobody is left to read it.
-_ORPHANED = 1
-
-# Modules that take most of a worker's start-up; the program that starts it may name others.
-_preloaded = ["uqpen.execution"]
-
-
-def preload_in_workers(module: str) -> None:
-    """Preload the main module of the program in all workers that are started from now on."""
-    if module not in _preloaded:
-        _preloaded.append(module)
+# Modules that workers need, which the server loads once for all of them.
+_PRELOADED = ["uqpen.execution.evaluator", "uqpen.models.python_function", "cf_units"]
 
 
 class WorkerDiedError(Exception):
@@ -75,7 +50,7 @@ class Worker:
     def __init__(self) -> None:
         context = _start_context()
         self.connection, inside = context.Pipe()
-        self._process = context.Process(target=_worker_loop, args=(inside,), name="uqpen worker")
+        self._process = context.Process(target=run_batches, args=(inside,), name="uqpen worker")
         with _defer_interrupts(), _allow_children():
             self._process.start()
         inside.close()
@@ -144,7 +119,9 @@ class Worker:
         self.task, self.late_at = None, math.inf
 
     def receive(self) -> BatchResult | BaseException | str | None:
-        """Receive its message; None only means that it is ready, and see `IMPORTING`.
+        """Receive its message.
+
+        None means only that it is ready, and a text that its run imports a module.
 
         Raises
         ------
@@ -181,84 +158,13 @@ class Worker:
         self.connection.close()
 
 
-def _worker_loop(connection: Connection[Any, Any]) -> None:
-    """Run batches until asked to end, or until the parent process is gone."""
-    exit_at_interrupt()
-    if sys.platform != "win32":
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    _start_process_group()
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
-    mark_as_child_process()
-    use_one_thread()
-    # A model with noise of its own must not find the same noise in every worker.
-    np.random.seed()  # noqa: NPY002 - the one that a model shares with others
-    known: dict[bytes, Work] = {}
-    imports = ImportSignal(lambda: connection.send(IMPORTING))
-    sys.meta_path.insert(0, imports)
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        connection.send(None)
-        while (message := connection.recv()) is not None:
-            connection.send(_run_batch(connection, known, imports, *message))
-
-
-def _start_process_group() -> None:
-    """Lead a process group, so that this process and those that its runs start end at once."""
-    parent = multiprocessing.parent_process()
-    if sys.platform == "win32" or parent is None:
-        return
-    os.setsid()
-    if sys.platform == "linux":
-        import fcntl
-
-        # Compiled code may let no thread of ours run. Then the system ends the group by a signal,
-        # when the pipe from the parent is closed.
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, -os.getpid())
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETSIG, signal.SIGKILL)
-        flags = fcntl.fcntl(parent.sentinel, fcntl.F_GETFL)
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-
-
-def _exit_with_parent() -> None:
-    """End this process, even during a run, if its parent process has ended."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        if sys.platform != "win32":
-            os.killpg(0, signal.SIGKILL)
-        os._exit(_ORPHANED)
-
-
-def _run_batch(
-    connection: Connection[Any, Any],
-    known: dict[bytes, Work],
-    imports: ImportSignal,
-    pickled: bytes,
-    batch: Batch,
-    memory: int | None,
-    has_more_time: bool,
-) -> BatchResult | BaseException:
-    """Return the result of a batch, or the exception that was raised instead."""
-    try:
-        if pickled not in known:
-            while len(known) >= _KNOWN:
-                known.pop(next(iter(known)))
-            known[pickled] = pickle.loads(pickled)
-            scale(DIMENSIONLESS)  # loads the units library, which is no part of the time of a run
-            connection.send(None)
-        with limit_memory(memory), imports.armed(armed=has_more_time):
-            return known[pickled](batch)
-    except BaseException as error:  # it is raised again where the study runs
-        error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))
-        return error
-
-
 def _start_context() -> ForkServerContext | SpawnContext:
     """Return the start method: a new process, or on Linux a fork of a server made for this."""
     # The server listens at a path in the folder of temporary files, which must not be too long.
     if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_preloaded)
+    context.set_forkserver_preload(_PRELOADED)
     return context
 
 
