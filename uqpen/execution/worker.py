@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import time
+from collections import deque
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
@@ -29,6 +30,14 @@ _IMPORT_SECONDS = 60.0
 # The system allows 107 bytes for a socket's path; Python's own names need up to 33 of them.
 _LONGEST_FOLDER = 70
 
+# Tasks that a worker may have: one in progress, and one that it begins without waiting for us.
+_MOST_TASKS = 2
+
+# Seconds of a task that is sent alone. The wait for the next one is nothing beside it, and at the
+# end of a round another worker could be free before this one. All of the last tasks count.
+_LONG = 1.0
+_WINDOW = 8
+
 # Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
@@ -41,7 +50,7 @@ class WorkerDiedError(Exception):
 
 
 class Worker:
-    """Handle of a worker process, which receives one batch at a time.
+    """Handle of a worker process, which makes the tasks it is sent one after another.
 
     It is never a fork of this process, whose state, threads and random numbers cannot get into a
     run.
@@ -54,18 +63,24 @@ class Worker:
         with _defer_interrupts(), _allow_children():
             self._process.start()
         inside.close()
-        self.task: Any = None
+        # Without an answer so far; the first is in progress.
+        self.tasks: deque[Any] = deque()
         self.is_ready = False
         self.late_at = math.inf
         self._seconds = math.inf
         self._begun_at = math.inf
+        self._durations = deque([math.inf], _WINDOW)
         self._has_imported = False
         self._known: set[bytes] = set()
 
-    @property
-    def is_idle(self) -> bool:
-        """True if it is ready and has no task."""
-        return self.is_ready and self.task is None
+    def can_take(self, limits: Limits) -> bool:
+        """Check that it may be sent a task of runs with these limits.
+
+        One with limits is sent alone, as its time begins when it is sent.
+        """
+        if not self.tasks:
+            return self.is_ready
+        return len(self.tasks) < _MOST_TASKS and not limits and max(self._durations) < _LONG
 
     @property
     def waitables(self) -> tuple[Any, int]:
@@ -83,11 +98,14 @@ class Worker:
         The time of the task begins when the worker has loaded the callable, which it does once.
         If the run imports modules, it has more time, unless `allow_imports` is False.
         """
-        self.task, self._has_imported = task, False
+        self.tasks.append(task)
+        self._has_imported = False
         self._seconds = math.inf if limits.seconds is None else limits.seconds
-        if work in self._known:
-            self.mark_started()
-        self._known.add(work)
+        if work not in self._known:
+            self._known.add(work)
+            self._durations = deque([math.inf], _WINDOW)
+        elif len(self.tasks) == 1:
+            self._begin()
         # If it is dead, its end is noticed later, as that of any worker with a task.
         with contextlib.suppress(OSError):
             has_more_time = allow_imports and self._seconds < _IMPORT_SECONDS
@@ -96,9 +114,7 @@ class Worker:
     def mark_started(self) -> None:
         """Record that it is ready, and has begun its task."""
         self.is_ready = True
-        if self.task is not None:
-            self._begun_at = time.monotonic()
-            self.late_at = self._begun_at + self._seconds
+        self._begin()
 
     def mark_importing(self) -> None:
         """Record that its run imports a module, which gives it more time."""
@@ -114,9 +130,12 @@ class Worker:
         """
         return self._has_imported and time.monotonic() - self._begun_at > self._seconds
 
-    def mark_done(self) -> None:
-        """Record that it has answered."""
-        self.task, self.late_at = None, math.inf
+    def end_task(self) -> Any:
+        """Record that it has answered the task in progress, and return the task."""
+        task = self.tasks.popleft()
+        self._durations.append(time.monotonic() - self._begun_at)
+        self._begin()
+        return task
 
     def receive(self) -> BatchResult | BaseException | str | None:
         """Receive its message.
@@ -138,7 +157,7 @@ class Worker:
         raise WorkerDiedError(_exit_text(self._process.exitcode))
 
     def stop(self) -> None:
-        """Ask the worker to end after its current task."""
+        """Ask the worker to end after its tasks."""
         with contextlib.suppress(OSError):
             self.connection.send(None)
 
@@ -156,6 +175,11 @@ class Worker:
         self._process.kill()
         self._process.join()
         self.connection.close()
+
+    def _begin(self) -> None:
+        """Begin the time of the task in progress, if there is one."""
+        self._begun_at = time.monotonic()
+        self.late_at = self._begun_at + self._seconds if self.tasks else math.inf
 
 
 def _start_context() -> ForkServerContext | SpawnContext:

@@ -11,6 +11,7 @@ import sys
 import threading
 import traceback
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -49,10 +50,24 @@ def run_batches(connection: Connection[Any, Any]) -> None:
     known: dict[bytes, Work] = {}
     imports = ImportSignal(lambda: connection.send(IMPORTING))
     sys.meta_path.insert(0, imports)
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+    messages: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_receive, args=(connection, messages), daemon=True).start()
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
         connection.send(None)
-        while (message := connection.recv()) is not None:
+        while (message := messages.get()) is not None:
             connection.send(_run_batch(connection, known, imports, *message))
+
+
+def _receive(connection: Connection[Any, Any], messages: SimpleQueue[Any]) -> None:
+    """Put messages into a queue as they come, and None behind the last.
+
+    If they were received between runs only, both processes could wait forever: the parent to send
+    a large batch, and this one to send a large result.
+    """
+    with contextlib.suppress(EOFError, ConnectionResetError):
+        while (message := connection.recv()) is not None:
+            messages.put(message)
+    messages.put(None)
 
 
 def _start_process_group() -> None:
