@@ -93,6 +93,40 @@ def test_a_command_loads_what_it_needs(
     assert loaded(archive.parent, *arguments) <= allowed
 
 
+GARBAGE = """
+import gc, sys
+searches = []
+gc.callbacks.append(lambda phase, found: searches.append(phase))
+sys.modules["dask"] = None
+sys.argv[0] = "uqpen"
+from uqpen.__main__ import main
+try:
+    main()
+except SystemExit:
+    print(len(searches) // 2, gc.get_freeze_count(), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("check", "study.toml"), ("show", "archive.nc"), ("report", "archive.nc")],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_command_does_not_look_for_garbage_among_its_modules(
+    archive: Path, arguments: tuple[str, ...]
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", GARBAGE, *arguments],
+        cwd=archive.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    searches, kept = map(int, done.stderr.splitlines()[-1].split())
+    assert searches < 100
+    assert kept > 50_000
+
+
 def test_a_study_of_the_rod_needs_numba_only_to_compile_its_integrator(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     command = ("study", "study.toml", "--fresh", "-o", "archive.nc")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 
@@ -24,6 +25,9 @@ def main() -> None:
         if left.code == _INTERRUPTED:
             _end_children()
         raise
+    finally:
+        # What ends with the process is not taken apart first, a fifth of the time of a command.
+        gc.freeze()
 
 
 def _end_children() -> None:

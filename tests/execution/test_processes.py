@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +118,18 @@ def points(*x: float) -> xr.Dataset:
     return xr.Dataset({"x": ("run", np.array(x))}, {"run": np.arange(len(x))})
 
 
+def test_a_worker_loads_what_runs_need_and_no_datasets(tmp_path: Path) -> None:
+    source = """
+import sys
+def f(x):
+    return {"y": len({"pandas", "scipy", "xarray"} & sys.modules.keys())}
+"""
+    model = uqpen.parse_study(study(tmp_path, source), folder=tmp_path).model
+    with processes(1) as one:
+        runs = evaluate(Evaluator(model), points(0.0), {}, map=one)
+    assert runs["y"].values.tolist() == [0.0]
+
+
 def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
     text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
     model = uqpen.parse_study(text, folder=tmp_path).model
@@ -163,6 +177,71 @@ def f(x):
         killed = archive(tmp_path, text, pool)
     assert (tmp_path / "marker").exists()
     assert killed == archive(tmp_path, text)
+
+
+def single_runs(folder: Path, source: str, x: Sequence[float]) -> tuple[EvaluatorWork, list[Batch]]:
+    """A function as work for a map, and a batch for each of its runs."""
+    model = uqpen.parse_study(study(folder, source), folder=folder).model
+    batches = [Batch(run, {"x": np.array([value])}) for run, value in enumerate(x)]
+    return EvaluatorWork(Evaluator(model)), batches
+
+
+@pytest.fixture
+def any_task_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No task takes so long that it is sent alone, however busy the machine."""
+    monkeypatch.setattr("uqpen.execution.worker._LONG", math.inf)
+
+
+@pytest.mark.usefixtures("any_task_is_short")
+def test_a_worker_begins_its_next_short_batch_while_the_results_are_stored(tmp_path: Path) -> None:
+    source = """
+import pathlib
+def f(x):
+    pathlib.Path(__file__).with_name(f"run_{x:.0f}").touch()
+    return {"y": x}
+"""
+    work, batches = single_runs(tmp_path, source, range(20))
+    with processes(1) as one:
+        results = iter(one(work, batches))
+        known = [next(results).start for _ in range(12)]
+        assert known == list(range(12))
+        until = time.monotonic() + 60
+        while not (tmp_path / "run_12").exists():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+
+
+@pytest.mark.usefixtures("any_task_is_short")
+def test_a_batch_behind_one_that_kills_its_worker_is_made_once(tmp_path: Path) -> None:
+    source = """
+import os, pathlib
+log = pathlib.Path(__file__).with_name("log")
+def f(x):
+    with log.open("a") as file:
+        print(round(x), file=file)
+    if x == 12:
+        os._exit(3)
+    return {"y": x}
+"""
+    work, batches = single_runs(tmp_path, source, range(20))
+    with processes(1) as one:
+        results = sorted(one(work, batches), key=lambda result: result.start)
+    statuses = [result.results.status[0] for result in results]
+    assert statuses == [Status.CRASHED if run == 12 else Status.OK for run in range(20)]
+    made = (tmp_path / "log").read_text().split()
+    assert sorted(map(int, made)) == sorted([*range(20), 12, 12])
+
+
+@pytest.mark.usefixtures("any_task_is_short")
+def test_large_batches_and_their_results_pass_each_other(tmp_path: Path) -> None:
+    models = f"[model]\n{MODEL}vectorized = true"
+    text = study(tmp_path, "def f(x): return {'y': x}", models=models)
+    work = EvaluatorWork(Evaluator(uqpen.parse_study(text, folder=tmp_path).model))
+    x = np.linspace(0, 1, 500_000)
+    with processes(1) as one:
+        results = list(one(work, [Batch(number * x.size, {"x": x}) for number in range(20)]))
+    assert all((each.results.outputs["y"] == x).all() for each in results)
+    assert len(results) == 20
 
 
 def test_a_run_that_kills_its_worker_is_the_only_one_lost(tmp_path: Path, two: Map) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:
@@ -30,17 +31,18 @@ def check(file: Path, is_tried: bool) -> ExitCode:
 
     With --try, the exit code is 3 if the run fails.
     """
-    from uqpen.cli.printable import printable
-    from uqpen.cli.screen import plain_table, standard_output
-    from uqpen.study.load import load_study
-    from uqpen.study.summary import (
-        design_rows,
-        input_rows,
-        models_text,
-        output_rows,
-        runs_text,
-        surrogate_rows,
-    )
+    with loading():
+        from uqpen.cli.printable import printable
+        from uqpen.cli.screen import plain_table, standard_output
+        from uqpen.study.load import load_study
+        from uqpen.study.summary import (
+            design_rows,
+            input_rows,
+            models_text,
+            output_rows,
+            runs_text,
+            surrogate_rows,
+        )
 
     study = load_study(file)
     console = standard_output()

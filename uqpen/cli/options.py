@@ -58,9 +58,7 @@ class ExecutorOptions(NamedTuple):
         if self.workers == 1:
             return nullcontext(map)
         from uqpen.execution.processes import processes
-        from uqpen.execution.worker import preload_in_workers
 
-        preload_in_workers("uqpen.cli.main")
         return processes(self.workers)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH
 from uqpen.cli.printable import printable
 
@@ -86,8 +87,9 @@ def write_and_announce(
 
     path = file or archive.with_name(f"{_stem(archive)}.html")
     with show_step("writing the report"):
-        from uqpen.archive.read import open_archive
-        from uqpen.report.page import write_report
+        with loading():
+            from uqpen.archive.read import open_archive
+            from uqpen.report.page import write_report
 
         write_report(open_archive(here / archive), here / path, sections=sections, full=full)
     click.echo(f"report: {printable(str(path))}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH
 from uqpen.cli.printable import printable_json
 
@@ -28,9 +29,10 @@ def show(
     archive: Path, as_text: bool, everything: bool, output: str | None, at: tuple[str, ...]
 ) -> None:
     """Show the results in ARCHIVE, as `uqpen study` or `uqpen compare` did; nothing is run."""
-    from uqpen.archive.read import open_archive
-    from uqpen.core.labels import BENCHMARK, KIND
-    from uqpen.core.lookup import resolve
+    with loading():
+        from uqpen.archive.read import open_archive
+        from uqpen.core.labels import BENCHMARK, KIND
+        from uqpen.core.lookup import resolve
 
     if at and output is None:
         raise click.UsageError("--at needs --output NAME")

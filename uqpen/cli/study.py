@@ -79,6 +79,7 @@ def study(
 
     The exit code is 3 if all runs of a design failed.
     """
+    from uqpen.cli.loading import loading
     from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report, write_and_announce
 
@@ -87,7 +88,7 @@ def study(
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.cli.screen import show_tables
         from uqpen.study.load import load_study
 

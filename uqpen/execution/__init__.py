@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from uqpen.core.progress import Progress
-from uqpen.execution.batch import Map
-from uqpen.execution.evaluation import evaluate, evaluate_blocks
-from uqpen.execution.evaluator import Evaluator
-from uqpen.execution.failures import FailurePolicy
-from uqpen.execution.runs import (
-    common_runs,
-    join_rounds,
-    replicate_count,
-    run_count,
-    status_counts,
-    worst_status_runs,
-)
+from typing import TYPE_CHECKING
+
+from uqpen.core.lazy_attributes import lazy_attributes
+
+if TYPE_CHECKING:
+    from uqpen.core.progress import Progress
+    from uqpen.execution.batch import Map
+    from uqpen.execution.evaluation import evaluate, evaluate_blocks
+    from uqpen.execution.evaluator import Evaluator
+    from uqpen.execution.failures import FailurePolicy
+    from uqpen.execution.runs import (
+        common_runs,
+        join_rounds,
+        replicate_count,
+        run_count,
+        status_counts,
+        worst_status_runs,
+    )
 
 __all__ = [
     "Evaluator",
@@ -30,3 +35,22 @@ __all__ = [
     "status_counts",
     "worst_status_runs",
 ]
+
+# Imported when they are asked for: a worker process makes runs without datasets.
+_HOMES = {
+    "uqpen.core.progress": ("Progress",),
+    "uqpen.execution.batch": ("Map",),
+    "uqpen.execution.evaluation": ("evaluate", "evaluate_blocks"),
+    "uqpen.execution.evaluator": ("Evaluator",),
+    "uqpen.execution.failures": ("FailurePolicy",),
+    "uqpen.execution.runs": (
+        "common_runs",
+        "join_rounds",
+        "replicate_count",
+        "run_count",
+        "status_counts",
+        "worst_status_runs",
+    ),
+}
+
+__getattr__ = lazy_attributes(__name__, _HOMES)

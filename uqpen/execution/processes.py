@@ -10,12 +10,12 @@ from multiprocessing.connection import wait
 
 from uqpen.core.errors import Problem, SettingsError, WorkerError
 from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.task_queue import TRIES, TaskQueue
+from uqpen.execution.task_queue import TRIES, Task, TaskQueue
 from uqpen.execution.worker import Worker, WorkerDiedError
 
 __all__ = ["ProcessPool", "processes"]
 
-# Batches for each worker: one in progress, and one to begin next.
+# Batches that are drawn for each worker: one in progress, and one to begin next.
 _AHEAD = 2
 
 
@@ -60,14 +60,12 @@ class ProcessPool:
         try:
             while call.fill():
                 self.start_workers()
-                for worker in self._workers:
-                    if worker.is_idle and call.has_tasks:
-                        worker.send(call.start(), call.pickled, work.limits)
+                self._send_tasks(call)
                 self._wait_for_workers(call)
                 yield from call.completed()
         finally:
             # A worker is still busy only if the results are no longer wanted.
-            for worker in [worker for worker in self._workers if worker.task is not None]:
+            for worker in [worker for worker in self._workers if worker.tasks]:
                 self._remove(worker)
 
     def start_workers(self) -> None:
@@ -93,6 +91,24 @@ class ProcessPool:
         self._workers.remove(worker)
         worker.kill()
 
+    def _end_task(self, worker: Worker, call: TaskQueue) -> Task:
+        """Remove a worker, and return the task in progress; others that it was sent wait again."""
+        self._remove(worker)
+        in_progress, *waiting = worker.tasks
+        for task in reversed(waiting):
+            call.requeue(task)
+        return in_progress
+
+    def _send_tasks(self, call: TaskQueue) -> None:
+        """Send waiting tasks to workers that can take one, first to those that have none."""
+        limits = call.work.limits
+        while call.has_tasks:
+            free = [worker for worker in self._workers if worker.can_take(limits)]
+            if not free:
+                return
+            least_busy = min(free, key=lambda worker: len(worker.tasks))
+            least_busy.send(call.start(), call.pickled, limits)
+
     def _wait_for_workers(self, call: TaskQueue) -> None:
         """Wait until workers have answered or died, and record the results of their tasks."""
         workers = {waitable: worker for worker in self._workers for waitable in worker.waitables}
@@ -104,8 +120,7 @@ class ProcessPool:
         now = time.monotonic()
         for worker in [worker for worker in self._workers if worker.late_at < now]:
             if not worker.has_message:
-                self._remove(worker)
-                call.record_timeout(worker.task)
+                call.record_timeout(self._end_task(worker, call))
 
     def _receive(self, worker: Worker, call: TaskQueue) -> None:
         """Record the answer of a worker, or its death."""
@@ -122,13 +137,16 @@ class ProcessPool:
         elif isinstance(answer, str):
             worker.mark_importing()
         elif worker.needs_repetition:
-            worker.send(worker.task, call.pickled, call.work.limits, allow_imports=False)
+            worker.send(worker.end_task(), call.pickled, call.work.limits, allow_imports=False)
         else:
-            worker.mark_done()
+            worker.end_task()
             call.complete(answer)
 
     def _remove_dead(self, worker: Worker, call: TaskQueue, reason: str) -> None:
         """Remove a worker that has died, and record its death."""
+        if worker.tasks:
+            call.record_death(self._end_task(worker, call), reason)
+            return
         self._remove(worker)
         if not worker.is_ready:
             self._failed_starts += 1
@@ -137,5 +155,3 @@ class ProcessPool:
                     f"no worker process can be started here ({reason}); a script that starts some "
                     'does so under if __name__ == "__main__":'
                 )
-        elif worker.task is not None:
-            call.record_death(worker.task, reason)

@@ -68,6 +68,11 @@ class TaskQueue:
         while self._tasks:
             yield self.start()
 
+    def requeue(self, task: Task) -> None:
+        """Count a task as waiting again, as it has not begun."""
+        self._busy -= 1
+        self._tasks.appendleft(task)
+
     def complete(self, batch_result: BatchResult) -> None:
         """Record the result of a task."""
         self._busy -= 1
@@ -91,10 +96,11 @@ class TaskQueue:
         yield from batch_results
 
     def _retry_or_fail(self, task: Task, status: Status, reason: str, *, again: bool) -> None:
-        self._busy -= 1
         if again:
-            self._tasks.appendleft(task)
-        elif len(task.batch) > 1:
+            self.requeue(task)
+            return
+        self._busy -= 1
+        if len(task.batch) > 1:
             # One more death and it is halved again.
             halves = [Task(half, TRIES - 1, task.delays) for half in task.batch.halves()]
             self._tasks.extendleft(reversed(halves))

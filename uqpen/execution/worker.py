@@ -1,4 +1,4 @@
-"""Worker process: its own loop, and its handle in the process that started it."""
+"""Handle of a worker process in the process that has started it."""
 
 from __future__ import annotations
 
@@ -6,59 +6,43 @@ import contextlib
 import math
 import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import tempfile
-import threading
 import time
-import traceback
+from collections import deque
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, SpawnContext
 from typing import Any
 
-import numpy as np
-
-from uqpen.core.interrupts import exit_at_interrupt
 from uqpen.core.limits import Limits
-from uqpen.core.processors import use_one_thread
-from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.import_signal import ImportSignal
-from uqpen.execution.memory_limit import limit_memory
-from uqpen.execution.process_role import mark_as_child_process
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.worker_process import run_batches
 
-__all__ = ["IMPORTING", "Worker", "WorkerDiedError", "preload_in_workers"]
-
-# Message of a worker: its run looks for a module that is not loaded yet.
-IMPORTING = "importing"
+__all__ = ["Worker", "WorkerDiedError"]
 
 # Time that a run has, in seconds, from when it first imports a module; some packages take tens of
 # seconds from a shared disk. A run that then was longer than its limit is made again.
 _IMPORT_SECONDS = 60.0
 
-# Number of models, each loaded once, that a worker keeps.
-_KNOWN = 16
-
 # The system allows 107 bytes for a socket's path; Python's own names need up to 33 of them.
 _LONGEST_FOLDER = 70
+
+# Tasks that a worker may have: one in progress, and one that it begins without waiting for us.
+_MOST_TASKS = 2
+
+# Seconds of a task that is sent alone. The wait for the next one is nothing beside it, and at the
+# end of a round another worker could be free before this one. All of the last tasks count.
+_LONG = 1.0
+_WINDOW = 8
 
 # Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
-# Exit code; nobody is left to read it.
-_ORPHANED = 1
-
-# Modules that take most of a worker's start-up; the program that starts it may name others.
-_preloaded = ["uqpen.execution"]
-
-
-def preload_in_workers(module: str) -> None:
-    """Preload the main module of the program in all workers that are started from now on."""
-    if module not in _preloaded:
-        _preloaded.append(module)
+# Modules that workers need, which the server loads once for all of them.
+_PRELOADED = ["uqpen.execution.evaluator", "uqpen.models.python_function", "cf_units"]
 
 
 class WorkerDiedError(Exception):
@@ -66,7 +50,7 @@ class WorkerDiedError(Exception):
 
 
 class Worker:
-    """Handle of a worker process, which receives one batch at a time.
+    """Handle of a worker process, which makes the tasks it is sent one after another.
 
     It is never a fork of this process, whose state, threads and random numbers cannot get into a
     run.
@@ -75,22 +59,28 @@ class Worker:
     def __init__(self) -> None:
         context = _start_context()
         self.connection, inside = context.Pipe()
-        self._process = context.Process(target=_worker_loop, args=(inside,), name="uqpen worker")
+        self._process = context.Process(target=run_batches, args=(inside,), name="uqpen worker")
         with _defer_interrupts(), _allow_children():
             self._process.start()
         inside.close()
-        self.task: Any = None
+        # Without an answer so far; the first is in progress.
+        self.tasks: deque[Any] = deque()
         self.is_ready = False
         self.late_at = math.inf
         self._seconds = math.inf
         self._begun_at = math.inf
+        self._durations = deque([math.inf], _WINDOW)
         self._has_imported = False
         self._known: set[bytes] = set()
 
-    @property
-    def is_idle(self) -> bool:
-        """True if it is ready and has no task."""
-        return self.is_ready and self.task is None
+    def can_take(self, limits: Limits) -> bool:
+        """Check that it may be sent a task of runs with these limits.
+
+        One with limits is sent alone, as its time begins when it is sent.
+        """
+        if not self.tasks:
+            return self.is_ready
+        return len(self.tasks) < _MOST_TASKS and not limits and max(self._durations) < _LONG
 
     @property
     def waitables(self) -> tuple[Any, int]:
@@ -108,11 +98,14 @@ class Worker:
         The time of the task begins when the worker has loaded the callable, which it does once.
         If the run imports modules, it has more time, unless `allow_imports` is False.
         """
-        self.task, self._has_imported = task, False
+        self.tasks.append(task)
+        self._has_imported = False
         self._seconds = math.inf if limits.seconds is None else limits.seconds
-        if work in self._known:
-            self.mark_started()
-        self._known.add(work)
+        if work not in self._known:
+            self._known.add(work)
+            self._durations = deque([math.inf], _WINDOW)
+        elif len(self.tasks) == 1:
+            self._begin()
         # If it is dead, its end is noticed later, as that of any worker with a task.
         with contextlib.suppress(OSError):
             has_more_time = allow_imports and self._seconds < _IMPORT_SECONDS
@@ -121,9 +114,7 @@ class Worker:
     def mark_started(self) -> None:
         """Record that it is ready, and has begun its task."""
         self.is_ready = True
-        if self.task is not None:
-            self._begun_at = time.monotonic()
-            self.late_at = self._begun_at + self._seconds
+        self._begin()
 
     def mark_importing(self) -> None:
         """Record that its run imports a module, which gives it more time."""
@@ -139,12 +130,17 @@ class Worker:
         """
         return self._has_imported and time.monotonic() - self._begun_at > self._seconds
 
-    def mark_done(self) -> None:
-        """Record that it has answered."""
-        self.task, self.late_at = None, math.inf
+    def end_task(self) -> Any:
+        """Record that it has answered the task in progress, and return the task."""
+        task = self.tasks.popleft()
+        self._durations.append(time.monotonic() - self._begun_at)
+        self._begin()
+        return task
 
     def receive(self) -> BatchResult | BaseException | str | None:
-        """Receive its message; None only means that it is ready, and see `IMPORTING`.
+        """Receive its message.
+
+        None means only that it is ready, and a text that its run imports a module.
 
         Raises
         ------
@@ -161,7 +157,7 @@ class Worker:
         raise WorkerDiedError(_exit_text(self._process.exitcode))
 
     def stop(self) -> None:
-        """Ask the worker to end after its current task."""
+        """Ask the worker to end after its tasks."""
         with contextlib.suppress(OSError):
             self.connection.send(None)
 
@@ -180,76 +176,10 @@ class Worker:
         self._process.join()
         self.connection.close()
 
-
-def _worker_loop(connection: Connection[Any, Any]) -> None:
-    """Run batches until asked to end, or until the parent process is gone."""
-    exit_at_interrupt()
-    if sys.platform != "win32":
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    _start_process_group()
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
-    mark_as_child_process()
-    use_one_thread()
-    # A model with noise of its own must not find the same noise in every worker.
-    np.random.seed()  # noqa: NPY002 - the one that a model shares with others
-    known: dict[bytes, Work] = {}
-    imports = ImportSignal(lambda: connection.send(IMPORTING))
-    sys.meta_path.insert(0, imports)
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        connection.send(None)
-        while (message := connection.recv()) is not None:
-            connection.send(_run_batch(connection, known, imports, *message))
-
-
-def _start_process_group() -> None:
-    """Lead a process group, so that this process and those that its runs start end at once."""
-    parent = multiprocessing.parent_process()
-    if sys.platform == "win32" or parent is None:
-        return
-    os.setsid()
-    if sys.platform == "linux":
-        import fcntl
-
-        # Compiled code may let no thread of ours run. Then the system ends the group by a signal,
-        # when the pipe from the parent is closed.
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, -os.getpid())
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETSIG, signal.SIGKILL)
-        flags = fcntl.fcntl(parent.sentinel, fcntl.F_GETFL)
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-
-
-def _exit_with_parent() -> None:
-    """End this process, even during a run, if its parent process has ended."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        if sys.platform != "win32":
-            os.killpg(0, signal.SIGKILL)
-        os._exit(_ORPHANED)
-
-
-def _run_batch(
-    connection: Connection[Any, Any],
-    known: dict[bytes, Work],
-    imports: ImportSignal,
-    pickled: bytes,
-    batch: Batch,
-    memory: int | None,
-    has_more_time: bool,
-) -> BatchResult | BaseException:
-    """Return the result of a batch, or the exception that was raised instead."""
-    try:
-        if pickled not in known:
-            while len(known) >= _KNOWN:
-                known.pop(next(iter(known)))
-            known[pickled] = pickle.loads(pickled)
-            scale(DIMENSIONLESS)  # loads the units library, which is no part of the time of a run
-            connection.send(None)
-        with limit_memory(memory), imports.armed(armed=has_more_time):
-            return known[pickled](batch)
-    except BaseException as error:  # it is raised again where the study runs
-        error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))
-        return error
+    def _begin(self) -> None:
+        """Begin the time of the task in progress, if there is one."""
+        self._begun_at = time.monotonic()
+        self.late_at = self._begun_at + self._seconds if self.tasks else math.inf
 
 
 def _start_context() -> ForkServerContext | SpawnContext:
@@ -258,7 +188,7 @@ def _start_context() -> ForkServerContext | SpawnContext:
     if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_preloaded)
+    context.set_forkserver_preload(_PRELOADED)
     return context
 
 

@@ -1,0 +1,25 @@
+"""Attributes of a package that are imported when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+__all__ = ["lazy_attributes"]
+
+
+def lazy_attributes(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
+    """Return the function ``__getattr__`` of a package.
+
+    `homes` has the names of its attributes under the module that each is imported from.
+    """
+
+    def find(name: str) -> Any:
+        for module, names in homes.items():
+            if name in names:
+                import importlib
+
+                return getattr(importlib.import_module(module), name)
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+
+    return find
