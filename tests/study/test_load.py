@@ -325,6 +325,8 @@ def test_every_missing_input_is_told() -> None:
     ("text", "line", "told"),
     [
         ("title = \n", 1, "Invalid value"),
+        ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in quotes, such as "5 mm"'),
+        ('seed = 1\nload = "4 m\n', 2, "a quote at the end of the text"),
         ('title = "a"\ntitle = "b"\n', 2, "every key and table once"),
         ("[a]\n[a]\n", 2, "every key and table once"),
         ("a = " + "[" * 5000, 1, ""),
