@@ -503,3 +503,10 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
     # A busy machine takes so long to prepare the model that it is told.
     assert said.removeprefix("preparing model.py:f\n").startswith("interrupted")
     assert "Traceback" not in said
+
+
+def test_a_misspelt_command_is_told_with_the_nearest_one(command_line: Command) -> None:
+    outcome = command_line("stduy", "study.toml")
+    assert outcome.code == 2
+    assert "Did you mean 'study'?" in outcome.err
+    assert "Did you mean" not in command_line("xyz").err

@@ -46,6 +46,11 @@ def test_a_quantity_becomes_its_correctly_rounded_si_value(
         ("5", "m", "without a unit", "a length"),
         (5, "m", "without a unit", "a length"),
         ("5 frob", "m", '"frob", which is not a known unit', "a unit"),
+        ("5 KN/m", "N/m", '"KN/m", which is not a known unit', 'did you mean "kN/m"?'),
+        ("5 Gpa", "Pa", '"Gpa", which is not a known unit', 'did you mean "GPa"?'),
+        ("5 kNm2", "N m2", '"kNm2", which is not a known unit', 'did you mean "kN m2"?'),
+        ("5 mPa/frob", "Pa", "not a known unit", "with whole powers"),
+        ("5 kN", "N/m", '"5 kN"', 'a force per length, or a surface tension, such as "5 kN/m"'),
         ("five m", "m", '"five m"', "a length"),
         ("nan m", "m", '"nan m"', "a length"),
         ("inf m", "m", '"inf m"', "a length"),
@@ -178,7 +183,7 @@ def test_a_short_decimal_in_a_decimal_unit_is_exact(value: object) -> None:
 
 def test_a_message_says_what_a_unit_measures() -> None:
     assert describe("kg m-3") == 'a density, such as "17.5 g/cm^3"'
-    assert "m4" in describe("m4")
+    assert "m4" in describe("kg m4")
 
 
 def test_units_are_alike_when_they_measure_the_same() -> None:

@@ -180,7 +180,7 @@ def test_the_command_shows_a_failed_trial_at_once_and_logs_it(
     stopped = "some: the first 10 runs have all failed alike, for example\n  ValueError: no conv"
     assert 0 <= done.err.index(trial) < done.err.index(stopped)
     # Batches that were under way are kept too: how many depends on the time that runs take.
-    kept = re.search(r"^(\d+) runs are kept\. With stop_after = 0 in \[failures\],", done.err, re.M)
+    kept = re.search(r"^(\d+) runs are kept\. After a correction of the model,", done.err, re.M)
     assert kept is not None
     assert int(kept[1]) >= 10
     log = (tmp_path / "study.nc.log").read_text()

@@ -140,3 +140,14 @@ def test_the_command_shows_one_output(archive: Path) -> None:
     as_json = shown(str(archive), "--json", "--output", "copy").stdout
     assert list(json.loads(as_json)["designs"]["copy"]["outputs"]) == ["copy"]
     assert "--at needs --output" in shown(str(archive), "--at", "time=1").output
+
+
+def test_the_fits_of_a_surrogate_are_cut_to_the_output(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text(MODEL)
+    surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "copy"\n'
+    (tmp_path / "study.toml").write_text(STUDY + surrogate)
+    tree = uqpen.run(uqpen.load_study(tmp_path / "study.toml"))
+    for output in ("copy", "infected", "curve"):
+        cut, _ = select_output(tree, output)
+        fits = next(table for table in output_tables(cut) if table.title.startswith("pce: fit"))
+        assert [name for name, _ in fits.rows] == [output]

@@ -245,6 +245,14 @@ def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
             '"monte-karlo"',
             'did you mean "monte-carlo"',
         ),
+        (
+            'kind = "monte-carlo"',
+            'kind = "sobol"',
+            28,
+            "designs.mc.kind",
+            '"sobol"',
+            'did you mean "sobol-sequence"',
+        ),
         ("runs = 100", "runs = 0", 29, "designs.mc.runs", "0", "at least 1"),
         ("runs = 100", "runs = true", 29, "designs.mc.runs", "true", "a whole number"),
         ("runs = 100", "", 27, "designs.mc.runs", "nothing", "a whole number"),
@@ -325,6 +333,8 @@ def test_every_missing_input_is_told() -> None:
     ("text", "line", "told"),
     [
         ("title = \n", 1, "Invalid value"),
+        ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in quotes, such as "5 mm"'),
+        ('seed = 1\nload = "4 m\n', 2, "a quote at the end of the text"),
         ('title = "a"\ntitle = "b"\n', 2, "every key and table once"),
         ("[a]\n[a]\n", 2, "every key and table once"),
         ("a = " + "[" * 5000, 1, ""),

@@ -111,7 +111,12 @@ def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
     assert content["model"]["command"] == ["./solver", "--width", "{width}", "beam.dat"]
     assert content["model"]["templates"] == {"beam.dat": "beam.dat.template"}
     assert list(content["model"]["inputs"]) == ["width", "force", "length"]
-    assert "the study is right" in command_line("check", "study.toml").out
+    checked = command_line("check", "study.toml").out
+    assert "the study is right" in checked
+    assert "warning: 8 lines are still marked FILL IN" in checked
+    text = Path("study.toml").read_text(encoding="utf-8")
+    Path("study.toml").write_text(text.replace("# FILL IN", "#"), encoding="utf-8")
+    assert "FILL IN" not in command_line("check", "study.toml").out
     assert "2.5" in command_line("run", "study.toml").out
     Path("study.toml").unlink()
     content = _written(command_line, "--command", f"{command} {{outputs}}")

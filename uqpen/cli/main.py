@@ -14,7 +14,7 @@ from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import SPELLED_OUT, printable
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import record_interrupts
-from uqpen.core.lookup import resolve
+from uqpen.core.lookup import nearest, resolve
 
 __all__ = ["COMPLETION", "main", "uqpen"]
 
@@ -38,6 +38,14 @@ class _Commands(click.Group):
             return None
         command: click.Command = resolve(COMMANDS[cmd_name])
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        close = None if args[0] in COMMANDS else nearest(args[0], COMMANDS)
+        if close:
+            ctx.fail(f"No such command '{args[0]}'. Did you mean '{close}'?")
+        return super().resolve_command(ctx, args)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -165,7 +165,8 @@ class FirstRunsFailedError(TooManyFailedError):
     """First runs of a model that all failed alike."""
 
     remedy = (
-        "With stop_after = 0 in [failures], the same\n"
+        "After a correction of the model, start over with --fresh.\n"
+        "Of the same model, with stop_after = 0 in [failures], the same\n"
         "command continues from them; with --lost-again, it repeats them"
     )
 

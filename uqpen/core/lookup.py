@@ -29,6 +29,9 @@ __all__ = [
     "resolve_name",
 ]
 
+# Fewest characters of a part of a name that stands for the name.
+_SHORTEST_PART = 3
+
 
 def resolve(reference: str) -> Any:
     """Import the object of a ``"module:attribute"`` reference."""
@@ -139,9 +142,18 @@ def class_version(cls: type) -> dict[str, str]:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name most like `name`, or None where no name is similar."""
-    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return matches[0] if matches else None
+    """Return the known name most like `name`, or None where no name is similar.
+
+    A part of one name alone counts as similar.
+
+    >>> nearest("sobol", ["sobol-sequence", "halton"])
+    'sobol-sequence'
+    """
+    names = list(known)
+    if matches := difflib.get_close_matches(name, names, n=1, cutoff=0.6):
+        return matches[0]
+    containing = [each for each in names if len(name) >= _SHORTEST_PART and name in each]
+    return containing[0] if len(containing) == 1 else None
 
 
 def choices(name: str, known: Iterable[str]) -> str:

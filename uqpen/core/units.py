@@ -90,6 +90,25 @@ _KNOWN = {
     "J kg-1 K-1": ("a specific heat capacity", "900 J/(kg K)"),
 }
 
+# Further dimensions that messages describe; these base units stand in archives as they are.
+_DESCRIBED = _KNOWN | {
+    "m4": ("a second moment of area", "800 cm^4"),
+    "m-1": ("a reciprocal length", "2 m-1"),
+    "kg m-1": ("a mass per length", "3 kg/m"),
+    "kg s-2": ("a force per length, or a surface tension", "5 kN/m"),
+    "kg m-2 s-2": ("a force per volume", "25 kN/m^3"),
+}
+
+# Usual names, by what their authors may have typed, without regard to capitals.
+_NAMES = ("kg", "kN", "MN", "kPa", "MPa", "GPa", "Hz", "kHz", "MHz", "GHz", "kJ", "MJ", "kW", "MW")
+_SPELLINGS = {name.casefold(): name for name in _NAMES} | {
+    "knm": "kN m",
+    "kwh": "kW h",
+    "deg": "degree",
+    "none": DIMENSIONLESS,
+    "unitless": DIMENSIONLESS,
+}
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -147,19 +166,34 @@ def _short_decimals(values: Any, resolved: Any) -> Any:
 
 
 def _unit(text: str) -> Any:
-    """Make the object of the units library; it is imported here, as not every command needs it."""
-    import cf_units
-
+    """Make the object of the units library."""
     if len(text) > _LONGEST:
         raise QuantityError(f"a unit of {len(text)} characters", f"one of at most {_LONGEST}")
     plain = text.translate(_TYPESET) or DIMENSIONLESS
-    try:
-        if _is_product_of_names(plain):
-            return cf_units.Unit(plain)
-    except ValueError:
-        pass
+    unit = _known_unit(plain)
+    if unit is not None:
+        return unit
     expected = 'a unit such as "g/cm^3", with whole powers'
+    usual = re.sub(r"[A-Za-z]+", _usual_spelling, plain)
+    if usual != plain and _known_unit(usual) is not None:
+        expected += f'; did you mean "{usual}"?'
     raise QuantityError(f"{toml_text(text)}, which is not a known unit", expected)
+
+
+def _known_unit(plain: str) -> Any:
+    """Make the object of the units library, or return None if the text is no unit."""
+    import cf_units  # here, as not every command needs it
+
+    try:
+        return cf_units.Unit(plain) if _is_product_of_names(plain) else None
+    except ValueError:
+        return None
+
+
+def _usual_spelling(name: re.Match[str]) -> str:
+    """Return the usual spelling of a name that is no unit, where one is known."""
+    usual = _SPELLINGS.get(name[0].casefold(), name[0])
+    return name[0] if _known_unit(name[0]) is not None else usual
 
 
 def _is_product_of_names(text: str) -> bool:
@@ -260,7 +294,7 @@ def describe(unit: str) -> str:
     if unit is ANY_DIMENSION:
         return 'a number with its unit, such as "16 cm"'
     si = si_unit(unit)
-    if si in _KNOWN:
-        what, example = _KNOWN[si]
+    if si in _DESCRIBED:
+        what, example = _DESCRIBED[si]
         return f'{what}, such as "{example}"'
     return f'a quantity in {unit}, such as "1 {unit}"'

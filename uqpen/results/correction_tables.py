@@ -24,7 +24,7 @@ from uqpen.results.table import (
 
 __all__ = ["correction_tables", "equivalent_runs_text", "is_corrected"]
 
-_PLAIN_RUNS = "without the surrogate, so many runs would have an interval as narrow"
+_PLAIN_RUNS = "the number of runs with as narrow an interval, without the surrogate"
 
 
 def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable]:

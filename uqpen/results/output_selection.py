@@ -11,6 +11,7 @@ from uqpen.core.errors import QuantityError, UnknownNameError
 from uqpen.core.labels import DIFFERENCES, MODEL_FORM, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
 from uqpen.core.lookup import choices
 from uqpen.results.field_places import FieldPlace, find_place
+from uqpen.results.surrogate_fits import FITTED, fitted_outputs
 from uqpen.results.table import first_runs, output_names
 
 __all__ = ["select_output"]
@@ -75,6 +76,9 @@ def select_output(
             dataset = dataset.drop_vars(others, errors="ignore")
         if kind in _ALONG_FIELDS:
             dataset = dataset.isel(positions, missing_dims="ignore")
+        if FITTED in dataset.attrs:
+            kept = [name for name in fitted_outputs(node) if name == output]
+            dataset = dataset.assign_attrs({FITTED: " ".join(kept)})
         groups[node.path] = dataset
     return xr.DataTree.from_dict(groups), places
 

@@ -13,12 +13,15 @@ from uqpen.core.labels import NOT_FITTED, RUNS_SPENT
 from uqpen.surrogates.diagnostics import DIAGNOSTICS
 from uqpen.surrogates.storage import FIELD, unfitted_outputs
 
-__all__ = ["diagnostic_titles", "fit_diagnostics", "fit_settings", "fitted_outputs"]
+__all__ = ["FITTED", "diagnostic_titles", "fit_diagnostics", "fit_settings", "fitted_outputs"]
+
+# The attribute of a surrogate's group with the names of the outputs that it was fitted to.
+FITTED = "outputs"
 
 
 def fitted_outputs(surrogate: xr.DataTree) -> list[str]:
     """Return the outputs that a surrogate was fitted to."""
-    return str(surrogate.attrs["outputs"]).split()
+    return str(surrogate.attrs[FITTED]).split()
 
 
 def fit_settings(surrogate: xr.DataTree) -> dict[str, Any]:

@@ -26,6 +26,11 @@ __all__ = [
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
 _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
+# Texts that a parser expects at frequent mistakes, by its message.
+_EXPECTED = {
+    "Invalid value": 'a value of TOML, in which a text stands in quotes, such as "5 mm"',
+    "Illegal character '\\n'": "a quote at the end of the text",
+}
 
 # Most characters that are parsed to find the lines of mistakes; it is some seconds. In a study
 # so large, or with a value over so many lines, the mistakes left are told without their lines.
@@ -214,7 +219,8 @@ def parse_document(
         line = int(match[1]) if match else len(text.rstrip("\n").split("\n"))
         found = _POSITION.sub("", message).removesuffix(" (at end of document)")
         is_twice = message.startswith(_DUPLICATE_MESSAGES)
-        expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
+        by_message = _EXPECTED.get(found, "TOML (see https://toml.io)")
+        expected = "every key and table once" if is_twice else by_message
         raise _parse_error(label, line, found, expected) from None
     except ValueError as error:  # a number with too many digits
         raise _parse_error(label, 1, str(error), "a study") from None
