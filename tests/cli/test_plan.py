@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -146,3 +147,41 @@ class TestRequiredRuns:
     def test_without_an_interval_nothing_is_known(self) -> None:
         (found,) = self.found(Precision({"y": {"standard_deviation": "2 %"}}), runs=100)
         assert np.isnan(found.runs)
+
+
+@pytest.mark.usefixtures("few_samples")
+class TestDiskUse:
+    """What very many runs take on the disk; a limit of memory that few runs pass."""
+
+    free = 1e13
+
+    @pytest.fixture(autouse=True)
+    def low_limit(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("uqpen.core.limits.RUNS_IN_MEMORY", 1_000)
+        monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=self.free))
+
+    def shown(self, folder: Path, study: str = STUDY) -> str:
+        until = '{ y = { mean = "0.001 %" } }'
+        return " ".join(_plan(folder, "--until", until, study=study).output.split())
+
+    def test_kept_runs_take_it_twice_and_statistics_alone_once(self, tmp_path: Path) -> None:
+        shown = self.shown(tmp_path)
+        found = re.search(
+            r"takes (\d+ GB) of disk, and twice that while the archive is written\."
+            r' With keep = "statistics" in its design, it takes (\d+ GB) until the statistics'
+            r" are there, and the archive ([\d.]+ [GM]B)\.",
+            shown,
+        )
+        assert found, shown
+        assert found[1] == found[2] != found[3]
+
+    def test_a_study_that_keeps_no_run_takes_it_once(self, tmp_path: Path) -> None:
+        text = STUDY.partition("[designs.draws]")[0]
+        text += '[designs.draws]\nkind = "monte-carlo"\nruns = 500\nkeep = "statistics"\n'
+        shown = self.shown(tmp_path, text)
+        assert re.search(r"until the statistics are there, and the archive [^,]*, as no run", shown)
+        assert "twice" not in shown
+
+    def test_a_full_disk_is_named(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(self, "free", 2e6)
+        assert "is written. Only 2 MB are free. With keep" in self.shown(tmp_path)

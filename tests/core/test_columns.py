@@ -47,3 +47,17 @@ def test_a_number_that_is_far_too_long_is_refused(tmp_path: Path) -> None:
         columns(tmp_path, f"a\n1\n{'1' * HUNDRED_THOUSAND}x\n")
     found = "found 100001 characters, expected a number"
     assert str(refused.value) == f'"table.csv", line 3, column "a": {found}'
+
+
+def test_entries_are_read_by_parts_up_to_the_first_that_is_no_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uqpen.core.columns._ROWS", 2)
+    rows = [f"{each},{each}" for each in range(5)]
+    text = "\n".join(["a,note", *rows[:3], "", *rows[3:], "5,x", "6,y"])
+    (tmp_path / "table.csv").write_text(text)
+    a, note = read_columns(tmp_path / "table.csv").columns
+    assert a.load().tolist() == [*range(7)]
+    assert a.values("1").tolist() == [*range(7)]
+    with pytest.raises(TableError, match='line 8, column "note": found "x", expected a number'):
+        note.load()

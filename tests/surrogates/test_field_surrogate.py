@@ -399,6 +399,17 @@ class TestArchive:
         with pytest.raises(uqpen.UqpenError, match="inputs along time, a dimension of an output"):
             pce(x=xr.DataArray([0.01], dims="time"))
 
+    def test_a_long_table_is_the_same_by_parts(
+        self, path: Path, command_line: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        Path("points.csv").write_text("x [cm]\n1\n3\n2\n")
+        words = ["predict", f"{path}:pce", "points.csv"]
+        whole = command_line(*words)
+        monkeypatch.setattr("uqpen.core.blocks.BLOCK", 2)
+        parts = command_line(*words)
+        assert (parts.out, parts.err) == (whole.out, whole.err)
+        assert len(parts.out.splitlines()) == 1 + 3 + 9
+
     def test_it_predicts_a_long_table_or_a_file(
         self, path: Path, command_line: Callable[..., Any]
     ) -> None:

@@ -38,7 +38,6 @@ def export(
         designs_without_runs,
         has_runs,
         run_table_parts,
-        runs_table,
     )
 
     kind = table_format(file, kind)
@@ -59,5 +58,4 @@ def export(
         if not has_runs(tree):
             raise ExportError(text)
         click.echo(text, err=True)
-    by_parts = kind == "csv"  # other formats are written as a whole
-    write_table(run_table_parts(tree, si=si) if by_parts else runs_table(tree, si=si), kind, file)
+    write_table(run_table_parts(tree, si=si), kind, file)

@@ -56,6 +56,7 @@ def plan(
     from uqpen.cli.screen import show_line
     from uqpen.cli.study import make_and_show
     from uqpen.core.progress_record import ProgressRecord
+    from uqpen.designs.keep import RUNS
 
     here = Path.cwd()
     with show_step("reading the study"):
@@ -69,7 +70,9 @@ def plan(
     record = ProgressRecord()
     code = make_and_show(pilot, here, archive, executor, receivers=[record])
     if code is not ExitCode.INTERRUPTED:
-        _show_required_runs(pilot, here / archive, rule, record.state.runs_per_second)
+        keeps_runs = all(design.keep == RUNS for design in study.designs.values())
+        rate = record.state.runs_per_second
+        _show_required_runs(pilot, here / archive, rule, rate, keeps_runs=keeps_runs)
         show_line(f"to use these runs: uqpen study {file} --reuse {archive}")
     return code
 
@@ -89,14 +92,18 @@ def _rule(study: ValidatedStudy, written: str | None) -> Precision:
 
 
 def _show_required_runs(
-    study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None
+    study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None, *, keeps_runs: bool
 ) -> None:
-    """Show the number of runs, and the time, that each target takes."""
+    """Show the number of runs, the time that each target takes, and the disk of very many runs."""
+    import shutil
+
     from uqpen.archive.read import open_archive, read_group
     from uqpen.cli.screen import plain_table, show_line, standard_output
     from uqpen.core.labels import MODELS, RUNS
     from uqpen.core.limits import RUNS_IN_MEMORY
     from uqpen.core.streams import Stream
+    from uqpen.execution.batching import BATCH_SIZE
+    from uqpen.execution.omitted_runs import BYTES_OF_A_HASH
     from uqpen.execution.runs import bytes_of_a_run
     from uqpen.statistics.required_runs import required_runs
 
@@ -117,18 +124,47 @@ def _show_required_runs(
     console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
     console.print(f"\n{_REMARK}\n", markup=False)
     if most > RUNS_IN_MEMORY:
-        console.print(f"{_disk_text(most * size)}\n", markup=False)
+        without_runs = archive.stat().st_size + most / BATCH_SIZE * BYTES_OF_A_HASH * len(
+            study.models
+        )
+        free = shutil.disk_usage(archive.parent).free
+        text = _disk_text(most * size, without_runs, free, keeps_runs=keeps_runs)
+        console.print(f"{text}\n", markup=False)
 
 
-def _disk_text(size: float) -> str:
-    """Return how much room the largest number of runs takes, given its bytes."""
+def _disk_text(runs: float, without_runs: float, free: float, *, keeps_runs: bool) -> str:
+    """Return how much room the largest number of runs takes, and what keeping no runs would save.
+
+    Parameters
+    ----------
+    runs, without_runs, free : float
+        Bytes of the runs, of an archive without them, and those that are free on the disk.
+    keeps_runs : bool
+        Whether the archive of the study has the runs.
+    """
     from uqpen.core.limits import RUNS_IN_MEMORY
 
-    amount = f"{size / 1e9:.2g} GB" if size >= 1e9 else f"{math.ceil(size / 1e6)} MB"
+    once = (
+        f"{_amount(runs)} until the statistics are there, and the archive {_amount(without_runs)}"
+    )
+    if keeps_runs:
+        takes = f"{_amount(runs)} of disk, and twice that while the archive is written"
+        other = f' With keep = "statistics" in its design, it takes {once}.'
+    else:
+        takes, other = f"{once}, as no run is kept", ""
+    is_short = runs * (1 + keeps_runs) > free
+    room = f" Only {_amount(free)} are free." if is_short else ""
     return (
-        f"The largest number takes {amount} of disk, and twice that while the archive is written. "
+        f"The largest number takes {takes}.{room}{other} "
         f"More than {RUNS_IN_MEMORY:_} runs are analysed from there and need no more memory."
     ).replace("_", " ")
+
+
+def _amount(size: float) -> str:
+    """Return a number of bytes in two digits or more."""
+    if size < 1e9:
+        return f"{math.ceil(size / 1e6)} MB"
+    return f"{size / 1e9:.{0 if size >= 1e10 else 1}f} GB"
 
 
 def _cells(required: RequiredRuns, rate: float | None) -> Iterator[str]:

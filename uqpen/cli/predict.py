@@ -13,10 +13,14 @@ from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqpen.core.arrays import FloatArray
     from uqpen.core.columns import Column
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
 __all__ = ["predict"]
+
+# Bytes of a file that are copied at a time.
+_READ = 2**24
 
 
 @click.command(short_help="Predict outputs at given points by a surrogate.")
@@ -37,7 +41,7 @@ def predict(
     A NetCDF file has all dimensions, in SI units.
     """
     from uqpen.archive.read import open_archive
-    from uqpen.cli.prediction_table import prediction_table
+    from uqpen.cli.prediction_table import prediction_parts
     from uqpen.cli.printable import printable
     from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.columns import read_columns
@@ -54,16 +58,20 @@ def predict(
     taken = [column for column in columns if column.name in known]
     if ignored := [column.name for column in columns if column.name not in known]:
         click.echo(printable(f"columns that are no input: {', '.join(ignored)}"), err=True)
-    predicted = _predict(found, taken, points)
-    if text := found.extrapolation_text(predicted):
+    values, text = _checked_values(found, taken, points)
+    if text:
         click.echo(printable(text), err=True)
     if is_dataset and file is not None:
-        _write_dataset(predicted, file)
+        del columns, taken  # of many points, their numbers take as much as the values
+        _write_dataset(found.predict(values), file)
     else:
-        write_table(prediction_table(found, predicted, taken), kind, file)
+        write_table(prediction_parts(found, values, taken), kind, file)
 
 
-def _predict(found: ArchivedSurrogate, columns: list[Column], points: Path) -> xr.Dataset:
+def _checked_values(
+    found: ArchivedSurrogate, columns: list[Column], points: Path
+) -> tuple[dict[str, FloatArray], str]:
+    """Return the points in SI units, and a text on those outside of the training range."""
     from uqpen.core.errors import ModelError, TableError
 
     units = {variable.name: variable.unit for variable in found.inputs}
@@ -72,7 +80,7 @@ def _predict(found: ArchivedSurrogate, columns: list[Column], points: Path) -> x
         raise TableError(f'"{points.name}": column "{twice}" stands twice')
     values = {column.name: column.values(units[column.name]) for column in columns}
     try:
-        return found.predict(values)
+        return values, found.extrapolation_text(found.extrapolation(values))
     except ModelError as error:
         raise TableError(f'"{points.name}": {error}') from None
 
@@ -95,7 +103,8 @@ def _write_dataset(predicted: xr.Dataset, file: Path) -> None:
         whole = Path(folder) / file.name
         write_tree(xr.DataTree(numbers), whole)
         try:
-            replace_file(file, whole.read_bytes())
+            with whole.open("rb") as stream:
+                replace_file(file, iter(lambda: stream.read(_READ), b""))
         except OSError as error:
             raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
     click.echo(printable(str(file)))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import INPUT
 from uqpen.core.units import scale
 from uqpen.results.table import label_with_unit
@@ -21,37 +22,72 @@ if TYPE_CHECKING:
     from uqpen.core.model import Dimension, Output
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
-__all__ = ["prediction_table"]
+__all__ = ["prediction_parts"]
 
 _POINT = "point"
 
 
-def prediction_table(
-    found: ArchivedSurrogate, predicted: xr.Dataset, columns: Sequence[Column]
-) -> pd.DataFrame:
-    """Return the points as their file has them, the predictions, and the inputs out of range.
+def prediction_parts(
+    found: ArchivedSurrogate, values: Mapping[str, FloatArray], columns: Sequence[Column]
+) -> Iterator[pd.DataFrame]:
+    """Yield the points as their file has them, the predictions, and the inputs out of range.
 
     A field has a row for each point and place, with the place in columns of its own and the number
     of the point in the column ``point``. Rows of scalar outputs come first, then those of the
-    fields along the same dimensions.
+    fields along the same dimensions. No part has more than 65 536 points.
+
+    Parameters
+    ----------
+    found : ArchivedSurrogate
+        The surrogate.
+    values : mapping of str to ndarray, shape (point,)
+        The points in SI units.
+    columns : sequence of Column
+        Those of their file.
     """
+    given = {column.heading: column.load() for column in columns}
+    groups = sorted({output.dims: None for output in found.outputs}, key=len)
+    names: dict[str, None] = {}
+    for dims in groups:
+        for start, stop in block_ranges(len(next(iter(given.values())))):
+            predicted = found.predict({name: each[start:stop] for name, each in values.items()})
+            points = pd.DataFrame(
+                {name: each[start:stop] for name, each in given.items()},
+                index=pd.RangeIndex(start, stop),
+            )
+            points[EXTRAPOLATED] = _outside(predicted)
+            if not names:  # the columns of all groups
+                tables = (_of_group(found, predicted, points, each) for each in groups)
+                names = dict.fromkeys(name for each in tables for name in each)
+                del names[EXTRAPOLATED]
+            table = _of_group(found, predicted, points, dims)
+            table = table.reindex(columns=[*names, EXTRAPOLATED])
+            if any(groups):
+                table.insert(0, _POINT, table.index + 1)
+            yield table.reset_index(drop=True)
+
+
+def _outside(predicted: xr.Dataset) -> list[str]:
+    """Return the inputs out of range of each point."""
     marked = predicted[EXTRAPOLATED]
     inputs = marked[INPUT].values
-    outside = [" ".join(inputs[row]) for row in np.atleast_2d(marked.values)]
-    given = {column.heading: column.load() for column in columns}
-    points = pd.DataFrame({**given, EXTRAPOLATED: outside})
-    groups = {output.dims: None for output in found.outputs}
-    parts = [
-        points.loc[_rows(len(points), dims)]
-        .assign(**dict(_places(len(points), dims)))
-        .assign(**dict(_values(predicted, [each for each in found.outputs if each.dims == dims])))
-        for dims in sorted(groups, key=len)
-    ]
-    table = pd.concat(parts)
-    if any(groups):
-        table.insert(0, _POINT, table.index + 1)
-    table[EXTRAPOLATED] = table.pop(EXTRAPOLATED)
-    return table.reset_index(drop=True)
+    return [" ".join(inputs[row]) for row in np.atleast_2d(marked.values)]
+
+
+def _of_group(
+    found: ArchivedSurrogate,
+    predicted: xr.Dataset,
+    points: pd.DataFrame,
+    dims: tuple[Dimension, ...],
+) -> pd.DataFrame:
+    """Return the points with the predictions of the outputs along some dimensions."""
+    size = len(points)
+    outputs = [each for each in found.outputs if each.dims == dims]
+    return (
+        points.iloc[_rows(size, dims)]
+        .assign(**dict(_places(size, dims)))
+        .assign(**dict(_values(predicted, outputs)))
+    )
 
 
 def _rows(points: int, dims: tuple[Dimension, ...]) -> IntArray:

@@ -83,7 +83,7 @@ def _run_surrogate(
     from uqpen.cli.printable import printable
     from uqpen.cli.screen import plain_table, standard_output
     from uqpen.core.units import DIMENSIONLESS, scale
-    from uqpen.surrogates.archived_surrogate import std_name
+    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
 
     tree = open_archive(path)
     found = open_surrogate(tree, path, name, folder, trust=trust)
@@ -101,7 +101,7 @@ def _run_surrogate(
             deviation = scale(unit).difference_from_si(float(predicted[std]))
             rows.append((std, f"{deviation:.3g}", shown))
     standard_output().print(plain_table(["output", "value", "unit"], rows))
-    if text := found.extrapolation_text(predicted):
+    if text := found.extrapolation_text(predicted[EXTRAPOLATED]):
         click.echo(printable(text), err=True)
 
 

@@ -27,7 +27,7 @@ def table_format(file: Path | None, kind: str | None = None) -> str:
 
 
 def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: Path | None) -> None:
-    """Write a table, or its parts as CSV; without a file, to standard output.
+    """Write a table, or its parts one after the other; without a file, to standard output.
 
     Raises
     ------
@@ -37,23 +37,23 @@ def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: P
     from uqpen.cli.printable import printable
     from uqpen.core.errors import ExportError
     from uqpen.core.files import replace_file
-    from uqpen.results.export import table_bytes
+    from uqpen.results.export import table_content
 
     rows = 0
 
-    def content() -> Iterator[bytes]:
+    def counted() -> Iterator[pd.DataFrame]:
         nonlocal rows
-        parts = table if isinstance(table, Iterator) else [table]
-        for number, part in enumerate(parts):
-            yield table_bytes(part, kind, has_header=not number)
+        for part in table if isinstance(table, Iterator) else [table]:
+            yield part
             rows += len(part)
 
+    content = table_content(counted(), kind)
     if file is None:
-        for text in map(bytes.decode, content()):
+        for text in map(bytes.decode, content):
             click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
         return
     try:
-        replace_file(file, content())
+        replace_file(file, content)
     except OSError as error:
         raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
     click.echo(f"{rows} rows: {printable(str(file))}")

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,9 @@ _NUMBER = re.compile(NUMBER)
 
 # No heading and no number comes near these numbers of characters.
 _LONGEST_HEADING, _LONGEST_NUMBER = 1000, 4000
+
+# Rows that are read, and numbers that are converted, at a time: as objects they take some MB.
+_ROWS = 65_536
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,11 @@ class Column:
         if not alike:
             raise TableError(f'column "{self.name}" is in "{self.unit}"; expected {describe(like)}')
         measure = scale(self.unit)
-        return np.array([measure.to_si(number) for number in numbers.tolist()])
+        found = np.empty(len(numbers))
+        for start in range(0, len(numbers), _ROWS):
+            part = slice(start, start + _ROWS)
+            found[part] = [measure.to_si(number) for number in numbers[part].tolist()]
+        return found
 
 
 @dataclass(frozen=True)
@@ -134,28 +142,65 @@ def _listed(values: list[Any], name: str) -> FloatArray:
 
 
 def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
+    # The reader goes through the bytes: a text of them takes four times as much.
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig", newline="")
+    reader = csv.reader(text)
     try:
-        text = content.decode("utf-8-sig")
+        lines = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
+        _, header = next(lines, (0, []))
+        if not header:
+            raise TableError(f'"{path.name}" is empty')
+        entries = [_Entries(position) for position in range(len(header))]
+        while rows := list(islice(lines, _ROWS)):
+            for line, row in rows:
+                if len(row) != len(header):
+                    found = f"{len(row)} values under {len(header)} headings"
+                    place = f'"{path.name}", line {line}'
+                    raise TableError(f"{place}: {found}; commas separate columns")
+            for each in entries:
+                each.add(rows)
     except UnicodeDecodeError:
         raise TableError(f'"{path.name}" is not UTF-8') from None
-    reader = csv.reader(io.StringIO(text, newline=""))
-    try:
-        lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
     except csv.Error as error:
         raise TableError(f'"{path.name}", line {reader.line_num}: {error}') from None
-    if not lines:
-        raise TableError(f'"{path.name}" is empty')
-    (_, header), *rows = lines
-    for line, row in rows:
-        if len(row) != len(header):
-            found = f"{len(row)} values under {len(header)} headings; commas separate columns"
-            raise TableError(f'"{path.name}", line {line}: {found}')
     columns = []
-    for position, heading in enumerate(header):
+    for heading, each in zip(header, entries, strict=True):
         name, unit = heading_parts(heading, f'"{path.name}"')
-        texts = [(line, row[position]) for line, row in rows]
-        columns.append(Column(name, unit, functools.partial(_numbers, texts, name, path)))
+        columns.append(Column(name, unit, functools.partial(each.numbers, name, path)))
     return tuple(columns)
+
+
+class _Entries:
+    """Numbers of one column of a CSV file, up to the first entry that is none."""
+
+    def __init__(self, position: int) -> None:
+        self._position = position
+        self._parts: list[FloatArray] = []
+        self._wrong: tuple[int, str] | None = None
+
+    def add(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+        """Add the entries of further rows, each with the number of its line."""
+        if self._wrong is not None:
+            return
+        values = np.empty(len(rows))
+        for place, (line, row) in enumerate(rows):
+            text = row[self._position].strip()
+            is_long = len(text) > _LONGEST_NUMBER
+            if is_long or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
+                self._wrong = line, text
+                return
+            values[place] = float(text)
+        self._parts.append(values)
+
+    def numbers(self, name: str, path: Path) -> FloatArray:
+        """Return all entries; refuse one that is no number."""
+        if self._wrong is not None:
+            line, text = self._wrong
+            where = f'"{path.name}", line {line}, column "{name}"'
+            is_long = len(text) > _LONGEST_NUMBER
+            found = f"{len(text)} characters" if is_long else toml_text(text)
+            raise TableError(f"{where}: found {found}, expected a number")
+        return np.concatenate([np.empty(0), *self._parts])
 
 
 def heading_parts(text: str, place: str) -> tuple[str, str]:
@@ -168,19 +213,6 @@ def heading_parts(text: str, place: str) -> tuple[str, str]:
     if not name.strip() or is_closed != bool(bracket) or {*"[]"} & {*name, *unit}:
         raise TableError(f'{place}: heading "{text}" is not of the form "name [unit]"')
     return name.strip(), unit.strip() or DIMENSIONLESS
-
-
-def _numbers(texts: Sequence[tuple[int, str]], name: str, path: Path) -> FloatArray:
-    values = np.empty(len(texts))
-    for position, (line, text) in enumerate(texts):
-        plain = text.strip()
-        is_long = len(plain) > _LONGEST_NUMBER
-        if is_long or not _NUMBER.fullmatch(plain) or not math.isfinite(float(plain)):
-            where = f'"{path.name}", line {line}, column "{name}"'
-            found = f"{len(plain)} characters" if is_long else toml_text(plain)
-            raise TableError(f"{where}: found {found}, expected a number")
-        values[position] = float(text)
-    return values
 
 
 def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:

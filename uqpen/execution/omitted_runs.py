@@ -24,7 +24,10 @@ from uqpen.core.labels import (
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.runs import replicate_count, status_counts
 
-__all__ = ["are_omitted", "batch_hashes", "omit_runs"]
+__all__ = ["BYTES_OF_A_HASH", "are_omitted", "batch_hashes", "omit_runs"]
+
+# In a file: its 64 digits, and what the format has beside a text.
+BYTES_OF_A_HASH = 113
 
 
 def are_omitted(runs: xr.Dataset) -> bool:

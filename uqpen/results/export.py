@@ -4,38 +4,103 @@ from __future__ import annotations
 
 import io
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 from uqpen.core.errors import ExportError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORMATS", "table_bytes"]
-
-FORMATS = ("csv", "parquet", "json")
+__all__ = ["FORMATS", "table_bytes", "table_content"]
 
 
-def table_bytes(table: pd.DataFrame, kind: str, *, has_header: bool = True) -> bytes:
-    """Return a table as a file of one of the `FORMATS`.
+def table_bytes(table: pd.DataFrame, kind: str) -> bytes:
+    """Return a table as a file of one of the `FORMATS`; see `table_content`."""
+    return b"".join(table_content([table], kind))
+
+
+def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
+    """Yield a table as the content of a file of one of the `FORMATS`, part after part.
 
     Numbers have all their digits. JSON is a list with an object for each row, null for a missing
-    value. CSV without a header goes on with a table.
+    value.
+
+    Parameters
+    ----------
+    parts : iterable of DataFrame
+        Consecutive rows of the table, with the same columns.
+    kind : str
+        The format.
 
     Raises
     ------
     ExportError
-        If it is Parquet, and no package that writes it is installed.
+        If it is Parquet, and no package that writes it is installed; nothing of the table is then
+        made.
     """
-    if kind == "csv":
-        return table.to_csv(index=False, header=has_header, lineterminator="\n").encode()
-    if kind == "json":
-        as_objects = table.astype(object).where(table.notna(), None)
-        rows = as_objects.to_dict("records")
-        return (json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-    stream = io.BytesIO()
+    return _WRITERS[kind](parts)
+
+
+def _csv(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    for number, part in enumerate(parts):
+        yield part.to_csv(index=False, header=not number, lineterminator="\n").encode()
+
+
+def _json(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    before = "["
+    for part in parts:
+        as_objects = part.astype(object).where(part.notna(), None)
+        if rows := as_objects.to_dict("records"):
+            text = json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False)
+            yield (before + text.removeprefix("[").removesuffix("\n]")).encode()
+            before = ","
+    yield b"[]\n" if before == "[" else b"\n]\n"
+
+
+def _parquet(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """Yield a row group for each part."""
     try:
-        table.to_parquet(stream, index=False)
+        import pyarrow
+        from pyarrow import parquet
     except ImportError:
         raise ExportError("Parquet needs pyarrow: pip install pyarrow") from None
-    return stream.getvalue()
+    written, writer = _Written(), None
+    for part in parts:
+        if writer is None:
+            # In the first rows, a text may be missing everywhere.
+            schema = pyarrow.Schema.from_pandas(part, preserve_index=False)
+            for place, each in enumerate(schema):
+                if pyarrow.types.is_null(each.type):
+                    schema = schema.set(place, each.with_type(pyarrow.string()))
+            writer = parquet.ParquetWriter(written, schema)
+        writer.write_table(pyarrow.Table.from_pandas(part, schema, preserve_index=False))
+        yield written.take()
+    if writer is not None:
+        writer.close()
+    yield written.take()
+
+
+class _Written(io.RawIOBase):
+    """Stream whose bytes are taken away from time to time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._parts: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, content: Any) -> int:
+        self._parts.append(bytes(content))
+        return len(self._parts[-1])
+
+    def take(self) -> bytes:
+        """Return what was written since it was called before."""
+        found = b"".join(self._parts)
+        self._parts.clear()
+        return found
+
+
+_WRITERS = {"csv": _csv, "parquet": _parquet, "json": _json}
+FORMATS = tuple(_WRITERS)

@@ -105,7 +105,7 @@ class ArchivedSurrogate:
             others in shape, or has a dimension of a field.
         """
         predicted = self.predict(values)
-        if text := self.extrapolation_text(predicted):
+        if text := self.extrapolation_text(predicted[EXTRAPOLATED]):
             warnings.warn(text, ExtrapolationWarning, stacklevel=2)
         return predicted
 
@@ -130,9 +130,17 @@ class ArchivedSurrogate:
                 f"inputs along {', '.join(shared)}, a dimension of an output: rename it"
             )
 
-    def extrapolation_text(self, predicted: xr.Dataset) -> str:
+    def extrapolation(self, values: Mapping[str, Any]) -> xr.DataArray:
+        """Return the mask of inputs outside of the training range, as a prediction has it.
+
+        It refuses what a prediction would.
+        """
+        points = broadcast_inputs(self._arrays(values))
+        self._check_dimensions(points[self.fitted.random_inputs[0]])
+        return self._is_outside(points)
+
+    def extrapolation_text(self, marked: xr.DataArray) -> str:
         """Return how many points are outside of the training range, and where; empty for none."""
-        marked = predicted[EXTRAPOLATED]
         along = [dimension for dimension in marked.dims if dimension != INPUT]
         count, size = int(marked.any(INPUT).sum()), marked.size // marked.sizes[INPUT]
         names = marked[INPUT].values[marked.any(along).values]

@@ -17,6 +17,7 @@ from uqpen.core.labels import ABSENT, REPLICATE, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
 from uqpen.core.status import Status
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
+from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -233,3 +234,31 @@ def test_independent_runs_are_read_twice_and_a_few_for_cells(
     analyze(runs, [QuantityOfInterest(Output("y", "1"), "1")], in_memory=1000)
     columns_of_status = 1
     assert runs.passes - columns_of_status == 2
+
+
+def test_many_replicates_are_joined_and_give_the_same_estimates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = runs_of("stratified")
+    many = runs.assign_coords({REPLICATE: (RUN, np.arange(RUNS) // 5)})
+    whole = analyze(many, QUANTITIES, only=["moments", "quantiles"])["y"]
+    small_blocks(monkeypatch)
+    monkeypatch.setattr("uqpen.statistics.by_blocks.grouping._MOST_GROUPS", 250)
+    assert Grouping.of_runs(LoadedDataset(many)).sizes.tolist() == [15] * 200
+    joined = analyze(many, QUANTITIES, in_memory=SMALL)["y"]
+    for name, expected in whole.items():
+        np.testing.assert_allclose(joined[name].values[..., 0], expected.values[..., 0], 1e-4)
+        widths = np.ptp(joined[name].values[..., 1:]), np.ptp(expected.values[..., 1:])
+        np.testing.assert_allclose(*widths, rtol=0.2, err_msg=name)
+
+
+def test_replicates_may_be_more_than_a_small_number_has_room_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = runs_of("independent", 70_000).assign_attrs({SAMPLING: "stratified"})
+    many = runs.assign_coords({REPLICATE: (RUN, np.arange(70_000) // 2)})
+    small_blocks(monkeypatch, 2**14)
+    found = analyze(many, QUANTITIES[:1], only=["moments"], in_memory=2**15)["y"]["mean"]
+    mean, lower, upper = found.values
+    assert lower < mean < upper
+    assert Grouping.of_runs(LoadedDataset(many)).groups <= 1024

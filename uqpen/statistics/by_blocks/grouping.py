@@ -20,6 +20,8 @@ __all__ = ["Grouping", "Stretch"]
 
 # Batches of independent draws: Student's t with so many is 2 % wider than the normal.
 _BATCHES = 64
+# More replicates are joined, as each group has counts of its own: 67 MB for an input.
+_MOST_GROUPS = 1024
 
 
 class Stretch(NamedTuple):
@@ -34,18 +36,20 @@ class Stretch(NamedTuple):
 class Grouping:
     """Division of the runs of a design.
 
-    A group is a replicate; of other designs, the runs from one end of a growing part to the next.
-    So each growing part is the first groups. A batch is a replicate, or one of equal stretches.
+    A group is a replicate, or as many consecutive ones in each; of other designs, the runs from one
+    end of a growing part to the next. So each growing part is the first groups. A batch is a group
+    of replicates, or one of equal stretches.
 
     Parameters
     ----------
     points : int
         Number of runs of the design.
     sampling : Sampling
-    replicates : ndarray of int, shape (replicate,)
-        Numbers of the replicates, ascending; empty where the design has one at the most.
-    sizes : ndarray of int, shape (replicate,)
-        Points of each.
+    replicates : ndarray of int, shape (group,)
+        Number of the first replicate of each group, ascending; empty where the design has one
+        replicate at the most.
+    sizes : ndarray of int, shape (group,)
+        Points of each group.
     """
 
     points: int
@@ -65,12 +69,13 @@ class Grouping:
                 counts[: len(more)] += more
         numbers = np.flatnonzero(counts)
         if numbers.size < 2:
-            numbers = numbers[:0]
-        return cls(runs.size, sampling, numbers, counts[numbers])
+            return cls(runs.size, sampling, numbers[:0], counts[:0])
+        firsts = np.arange(0, numbers.size, -(-numbers.size // _MOST_GROUPS))
+        return cls(runs.size, sampling, numbers[firsts], np.add.reduceat(counts[numbers], firsts))
 
     @property
     def is_replicated(self) -> bool:
-        """True if the groups are replicates."""
+        """True if the groups are of replicates."""
         return self.replicates.size > 0
 
     @cached_property
@@ -110,9 +115,9 @@ class Grouping:
             Their replicates.
         """
         if self.is_replicated and replicate is not None:
-            for number in np.flatnonzero(np.bincount(replicate)):
-                group = int(np.searchsorted(self.replicates, number))
-                rows = np.flatnonzero(replicate == number)
+            groups = np.searchsorted(self.replicates, replicate, side="right") - 1
+            for group in np.flatnonzero(np.bincount(groups)).tolist():
+                rows = np.flatnonzero(groups == group)
                 yield Stretch(group, group, slice(None) if rows.size == stop - start else rows)
             return
         origin = first = start
