@@ -129,9 +129,9 @@ def _analyze_large(
 ) -> dict[str, OutputStatistics]:
     """Compute the statistics of a sample of many runs, without all of them in memory."""
     found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
-    large = large_sample(handle, in_memory)
+    large, of_runs = large_sample(handle, in_memory), run_counts(handle)
     for name, statistics, used in large.statistics(quantities, only, outside):
-        counts = output_run_counts(handle, name, used) if used >= 0 else {}
+        counts = output_run_counts(handle, of_runs, name, used) if used >= 0 else {}
         found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
     return found
 
@@ -150,7 +150,8 @@ def _analyze_whole(
     if sampling.is_sample:
         drawn = drawn_runs(handle)
         samples = _samples(drawn, scalars)
-        counts = {name: output_run_counts(drawn, name) for name in found}
+        of_runs = run_counts(drawn)
+        counts = {name: output_run_counts(drawn, of_runs, name) for name in found}
         is_weighted = WEIGHT in drawn.template.coords
         analyses = list(_sample_analyses(ANALYSES, only, is_weighted=is_weighted))
         _run_one_by_one(analyses, scalars, samples, counts, found, keep=bool(outside))
@@ -167,7 +168,8 @@ def _analyze_whole(
     ):
         if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
             whole = {name: runs_with_value(handle, name) for name in found}
-            of_all = {name: output_run_counts(handle, name) for name in found}
+            of_runs = run_counts(handle)
+            of_all = {name: output_run_counts(handle, of_runs, name) for name in found}
             _run_analyses(own, chosen, whole, of_all, found)
     if sampling.is_sample and outside:
         for quantity in scalars:
@@ -323,17 +325,16 @@ def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
 
 
 def output_run_counts(
-    runs: BlockedRuns, name: str, used: int | None = None
+    runs: BlockedRuns, counts: Mapping[str, int | str], name: str, used: int | None = None
 ) -> dict[str, int | str]:
     """Return the counts of the runs of an output's statistics, as attributes.
 
     They are those of `run_counts`, but for runs without a value; the others' number may be given.
     """
-    counts = run_counts(runs)
     if used is None:
         absent = absent_condition(runs, name)
     else:
         absent = condition_of_absent(runs, name, int(counts["runs_used"]) - used)
     if not absent:
-        return counts
+        return {**counts}
     return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}
