@@ -18,6 +18,7 @@ from uqpen.archive.file_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import make_archive
+from uqpen.checkpoints.runs_file import read_runs
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
 from uqpen.core.streams import Stream
@@ -111,6 +112,15 @@ def runs(
         round_checkpoint=partial(kept.checkpoint, "one"),
     )
     return made[ONLY_MODEL]
+
+
+def test_runs_in_memory_are_on_the_disk_before_they_are_analysed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CheckpointFolder, "save_if_due", lambda kept, unwritten: None)
+    made = runs(folder, limit=10_000)
+    kept = [read_runs(file) for file in (folder / "parts" / "runs" / "one").glob("*.npz")]
+    assert sum(len(each.runs) for each in kept) == made.sizes["run"] == 4500
 
 
 def assert_same(found: xr.Dataset, expected: xr.Dataset) -> None:

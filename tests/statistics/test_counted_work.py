@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+import weakref
 from collections import Counter
 from typing import Any
 
@@ -15,6 +16,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics import estimate_vector, ordering
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
 
 INPUTS, OUTPUTS = ("a", "b", "c"), ("y", "z")
@@ -72,6 +74,24 @@ def test_memory_of_an_analysis_is_a_few_columns() -> None:
     analyze(runs_of(200), QUANTITIES)  # imports
     # Measured: 40.5 columns of floats, for 3 inputs and 2 outputs.
     assert peak_in_columns(runs_of(65_536)) < 45
+
+
+def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    taken: list[weakref.ref[Any]] = []
+    alive = []
+    of_variable = Sample._of_variable
+
+    def found(whole: Sample, runs: Any, name: str) -> Sample:
+        alive.append(sum(each() is not None for each in taken))
+        sample = of_variable(whole, runs, name)
+        taken.append(weakref.ref(sample.values))
+        return sample
+
+    monkeypatch.setattr(Sample, "_of_variable", found)
+    analyze(runs_of(700, failed=30), QUANTITIES)
+    assert alive == [0, 0]
 
 
 def test_bins_are_made_once_for_all_outputs(monkeypatch: pytest.MonkeyPatch) -> None:

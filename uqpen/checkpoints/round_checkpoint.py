@@ -149,7 +149,11 @@ class RoundCheckpoint(Checkpoint):
 
     def collect(self, blocks: Iterable[xr.Dataset], runs: int) -> xr.Dataset:
         if not self._goes_by_blocks(runs):
-            return join_blocks(blocks, runs)
+            joined = join_blocks(blocks, runs)
+            # Many runs are safe before they are analysed, and not in memory a second time.
+            if self._unwritten >= BLOCK:
+                self._store.save()
+            return joined
         for block in blocks:
             assert self._blocks is not None  # since the first block is there
             self._keep(self._blocks, block)

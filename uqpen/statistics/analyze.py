@@ -129,9 +129,9 @@ def _analyze_large(
 ) -> dict[str, OutputStatistics]:
     """Compute the statistics of a sample of many runs, without all of them in memory."""
     found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
-    large = large_sample(handle, in_memory)
+    large, of_runs = large_sample(handle, in_memory), run_counts(handle)
     for name, statistics, used in large.statistics(quantities, only, outside):
-        counts = output_run_counts(handle, name, used) if used >= 0 else {}
+        counts = output_run_counts(handle, of_runs, name, used) if used >= 0 else {}
         found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
     return found
 
@@ -149,14 +149,14 @@ def _analyze_whole(
     fields = [quantity for quantity in quantities if quantity.output.dims]
     if sampling.is_sample:
         drawn = drawn_runs(handle)
-        samples = _samples(drawn, scalars)
-        counts = {name: output_run_counts(drawn, name) for name in found}
+        of_runs = run_counts(drawn)
+        counts = {name: output_run_counts(drawn, of_runs, name) for name in found}
         is_weighted = WEIGHT in drawn.template.coords
         analyses = list(_sample_analyses(ANALYSES, only, is_weighted=is_weighted))
-        _run_one_by_one(analyses, scalars, samples, counts, found, keep=bool(outside))
+        _run_one_by_one(analyses, scalars, _samples(drawn, scalars), counts, found)
         # One field after the other, as the values of one may be most of the memory.
         for quantity in fields:
-            (sample,) = _samples(drawn, [quantity]).values()
+            (sample,) = _samples(drawn, [quantity])
             field = {quantity.output.name: FieldSample(sample, quantity.output)}
             analyses = list(_sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted))
             _run_analyses(analyses, [quantity], field, counts, found)
@@ -167,12 +167,13 @@ def _analyze_whole(
     ):
         if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
             whole = {name: runs_with_value(handle, name) for name in found}
-            of_all = {name: output_run_counts(handle, name) for name in found}
+            of_runs = run_counts(handle)
+            of_all = {name: output_run_counts(handle, of_runs, name) for name in found}
             _run_analyses(own, chosen, whole, of_all, found)
     if sampling.is_sample and outside:
-        for quantity in scalars:
+        for quantity, sample in zip(scalars, _samples(drawn, scalars), strict=True):
             name = quantity.output.name
-            added = outside_statistics(outside, samples[name], quantity, found[name])
+            added = outside_statistics(outside, sample, quantity, found[name])
             found[name] |= {key: array.assign_attrs(counts[name]) for key, array in added.items()}
     return found
 
@@ -233,13 +234,11 @@ def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatisti
     return dict(sorted(statistics.items(), key=lambda item: places.get(item[0], len(places))))
 
 
-def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> dict[str, Sample]:
-    """Return the samples of outputs by name, with the confidence level of their intervals."""
-    found = Sample.several_from_runs(runs, [quantity.output.name for quantity in quantities])
-    return {
-        quantity.output.name: replace(found[quantity.output.name], level=quantity.confidence_level)
-        for quantity in quantities
-    }
+def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> Iterator[Sample]:
+    """Yield the sample of each output, with the confidence level of its intervals."""
+    levels = (quantity.confidence_level for quantity in quantities)
+    made = Sample.each_from_runs(runs, [quantity.output.name for quantity in quantities])
+    return map(lambda sample, level: replace(sample, level=level), made, levels)
 
 
 def _select(
@@ -278,23 +277,21 @@ def _run_analyses(
 def _run_one_by_one(
     analyses: Sequence[tuple[str, Analysis]],
     quantities: Sequence[QuantityOfInterest],
-    samples: dict[str, Sample],
+    samples: Iterator[Sample],
     attributes: Mapping[str, Mapping[str, int | str]],
     found: Mapping[str, OutputStatistics],
-    *,
-    keep: bool,
 ) -> None:
     """Put the statistics of one output after the other among those found.
 
-    What is made of an output ends with its sample, which is taken away unless it is to be kept.
-    What is made of the inputs is common to all outputs.
+    What is made of an output ends with its sample, before the next one is made. What is made of the
+    inputs is common to all outputs.
     """
-    shared = [sample.run_inputs for sample in samples.values()]  # would end with the first sample
+    shared = []  # would end with the first sample
     for quantity in quantities:
-        name = quantity.output.name
-        own = {name: samples[name] if keep else samples.pop(name)}
+        own = {quantity.output.name: next(samples)}
+        shared += [sample.run_inputs for sample in own.values()]
         _run_analyses(analyses, [quantity], own, attributes, found)
-    shared.clear()
+        own.clear()
 
 
 def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:
@@ -323,17 +320,16 @@ def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
 
 
 def output_run_counts(
-    runs: BlockedRuns, name: str, used: int | None = None
+    runs: BlockedRuns, counts: Mapping[str, int | str], name: str, used: int | None = None
 ) -> dict[str, int | str]:
     """Return the counts of the runs of an output's statistics, as attributes.
 
     They are those of `run_counts`, but for runs without a value; the others' number may be given.
     """
-    counts = run_counts(runs)
     if used is None:
         absent = absent_condition(runs, name)
     else:
         absent = condition_of_absent(runs, name, int(counts["runs_used"]) - used)
     if not absent:
-        return counts
+        return {**counts}
     return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}

@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
 from uqpen.statistics.ordering import Numbers, Ordering
@@ -134,8 +134,16 @@ class RunInputs:
         """
         if self._is_whole:
             return self.once("ranks", lambda: np.arange(len(self.used), dtype=np.int32))
-        order, level = self.ordering(number).order, self.columns.ordering(number).level
-        return self.once(("ranks", number), lambda: level[self.used][order])
+        order = self.columns.ordering(number).order
+        return self.once(
+            ("ranks", number), lambda: np.flatnonzero(self._is_used[order]).astype(order.dtype)
+        )
+
+    @cached_property
+    def _is_used(self) -> BoolArray:
+        is_used = np.zeros(self.columns.size, dtype=np.bool_)
+        is_used[self.used] = True
+        return is_used
 
     @cached_property
     def _is_whole(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar, cast
@@ -111,7 +111,15 @@ class Sample:
     def several_from_runs(
         cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
     ) -> dict[str, Sample]:
-        """Return the samples of several variables by name, which have the inputs in common.
+        """Return the samples of several variables by name, which have the inputs in common."""
+        names = list(names)
+        return dict(zip(names, cls.each_from_runs(runs, names), strict=True))
+
+    @classmethod
+    def each_from_runs(
+        cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
+    ) -> Iterator[Sample]:
+        """Yield the sample of each variable; none is held here when the next one is made.
 
         Runs without a value of a derived output are neither used nor missing in its sample.
         """
@@ -120,15 +128,17 @@ class Sample:
         if WEIGHT in handle.template.coords:
             is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
         used = np.flatnonzero(is_used)
-        whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
-        found = {}
+        whole = cls._from_values(handle, np.broadcast_to(np.nan, used.shape), used)
         for name in names:
-            values = _values_at(handle.column(name), used)
-            found[name] = replace(whole, values=values)
-            if absent_runs(handle, name) is not None:
-                exists = ~np.isnan(values)
-                found[name] = replace(whole, values=values[exists], used=used[exists])
-        return found
+            yield whole._of_variable(handle, name)
+
+    def _of_variable(self, runs: BlockedRuns, name: str) -> Sample:
+        """Return the sample of a variable over those of these runs that have a value of it."""
+        values = _values_at(runs.column(name), self.used)
+        if absent_runs(runs, name) is None:
+            return replace(self, values=values)
+        exists = ~np.isnan(values)
+        return replace(self, values=values[exists], used=self.used[exists])
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Sample:
@@ -245,6 +255,8 @@ class Sample:
     @cached_property
     def replicate(self) -> IntArray:
         """The replicate of each run, numbered through those that are not empty."""
+        if not self.replicates.any():
+            return np.zeros(self.size, dtype=np.int64)  # takes no memory while it is only read
         replicates = self.replicates[self.used]
         if not replicates.any():
             return replicates

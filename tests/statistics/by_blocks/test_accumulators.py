@@ -60,6 +60,16 @@ def test_a_cell_lies_between_its_splitters_or_at_one(
     assert (cells == 2 * at + is_splitter).all()
 
 
+@pytest.mark.parametrize("power", [1, 20])
+def test_what_lies_beyond_all_splitters_has_the_outer_cells(power: int) -> None:
+    # Of the twentieth power, nearly all splitters are in one entry of the table.
+    splitters = Splitters.from_values(np.random.default_rng(1).random(5000) ** power, 1000)
+    values = splitters.values
+    assert splitters.locate(np.array([-np.inf, np.inf])).tolist() == [0, 2 * values.size]
+    assert (splitters.locate(values) == 2 * np.arange(values.size) + 1).all()
+    assert (splitters.locate(np.nextafter(values, np.inf)) == 2 * np.arange(values.size) + 2).all()
+
+
 @given(COLUMNS, CUTS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
 def test_order_statistics_are_those_of_the_sorted_values(

@@ -28,8 +28,8 @@ _NONE = np.empty(0, dtype=np.int64)
 class BlockedSample(Sample):
     """A sample of an output over groups of its runs, whose values are in no array.
 
-    What is not known yet is NaN or 0, and is asked for: after a further pass over the runs, the
-    same analysis finds it.
+    In place of what is not known yet it gives what is known near it, and asks for it: after a
+    further pass over the runs, the same analysis finds it.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class CellCounts:
         return added
 
     def value_at(self, position: int, groups: int, below: IntArray) -> float:
-        """Return an order statistic of the first groups; NaN where its cell has to be collected.
+        """Return an order statistic of the first groups; a splitter near it, if it is not known.
 
         Parameters
         ----------
@@ -82,11 +82,16 @@ class CellCounts:
         if cell % 2:
             return float(self.splitters.values[cell // 2])
         if (values := self.values_in(cell)) is None:
-            return np.nan
+            return self._splitter_near(cell)
         return float(values.of_first(groups)[position - below[cell]])
 
+    def _splitter_near(self, cell: int) -> float:
+        """Return the splitter above a cell, below the last one; NaN where there is none."""
+        splitters = self.splitters.values
+        return float(splitters[min(cell // 2, splitters.size - 1)]) if splitters.size else np.nan
+
     def counts_below(self, value: float, *, or_equal: bool) -> IntArray:
-        """Return the runs below a value, or at it too, by group; 0 where they are not known yet."""
+        """Return the runs below a value, or at it too, by group; below its cell, if not known."""
         if np.isnan(value):
             return np.zeros(len(self.counts), dtype=np.int64)
         cell = int(self.splitters.locate(np.array([value]))[0])
@@ -96,7 +101,7 @@ class CellCounts:
         if not self.counts[:, cell].any():
             return before
         if (found := self.values_in(cell)) is None:
-            return np.zeros(len(self.counts), dtype=np.int64)
+            return before
         end = np.searchsorted(found.values, value, side="right" if or_equal else "left")
         return before + np.bincount(found.groups[:end], minlength=len(self.counts))
 
@@ -166,7 +171,8 @@ class Collector:
 class OrderedValues:
     """The ascending values of a column's first groups; those that are asked for are found.
 
-    It takes the positions that an array of them takes. What is not known yet is NaN.
+    It takes the positions that an array of them takes. In place of a value that is not known yet
+    it gives a splitter near it: what an interval asks for next then follows from nearly its ends.
     """
 
     counts: CellCounts

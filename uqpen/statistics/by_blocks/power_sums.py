@@ -50,12 +50,13 @@ class PowerSums:
     @classmethod
     def of_values(cls, values: FloatArray) -> PowerSums:
         """Return the sums of one group, of at least one run."""
-        deviations = values - values.mean()
+        mean = values.mean()
+        deviations = values - mean
         squares = deviations * deviations
         powers = [squares.sum(), (squares * deviations).sum(), (squares * squares).sum()]
         return cls(
             np.array([values.size]),
-            np.array([values.mean()]),
+            np.array([mean]),
             np.array(powers)[:, np.newaxis],
             np.array([values.min()]),
             np.array([values.max()]),

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.statistics.by_blocks.locate import Cells, locate
+from uqpen.statistics.by_blocks.locate import Cells, Places, locate
 
 __all__ = ["Splitters"]
 
@@ -28,6 +28,7 @@ class Splitters:
     Parameters
     ----------
     values : ndarray, shape (splitter,)
+        At most 65 535.
     """
 
     values: FloatArray
@@ -49,8 +50,12 @@ class Splitters:
     def locate(self, values: FloatArray) -> Cells:
         """Return the cell of each value; an even one lies between splitters."""
         found = np.empty(values.size, dtype=np.int32)
-        locate(np.ascontiguousarray(values), self.values, *self._steps, self._first, found)
+        locate(np.ascontiguousarray(values), self._searched, *self._steps, self._first, found)
         return found
+
+    @cached_property
+    def _searched(self) -> FloatArray:
+        return np.append(self.values, [np.nan, np.nan])
 
     @cached_property
     def _steps(self) -> tuple[float, float]:
@@ -64,7 +69,7 @@ class Splitters:
         return float(low), float(scale) if np.isfinite(scale) else 0.0
 
     @cached_property
-    def _first(self) -> Cells:
+    def _first(self) -> Places:
         """Number of splitters before each entry of the table, and all at the end."""
         origin, scale = self._steps
         entries = _ENTRIES * self.values.size
@@ -72,4 +77,4 @@ class Splitters:
             steps = (self.values - origin) * scale
         entry = np.clip(steps, 0, max(entries - 1, 0)).astype(np.int64)
         counts = np.bincount(entry, minlength=max(entries, 1))
-        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint16)
