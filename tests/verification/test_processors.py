@@ -54,6 +54,7 @@ order = 3
 [surrogates.chaos]
 kind = "polynomial-chaos"
 design = "sample"
+order = 3
 """
 
 
