@@ -38,10 +38,18 @@ settings.register_profile("fixed", derandomize=True, deadline=None, max_examples
 settings.load_profile("fixed")
 
 
+# One process of the tests compiles what all of them use, while another waits for a cluster. If all
+# of them began with studies, each would compile the same.
+FIRST = {
+    Path(__file__).parent / "archive" / "test_archive.py",
+    Path(__file__).parent / "execution" / "test_cluster.py",
+}
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take long, so that none is left to one worker in the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    items.sort(key=lambda item: (item.path not in FIRST, item.path not in slow))
 
 
 @pytest.fixture

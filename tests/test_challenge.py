@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import signal
-import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
-from urllib.error import HTTPError
-from urllib.request import ProxyHandler, Request, build_opener
 
 import numpy as np
 import pytest
 import umbridge
+from model_servers import asked, offering, serving
 
 import uqpen
 from uqpen.cli.serve import hidden_offers, make_offers
 from uqpen.core.errors import ModelError
-from uqpen.server import ModelServer, RunBudget
+from uqpen.server import RunBudget
 
 pytestmark = pytest.mark.slow
 
@@ -64,27 +60,14 @@ def challenge(study: Path, runs: int) -> Iterator[str]:
     count = study.with_name("count.jsonl")
     with (
         RunBudget(count, runs, {"model": {"version": 1}}) as budget,
-        ModelServer(offers, port=0, budget=budget) as server,
+        offering(*offers, budget=budget) as address,
     ):
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.url
-        finally:
-            server.shutdown()
-            thread.join()
+        yield address
 
 
 def ask(address: str, path: str, **request: Any) -> tuple[int, Any]:
-    """Code and content of an answer."""
-    content = json.dumps({"name": "model", **request}).encode()
-    asked = Request(f"{address}/{path}", content, {"Content-Type": "application/json"})
-    try:
-        with build_opener(ProxyHandler({})).open(asked, timeout=60) as response:
-            return response.status, json.load(response)
-    except HTTPError as error:
-        with error:
-            return error.code, json.load(error)
+    """Code and content of the answer to a request for the model."""
+    return asked(address, path, json.dumps({"name": "model", **request}).encode())
 
 
 def test_standard_normal_numbers_become_the_inputs(study: Path) -> None:
@@ -187,26 +170,6 @@ class TestCount:
             pytest.raises(ModelError, match="another server counts its runs in this file"),
         ):
             RunBudget(tmp_path / "count.jsonl", 5, {"a": {"version": 1}})
-
-
-@contextlib.contextmanager
-def serving(folder: Path, *arguments: str) -> Iterator[tuple[str, str, subprocess.Popen[str]]]:
-    """What `uqpen serve` prints, the address that it tells, and its process."""
-    command = [sys.executable, "-m", "uqpen", "serve", "--port", "0", *arguments]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
-    ) as process:
-        assert process.stdout is not None
-        try:
-            lines = []
-            while not lines or not lines[-1].startswith("listening"):
-                lines.append(process.stdout.readline())
-                assert lines[-1], process.communicate()
-            found = re.search(r"listening at (\S+) ", lines[-1])
-            assert found
-            yield "".join(lines), found[1], process
-        finally:
-            process.kill()
 
 
 def test_the_command_counts_across_a_kill(study: Path) -> None:

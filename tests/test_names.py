@@ -6,7 +6,6 @@ import ast
 import importlib
 import re
 from collections import Counter
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -73,18 +72,24 @@ def parsed(module: Path) -> ast.Module:
     return ast.parse(module.read_text(encoding="utf-8"))
 
 
-def definitions(module: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
-    for node in ast.walk(parsed(module)):
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            yield node
+@cache
+def definitions(module: Path) -> list[ast.FunctionDef | ast.ClassDef]:
+    nodes = ast.walk(parsed(module))
+    return [node for node in nodes if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
+
+
+@cache
+def instead_of(part: str) -> tuple[str, ...]:
+    """What to say for a part of a name, which many names share."""
+    found = (instead for words, instead in RETIRED.items() if re.fullmatch(words, part))
+    return () if part in ALLOWED else tuple(found)
 
 
 def retired_in(name: str) -> list[str]:
     return [
         f"{name}: {part} (say: {instead})"
         for part in parts_of(name)
-        for words, instead in RETIRED.items()
-        if re.fullmatch(words, part) and part not in ALLOWED
+        for instead in instead_of(part)
     ]
 
 

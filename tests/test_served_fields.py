@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from model_servers import offering
 
 import uqpen
 from uqpen.cli.serve import make_offers
@@ -17,7 +17,7 @@ from uqpen.core.model import Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.processes import processes
-from uqpen.server import ModelServer, ServedModel
+from uqpen.server import ServedModel
 
 pytestmark = pytest.mark.slow
 
@@ -69,14 +69,8 @@ SHEET = 'sheet = { unit = "cm", along = ["time", "place"] }'
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    with ModelServer([ServedModel("fields", Evaluator(Fields()), ("x",))], port=0) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.url
-        finally:
-            server.shutdown()
-            thread.join()
+    with offering(ServedModel("fields", Evaluator(Fields()), ("x",))) as address:
+        yield address
 
 
 def study(address: str, outputs: str) -> uqpen.Study:

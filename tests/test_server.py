@@ -8,18 +8,14 @@ import json
 import re
 import signal
 import socket
-import subprocess
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.error import HTTPError
-from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
 import umbridge
+from model_servers import asked, offering, serving
 
 import uqpen
 from uqpen.cli.serve import make_offers
@@ -52,19 +48,6 @@ umbridge = "{}"
 inputs = {{ x1 = "1", x2 = "1", x3 = "1" }}
 outputs = {{ y = "1" }}"""
 BUILT_IN = STUDY.format(model='use = "ishigami"')
-
-
-@contextlib.contextmanager
-def offering(*offers: ServedModel) -> Iterator[str]:
-    """The address of a server with these offers."""
-    with ModelServer(offers, port=0) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.url
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 @pytest.fixture(scope="module")
@@ -103,19 +86,6 @@ class TestUMBridgeClient:
         model = umbridge.HTTPModel(address, "ishigami")
         with pytest.raises(Exception, match=re.escape(f"error of type {message}") + r"\Z"):
             model(parameters, config)
-
-
-def asked(address: str, path: str, content: bytes | None, **headers: str) -> tuple[int, Any]:
-    """Code and content of an answer."""
-    headers = {"Content-Type": "application/json"} | {
-        name.replace("_", "-"): value for name, value in headers.items()
-    }
-    try:
-        with urlopen(Request(f"{address}/{path}", content, headers), timeout=60) as response:
-            return response.status, json.load(response)
-    except HTTPError as error:
-        with error:
-            return error.code, json.load(error)
 
 
 @pytest.mark.parametrize(
@@ -301,26 +271,6 @@ class TestOffers:
         with pytest.raises(UqpenError) as refused:
             ServedModel("a", Evaluator(Ishigami()), varied, held)
         assert str(refused.value) == message
-
-
-@contextlib.contextmanager
-def serving(folder: Path, *arguments: str) -> Iterator[tuple[str, str, subprocess.Popen[str]]]:
-    """What `uqpen serve` prints, the address that it tells, and its process."""
-    command = [sys.executable, "-m", "uqpen", "serve", "--port", "0", *arguments]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
-    ) as process:
-        assert process.stdout is not None
-        try:
-            lines = []
-            while not lines or not lines[-1].startswith("listening"):
-                lines.append(process.stdout.readline())
-                assert lines[-1], process.communicate()
-            found = re.search(r"listening at (\S+) ", lines[-1])
-            assert found
-            yield "".join(lines), found[1], process
-        finally:
-            process.kill()
 
 
 class TestCommand:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
-import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browsers import chromium
 
 import uqpen
 from uqpen.core.progress_broadcast import ProgressBroadcast
@@ -318,15 +317,8 @@ def test_a_port_in_use_is_a_mistake(command_line: Callable[..., Any], tmp_path: 
 
 @pytest.mark.slow
 def test_a_browser_follows_the_study() -> None:
-    path = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
-    if path is None:
-        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    from playwright.sync_api import sync_playwright
-
-    flags = ["--disable-gpu"] + ["--no-sandbox"] * (os.geteuid() == 0)
     state = dict(STATE)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=flags)
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 390, "height": 800})
         said: list[str] = []
         page.on("console", lambda message: said.append(message.text))
@@ -346,4 +338,3 @@ def test_a_browser_follows_the_study() -> None:
         page.wait_for_selector("body[data-state=ended]", timeout=1000 * PATIENCE)
         assert "has ended, or was interrupted" in page.inner_text("#step")
         assert "99 of 100" in page.inner_text("#runs"), "the last state stays"
-        browser.close()

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from interrupted_study import check_interruptions_and_workers
 from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CORRECTION_WEIGHT, PREDICTED_EVENT
-from uqpen.execution.processes import processes
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
@@ -267,29 +267,7 @@ def test_mistakes_are_met_before_a_run(
     assert expected in str(raised.value)
 
 
-# Stops, as Ctrl-C would, where the batches are at a number of calls.
-MODEL = """\
-import pathlib, signal
-here = pathlib.Path(__file__).parent
-def model(a, b):
-    with (here / "calls").open("a") as stream:
-        stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
-        signal.raise_signal(signal.SIGINT)
-    return {"depth": a + b + 0.1 * (a - b) ** 2}
-"""
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:model"
-vectorized = true
-inputs = { a = "1", b = "1" }
-outputs = { depth = "m" }
-[inputs]
-a = "0 ± 1"
-b = "0 ± 1"
-[designs.rare]
+DESIGN = """\
 kind = "active-learning"
 event = "depth > 7 m"
 learning = 30
@@ -297,26 +275,8 @@ correction = 60
 """
 
 
-def archive(folder: Path, stop: int | None = None, **options: Any) -> bytes:
-    """The bytes of the archive of the study; interrupted before, where there is a stop."""
-    folder.mkdir()
-    (folder / "model.py").write_text(MODEL)
-    (folder / "study.toml").write_text(STUDY)
-    study = uqpen.load_study(folder / "study.toml")
-    if stop is not None:
-        (folder / "stop").write_text(str(stop))
-        with pytest.raises(KeyboardInterrupt):
-            uqpen.make_archive(study, folder / "study.nc")
-        (folder / "stop").unlink()
-    uqpen.make_archive(study, folder / "study.nc", **options)
-    return (folder / "study.nc").read_bytes()
-
-
 @pytest.mark.slow
 @pytest.mark.processor
 def test_a_kill_at_any_batch_and_workers_change_no_byte(tmp_path: Path) -> None:
-    whole = archive(tmp_path / "whole")
-    for stop in (2, 4):
-        assert archive(tmp_path / f"stop{stop}", stop) == whole
-    with processes(2) as pool:
-        assert archive(tmp_path / "workers", map=pool) == whole
+    depth = "a + b + 0.1 * (a - b) ** 2"
+    check_interruptions_and_workers(tmp_path, DESIGN, stops=(2, 4), depth=depth)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from interrupted_study import STUDY, check_interruptions_and_workers
 from scipy import special, stats
 
 import uqpen
@@ -21,7 +22,6 @@ from uqpen.designs.rare_events.gaussian_mixture import (
     GaussianMixture,
     log_normal_density,
 )
-from uqpen.execution.processes import processes
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 
@@ -226,59 +226,18 @@ def test_a_part_that_no_search_leads_to_is_in_the_interval_or_a_note_says_so() -
 )
 def test_mistakes_are_met_before_a_run(tmp_path: Path, settings: str, expected: str) -> None:
     (tmp_path / "model.py").write_text("def model(a, b): raise SystemExit\n")
-    (tmp_path / "study.toml").write_text(STUDY.format(settings=settings))
+    (tmp_path / "study.toml").write_text(f'{STUDY}kind = "importance-sampling"\n{settings}\n')
     with pytest.raises(uqpen.StudyError) as raised:
         uqpen.load_study(tmp_path / "study.toml")
     assert expected in str(raised.value)
 
 
-# Stops, as Ctrl-C would, where the rounds are at a number of calls.
-MODEL = """\
-import pathlib, signal
-here = pathlib.Path(__file__).parent
-def model(a, b):
-    with (here / "calls").open("a") as stream:
-        stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
-        signal.raise_signal(signal.SIGINT)
-    return {"depth": a + b}
-"""
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:model"
-vectorized = true
-inputs = {{ a = "1", b = "1" }}
-outputs = {{ depth = "m" }}
-[inputs]
-a = "0 ± 1"
-b = "0 ± 1"
-[designs.rare]
+DESIGN = """\
 kind = "importance-sampling"
-{settings}
+event = "depth > 5 m"
+samples = 200
 """
-
-
-def archive(folder: Path, stop: int | None = None, **options: object) -> bytes:
-    """The bytes of the archive of the study; interrupted before, where there is a stop."""
-    folder.mkdir()
-    (folder / "model.py").write_text(MODEL)
-    text = STUDY.format(settings='event = "depth > 5 m"\nsamples = 200')
-    (folder / "study.toml").write_text(text)
-    made = uqpen.load_study(folder / "study.toml")
-    if stop is not None:
-        (folder / "stop").write_text(str(stop))
-        with pytest.raises(KeyboardInterrupt):
-            uqpen.make_archive(made, folder / "study.nc")
-        (folder / "stop").unlink()
-    uqpen.make_archive(made, folder / "study.nc", **options)
-    return (folder / "study.nc").read_bytes()
 
 
 def test_a_kill_at_any_round_and_workers_change_no_byte(tmp_path: Path) -> None:
-    whole = archive(tmp_path / "whole")
-    for stop in (2, 5, 7):
-        assert archive(tmp_path / f"stop{stop}", stop) == whole
-    with processes(2) as pool:
-        assert archive(tmp_path / "workers", map=pool) == whole
+    check_interruptions_and_workers(tmp_path, DESIGN, stops=(2, 5, 7))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from interrupted_study import check_interruptions_and_workers
 from scipy import special
 
 import uqpen
@@ -17,7 +17,6 @@ from uqpen.archive.structure import find_faults
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
 from uqpen.core.sampling import Sampling
-from uqpen.execution.processes import processes
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
@@ -231,53 +230,12 @@ def test_the_runs_are_no_sample(tree: xr.DataTree) -> None:
     assert "depth" not in tree["statistics/rare"].children
 
 
-# Stops, as Ctrl-C would, where the levels are at a number of calls.
-MODEL = """\
-import pathlib, signal
-here = pathlib.Path(__file__).parent
-def model(a, b):
-    with (here / "calls").open("a") as stream:
-        stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
-        signal.raise_signal(signal.SIGINT)
-    return {"depth": a + b}
-"""
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:model"
-vectorized = true
-inputs = { a = "1", b = "1" }
-outputs = { depth = "m" }
-[inputs]
-a = "0 ± 1"
-b = "0 ± 1"
-[designs.rare]
+DESIGN = """\
 kind = "subset-simulation"
 event = "depth > 5 m"
 samples = 100
 """
 
 
-def archive(folder: Path, stop: int | None = None, **options: Any) -> bytes:
-    """The bytes of the archive of the study; interrupted before, where there is a stop."""
-    folder.mkdir()
-    (folder / "model.py").write_text(MODEL)
-    (folder / "study.toml").write_text(STUDY)
-    study = uqpen.load_study(folder / "study.toml")
-    if stop is not None:
-        (folder / "stop").write_text(str(stop))
-        with pytest.raises(KeyboardInterrupt):
-            uqpen.make_archive(study, folder / "study.nc")
-        (folder / "stop").unlink()
-    uqpen.make_archive(study, folder / "study.nc", **options)
-    return (folder / "study.nc").read_bytes()
-
-
 def test_a_kill_at_any_level_and_workers_change_no_byte(tmp_path: Path) -> None:
-    whole = archive(tmp_path / "whole")
-    for stop in (4, 14, 27):
-        assert archive(tmp_path / f"stop{stop}", stop) == whole
-    with processes(2) as pool:
-        assert archive(tmp_path / "workers", map=pool) == whole
+    check_interruptions_and_workers(tmp_path, DESIGN, stops=(4, 14, 27))

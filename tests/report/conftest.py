@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -12,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import xarray as xr
-from playwright.sync_api import Browser, Page, sync_playwright
+from browsers import chromium
+from playwright.sync_api import Browser, Page
 
 import uqpen
 from uqpen.report.page import report_page, write_report
@@ -99,29 +98,14 @@ def _renamed(text: str) -> str:
     return text
 
 
-FLAGS = [
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 WIDE = 1200
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """A browser without a window; of this module alone, as it runs a loop of events."""
-    found = map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))
-    path = next(filter(None, found), None)
-    if path is None:
-        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=path, args=flags)
+    """A browser of this module alone, as it runs a loop of events."""
+    with chromium() as started:
         yield started
-        started.close()
 
 
 class Shown(NamedTuple):

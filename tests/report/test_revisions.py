@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from playwright.sync_api import Browser
 
 import uqpen
 from uqpen.core.errors import ReportError
@@ -216,24 +215,15 @@ def test_the_command_takes_two_archives(command_line: Callable[..., Any], tmp_pa
 
 @pytest.mark.slow
 def test_a_browser_draws_both_functions(
-    first: xr.DataTree, second: xr.DataTree, tmp_path: Path
+    first: xr.DataTree, second: xr.DataTree, browser: Browser, tmp_path: Path
 ) -> None:
-    path = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
-    if path is None:
-        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    from playwright.sync_api import sync_playwright
-
     write_revision_report(first, second, tmp_path / "two.html")
-    flags = ["--disable-gpu"] + ["--no-sandbox"] * (os.geteuid() == 0)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=flags)
-        page = browser.new_page(viewport={"width": 390, "height": 800})
-        said: list[str] = []
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.goto((tmp_path / "two.html").as_uri())
-        page.wait_for_selector(".plot .main-svg", timeout=120_000)
-        assert page.locator(".legend >> text=A").count() >= 1
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-        assert said == []
-        browser.close()
+    page = browser.new_page(viewport={"width": 390, "height": 800})
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto((tmp_path / "two.html").as_uri())
+    page.wait_for_selector(".plot .main-svg", timeout=120_000)
+    assert page.locator(".legend >> text=A").count() >= 1
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert said == []

@@ -133,15 +133,12 @@ class TestInAnArchive:
         assert tree["files"]["name"].values.tolist() == ["spread.py"]
         assert tree["files"]["content"].values.tolist() == [SPREAD]
 
-    def test_workers_change_no_byte(
-        self, made: Path, tmp_path: Path, fresh_process: FreshProcess
-    ) -> None:
-        (tmp_path / "spread.py").write_text(SPREAD)
-        (tmp_path / "study.toml").write_text(STUDY)
-        study = ["study", "study.toml"]
-        (done,) = fresh_process(tmp_path, [*study, "-o", "two.nc", "--workers", "2"])
+    def test_workers_change_no_byte(self, made: Path, command_line: Command) -> None:
+        Path("spread.py").write_text(SPREAD)
+        Path("study.toml").write_text(STUDY)
+        done = command_line("study", "study.toml", "-o", "two.nc", "--workers", "2")
         assert done.code == 0, done.err
-        assert (tmp_path / "two.nc").read_bytes() == (made / "a.nc").read_bytes()
+        assert Path("two.nc").read_bytes() == (made / "a.nc").read_bytes()
 
     def test_it_decides_no_run(self, tmp_path: Path) -> None:
         prints = []

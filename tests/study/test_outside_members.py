@@ -198,7 +198,7 @@ class TestArchive:
 
     @pytest.mark.slow
     def test_code_is_executed_only_with_trust(
-        self, folder: Path, fresh_process: FreshProcess
+        self, folder: Path, fresh_process: FreshProcess, command_line: Callable[..., Any]
     ) -> None:
         trace = folder / "executed"
         for name in ("my_designs.py", "my_distributions.py"):
@@ -210,7 +210,7 @@ class TestArchive:
         assert [done.code for done in outcomes] == [0, 0, 2], outcomes
         assert MEMBERS in outcomes[-1].err
         assert not trace.exists()
-        (again,) = fresh_process(folder, ["rerun", "a.nc", "--trust"])
+        again = command_line("rerun", "a.nc", "--trust")
         assert again.code == 0, again.err
         assert trace.exists()
         assert (folder / "a_rerun.nc").read_bytes() == (folder / "a.nc").read_bytes()
@@ -248,7 +248,7 @@ class TestPython:
 
     @pytest.mark.slow
     def test_classes_of_no_file_are_objects(
-        self, folder: Path, modules: tuple[Any, ...], fresh_process: FreshProcess
+        self, folder: Path, modules: tuple[Any, ...], command_line: Callable[..., Any]
     ) -> None:
         class Own(modules[0].Kronecker):  # type: ignore[name-defined,misc]
             pass
@@ -269,7 +269,7 @@ class TestPython:
         assert "is a Python object, so another version" in warnings[0]
         assert _kinds(folder / "a.nc", trust=True) == {("points", "UNCHECKED")}
         assert "an object of the Python program" in _checks(folder / "a.nc")["points"].text
-        (refused,) = fresh_process(folder, ["rerun", "a.nc", "--trust"])
+        refused = command_line("rerun", "a.nc", "--trust")
         assert refused.code == 2
         assert "its design or distribution is an object of a Python program" in refused.err
         (folder / "study.toml").write_text(study.to_toml())

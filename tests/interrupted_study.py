@@ -1,0 +1,62 @@
+"""A study of two inputs that is interrupted at any of its calls, and on two workers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import uqpen
+from uqpen.execution.processes import processes
+
+# Stops, as Ctrl-C would, at a number of calls.
+MODEL = """\
+import pathlib, signal
+here = pathlib.Path(__file__).parent
+def model(a, b):
+    with (here / "calls").open("a") as stream:
+        stream.write("call\\n")
+    stop = here / "stop"
+    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+        signal.raise_signal(signal.SIGINT)
+    return {"depth": DEPTH}
+"""
+STUDY = """\
+seed = 3
+[model]
+python = "model.py:model"
+vectorized = true
+inputs = { a = "1", b = "1" }
+outputs = { depth = "m" }
+[inputs]
+a = "0 ± 1"
+b = "0 ± 1"
+[designs.rare]
+"""
+
+
+def check_interruptions_and_workers(
+    folder: Path, design: str, stops: Iterable[int], depth: str = "a + b"
+) -> None:
+    """Check that neither changes a byte of the archive; `design` is its table in the file."""
+
+    def archive(name: str, stop: int | None = None, **options: Any) -> bytes:
+        (folder / name).mkdir()
+        (folder / name / "model.py").write_text(MODEL.replace("DEPTH", depth))
+        (folder / name / "study.toml").write_text(STUDY + design)
+        study, path = uqpen.load_study(folder / name / "study.toml"), folder / name / "study.nc"
+        if stop is not None:
+            (folder / name / "stop").write_text(str(stop))
+            with pytest.raises(KeyboardInterrupt):
+                uqpen.make_archive(study, path)
+            (folder / name / "stop").unlink()
+        uqpen.make_archive(study, path, **options)
+        return path.read_bytes()
+
+    whole = archive("whole")
+    for stop in stops:
+        assert archive(f"stop{stop}", stop) == whole, stop
+    with processes(2) as pool:
+        assert archive("workers", map=pool) == whole
