@@ -47,14 +47,15 @@ class Evaluator:
         if self.model.enforced_limits and not is_child_process():
             return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
         runs = len(next(iter(inputs.values())))
-        status = np.full(runs, Status.OK, dtype=np.int8)
+        is_admissible = np.ones(runs, dtype=np.bool_)
         reasons: dict[int, str] = {}
         for violated, reason in self.violations(inputs):
-            for run in np.flatnonzero(violated & (status == Status.OK)).tolist():
-                reasons[run] = reason
-            status[violated] = Status.INADMISSIBLE
+            if violated.any():
+                reasons |= dict.fromkeys(np.flatnonzero(violated & is_admissible).tolist(), reason)
+                is_admissible &= ~violated
+        status = np.full(runs, Status.INADMISSIBLE, dtype=np.int8)
         outputs = empty_outputs(self.model.outputs, runs)
-        admissible = np.flatnonzero(status == Status.OK)
+        admissible = np.flatnonzero(is_admissible)
         if not admissible.size:
             return Results(outputs, status, reasons)
         # A constraint may be on an input that this model of several does not take.
@@ -68,8 +69,9 @@ class Evaluator:
                 run = int(admissible[position])
                 if status[run] == Status.OK:
                     status[run], reasons[run] = Status.NOT_FINITE, reason
+        has_failed = status != Status.OK
         for values in outputs.values():
-            values[status != Status.OK] = np.nan
+            values[has_failed] = np.nan
         return Results(outputs, status, reasons, results.files)
 
     def violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
