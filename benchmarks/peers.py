@@ -200,6 +200,7 @@ def _child(
     )
     paths = os.pathsep.join([str(HERE.parent), os.environ.get("PYTHONPATH", "")])
     ours = {"PYTHONPATH": paths} if python == Path(sys.executable) else {"PYTHONPATH": ""}
+    ours |= {"PYTHONDONTWRITEBYTECODE": ""}  # as installed packages are compiled
     return subprocess.run(
         [str(python), str(HERE / "peers" / f"with_{name.lower()}.py"), *arguments],
         env={**os.environ, **one, **ours},
