@@ -336,3 +336,7 @@ SEPARATED = "the failed runs are completely separated from the others"
 
 # Publications.
 PUBLISHED = "published in {source}"
+
+# Notes on means in archives whose intervals an earlier recipe has made.
+HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
+IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"
