@@ -177,6 +177,7 @@ class Cluster:
 
         if future.status == "finished":
             self._completed += 1
+            self._attendance.record(1)  # a worker at least, also where none was at the last look
             call.complete(batch_result)
             return
         if future.status == "cancelled":
