@@ -147,8 +147,8 @@ def _works(million: int) -> tuple[Work, ...]:
             "Sobol' indices, 10 240 pick-freeze runs",
             "sobol",
             10_240,
-            "Start-up decides it: its points are SciPy's and its indices SALib's, which take half a "
-            f"second to load. {more}",
+            "Start-up decides it: its points are SciPy's and its indices SALib's, which take half "
+            f"a second to load. {more}",
         ),
         Work(
             "sparse expansion",
