@@ -14,8 +14,12 @@ import pytest
 import uqpen
 from uqpen.core.columns import read_columns
 from uqpen.core.errors import ExportError
-from uqpen.results.export import table_bytes
+from uqpen.results.export import table_content
 from uqpen.results.runs_table import runs_table
+
+
+def file_of(table: pd.DataFrame, kind: str) -> bytes:
+    return b"".join(table_content([table], kind))
 
 
 def _model(length: float, width: float) -> dict[str, object]:
@@ -91,7 +95,7 @@ def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(
 ) -> None:
     table = runs_table(archive)
     path = tmp_path / "runs.csv"
-    path.write_bytes(table_bytes(table[["length [cm]", "width [cm]"]], "csv"))
+    path.write_bytes(file_of(table[["length [cm]", "width [cm]"]], "csv"))
     length, width = read_columns(path).columns
     assert (length.name, length.unit) == ("length", "cm")
     np.testing.assert_array_equal(width.load(), table["width [cm]"])
@@ -101,7 +105,7 @@ def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
     archive: uqpen.Archive,
 ) -> None:
     table = runs_table(archive)
-    rows = json.loads(table_bytes(table, "json"))
+    rows = json.loads(file_of(table, "json"))
     assert len(rows) == len(table)
     failed = [row for row in rows if row["status"] == "failed"]
     assert all(row["area [cm2]"] is None for row in failed)
@@ -113,7 +117,7 @@ def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
 @pytest.mark.parametrize("kind", ["csv", "json"])
 def test_statistics_are_written_in_plain_formats(archive: uqpen.Archive, kind: str) -> None:
     table = archive.to_frame()
-    content = io.BytesIO(table_bytes(table, kind))
+    content = io.BytesIO(file_of(table, kind))
     read = pd.read_csv(content, keep_default_na=False) if kind == "csv" else pd.read_json(content)
     assert [*read] == [*table]
     assert len(read) == len(table)
@@ -123,8 +127,6 @@ def test_parquet_is_written_or_names_the_package_that_it_needs(archive: uqpen.Ar
     table = archive.to_frame()
     if importlib.util.find_spec("pyarrow") is None:
         with pytest.raises(ExportError, match="Parquet needs pyarrow: pip install pyarrow"):
-            table_bytes(table, "parquet")
+            file_of(table, "parquet")
     else:
-        pd.testing.assert_frame_equal(
-            pd.read_parquet(io.BytesIO(table_bytes(table, "parquet"))), table
-        )
+        pd.testing.assert_frame_equal(pd.read_parquet(io.BytesIO(file_of(table, "parquet"))), table)

@@ -102,8 +102,7 @@ def _show_required_runs(
     from uqpen.core.labels import MODELS, RUNS
     from uqpen.core.limits import RUNS_IN_MEMORY
     from uqpen.core.streams import Stream
-    from uqpen.execution.batching import BATCH_SIZE
-    from uqpen.execution.omitted_runs import BYTES_OF_A_HASH
+    from uqpen.execution.omitted_runs import bytes_of_hashes
     from uqpen.execution.runs import bytes_of_a_run
     from uqpen.statistics.required_runs import required_runs
 
@@ -124,9 +123,7 @@ def _show_required_runs(
     console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
     console.print(f"\n{_REMARK}\n", markup=False)
     if most > RUNS_IN_MEMORY:
-        without_runs = archive.stat().st_size + most / BATCH_SIZE * BYTES_OF_A_HASH * len(
-            study.models
-        )
+        without_runs = archive.stat().st_size + bytes_of_hashes(most * len(study.models))
         free = shutil.disk_usage(archive.parent).free
         text = _disk_text(most * size, without_runs, free, keeps_runs=keeps_runs)
         console.print(f"{text}\n", markup=False)

@@ -50,7 +50,7 @@ __all__ = [
     "validate",
 ]
 
-# More runs than this fit no machine's memory.
+# Largest number of a setting that names no other.
 _MOST = 100_000_000
 
 

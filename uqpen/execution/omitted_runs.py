@@ -24,10 +24,15 @@ from uqpen.core.labels import (
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.runs import replicate_count, status_counts
 
-__all__ = ["BYTES_OF_A_HASH", "are_omitted", "batch_hashes", "omit_runs"]
+__all__ = ["are_omitted", "batch_hashes", "bytes_of_hashes", "omit_runs"]
 
 # In a file: its 64 digits, and what the format has beside a text.
-BYTES_OF_A_HASH = 113
+_BYTES_OF_A_HASH = 113
+
+
+def bytes_of_hashes(runs: float) -> float:
+    """Return the bytes that a file has of a number of runs which it does not keep."""
+    return runs / BATCH_SIZE * _BYTES_OF_A_HASH
 
 
 def are_omitted(runs: xr.Dataset) -> bool:

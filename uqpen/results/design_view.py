@@ -59,7 +59,7 @@ class DesignView:
 
     @property
     def shown_prefix(self) -> str:
-        """What figures say before the design's name if they show only some of its runs."""
+        """Words before the design's name in figures that show only some of its runs."""
         if self.runs.sizes[RUN] <= RUNS_IN_MEMORY:
             return ""
         return f"the first {grouped_number(RUNS_IN_MEMORY)} runs of "

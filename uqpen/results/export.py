@@ -12,12 +12,7 @@ from uqpen.core.errors import ExportError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORMATS", "table_bytes", "table_content"]
-
-
-def table_bytes(table: pd.DataFrame, kind: str) -> bytes:
-    """Return a table as a file of one of the `FORMATS`; see `table_content`."""
-    return b"".join(table_content([table], kind))
+__all__ = ["FORMATS", "table_content"]
 
 
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
