@@ -150,7 +150,85 @@ def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) ->
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
     assert len(studies.make(STUDY)) == 30
     assert "none of its runs is taken" in studies.told.texts[0]
-    assert studies.told.texts[0].endswith("replaces it:\n  file model.py has changed")
+    assert studies.told.texts[0].endswith("kept under another name:\n  file model.py has changed")
+
+
+def kept_archives(studies: Studies) -> list[bytes]:
+    """The archives that were kept under another name."""
+    return [path.read_bytes() for path in sorted(studies.folder.glob("study.*.nc"))]
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('kind = "monte-carlo"', 'kind = "latin-hypercube"'),
+        ("runs = 30", "runs = 29"),
+        ("seed = 11", "seed = 12"),
+        ('x = "0 ± 1"', 'x = "0 ± 2"'),
+        ("[designs.one]", "[designs.one]\nkeep = 'statistics'"),
+        ("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]'),
+        ('x = "0 ± 1"', 'x = "1"'),
+    ],
+)
+def test_an_archive_is_kept_whose_runs_the_new_one_lacks(
+    studies: Studies, before: str, after: str
+) -> None:
+    earlier = studies.bytes()
+    studies.make(STUDY.replace(before, after))
+    assert kept_archives(studies) == [earlier]
+    assert ": the earlier archive is kept as study." in studies.told.texts[-1]
+    [kept] = studies.folder.glob("study.*.nc")
+    assert studies.make(STUDY, "back.nc", reuse=[kept]) == []
+    assert studies.bytes("back.nc") == earlier
+
+
+def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
+    earlier = studies.bytes()
+    (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
+    studies.make(STUDY)
+    assert kept_archives(studies) == [earlier]
+    (studies.folder / "model.py").write_text(MODEL)
+    studies.make(STUDY)
+    studies.make(STUDY.replace("seed = 11", "seed = 12"))
+    assert kept_archives(studies).count(earlier) == 1
+    assert len(kept_archives(studies)) == 2
+
+
+def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
+    tree = open_archive(studies.folder / "study.nc")
+    tree["runs/one"]["z"].values[0] = 0.5
+    write_tree(tree, studies.folder / "study.nc")
+    edited = studies.bytes()
+    studies.make(STUDY)
+    assert kept_archives(studies) == [edited]
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (STUDY.replace("runs = 30", "runs = 40"), {}),
+        (STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]"), {}),
+        (STUDY, {"lost_again": True}),
+        (STUDY.replace("seed = 11", "seed = 12"), {"fresh": True}),
+    ],
+)
+def test_no_archive_is_kept_where_nothing_is_lost_or_it_is_asked(
+    studies: Studies, text: str, options: dict[str, Any]
+) -> None:
+    studies.make(text, **options)
+    assert kept_archives(studies) == []
+
+
+def test_an_archive_is_kept_without_links(
+    studies: Studies, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(Path, "hardlink_to", refuse)
+    earlier = studies.bytes()
+    studies.make(STUDY.replace("seed = 11", "seed = 12"))
+    assert kept_archives(studies) == [earlier]
 
 
 def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
@@ -295,8 +373,10 @@ def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> N
     assert empty.told.texts == [expected]
     # Of the archive that is replaced, also the settings that would keep them are known.
     assert len(empty.make(changed)) == 40
-    expected = "one: 30 of its 30 earlier runs are not kept; to keep all of them: runs = 39"
-    assert [text[: len(expected)] for text in empty.told.texts] == [expected]
+    expected = "one: 30 of its 30 earlier runs are not used; to use all of them: runs = 39"
+    told, kept = empty.told.texts
+    assert told.startswith(expected)
+    assert ": the earlier archive is kept as study." in kept
 
 
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -17,6 +17,7 @@ from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.replaced_designs import runs_not_kept
+from uqpen.checkpoints.replaced_runs import lacks_runs
 from uqpen.checkpoints.reused_runs import ReusedRuns
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
@@ -63,11 +64,13 @@ def make_archive(
     study : ValidatedStudy
         The result of `load_study`.
     path : str or Path
-        The archive; one that is there is replaced when this one is complete.
+        The archive; one that is there is replaced when this one is complete. If it has runs that
+        this one does not have, it is kept beside it, with a part of its hash in the name.
     map : callable
         Like the built-in; it makes batches of runs. It cannot change a result.
     fresh : bool
-        Whether all checkpointed runs are removed, and all runs made.
+        Whether all checkpointed runs are removed, and all runs made; the archive is replaced
+        whatever runs it has.
     lost_again : bool
         Whether the missing ones among the finished runs are made again.
     read_again : bool
@@ -100,8 +103,12 @@ def make_archive(
     ):
         takes_archives = reuse is not None and not fresh
         named = open_named(reuse or (), path) if takes_archives else []
-        replaced = open_replaced(path, journal) if takes_archives else None
-        if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
+        replaced = None if fresh else open_replaced(path, journal)
+        if (
+            takes_archives
+            and replaced
+            and _is_complete(study, replaced.tree, lost_again=lost_again)
+        ):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
@@ -109,15 +116,13 @@ def make_archive(
         if read_again:
             study = reading_again(study, kept, repeats_others=fresh)
         _discard_runs(kept, every=fresh, failed=lost_again)
-        archives = [replaced, *named] if replaced else named
+        archives = [replaced, *named] if replaced and takes_archives else named
         sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
         reused = ReusedRuns(study, sources, journal)
-        for archive in archives:
-            for name, reason in unused_designs(archive.tree).items():
-                journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
-        not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
-        for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
-            journal.inform(f"{name}: {text}")
+        if takes_archives:
+            not_used = runs_not_kept(study, replaced.tree) if replaced else {}
+            not_used |= unusable_runs(study, sources, reused, not_used)
+            _inform_of_unused(archives, not_used, journal)
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
             own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
@@ -128,10 +133,13 @@ def make_archive(
             if record := reused.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
-            _write(tree, path, kept)
+            loses = not fresh and _loses_runs(study, tree, replaced)
+            earlier = _write(tree, path, kept, keeps_earlier=loses)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
+        if earlier:
+            journal.inform(f"{path.name}: the earlier archive is kept as {earlier.name}")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
@@ -201,6 +209,22 @@ def _run_sources(
     return found
 
 
+def _inform_of_unused(
+    archives: Sequence[EarlierArchive], designs: Mapping[str, str], journal: Journal
+) -> None:
+    """Report which earlier runs are not taken, and what becomes of those of a design."""
+    for archive in archives:
+        for name, reason in unused_designs(archive.tree).items():
+            journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
+    for name, text in designs.items():
+        journal.inform(f"{name}: {text}")
+
+
+def _loses_runs(study: ValidatedStudy, tree: xr.DataTree, replaced: EarlierArchive | None) -> bool:
+    """Check whether the archive that is replaced has runs that the new one lacks, or may have."""
+    return replaced is None or lacks_runs(study, tree, replaced.tree)
+
+
 def _kept_text(kept: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
     return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
@@ -228,10 +252,12 @@ def _run_study(
         raise
 
 
-def _write(tree: xr.DataTree, path: Path, kept: CheckpointFolder) -> None:
+def _write(
+    tree: xr.DataTree, path: Path, kept: CheckpointFolder, *, keeps_earlier: bool
+) -> Path | None:
     """Write the archive; if that fails, keep its runs."""
     try:
-        write(tree, path)
+        return write(tree, path, keeps_earlier=keeps_earlier)
     except ArchiveError as error:
         kept.save()
         message = f"all {kept.runs} runs are kept; the same command continues from there"

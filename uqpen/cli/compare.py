@@ -73,11 +73,13 @@ def compare(
     try:
         with executor.open_map() as spread, show_progress() as reporter:
             tree = compare(study, settings, map=spread, progress=reporter)
-        write(tree, here / archive)
+        kept = write(tree, here / archive, keeps_earlier=True)
     except KeyboardInterrupt:
         click.echo("interrupted: nothing was written", err=True)
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
+    if kept:
+        show_line(f"the earlier archive is kept as {archive.with_name(kept.name)}")
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
