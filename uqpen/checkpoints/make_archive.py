@@ -31,8 +31,8 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
-from uqpen.study.outside_members import own_objects
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.workflow import Checkpoints, run
 
 __all__ = ["make_archive"]
@@ -141,7 +141,7 @@ def make_archive(
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     """Warn of a model whose versions `Model.identity` cannot distinguish; its runs are not kept."""
     unknown = [(variant.model.unknown_dependency, "the model") for variant in study.models.values()]
-    unknown += [(f"{name} is a Python object", "it") for name in own_objects(study.text)]
+    unknown += [(f"{name} is a Python object", "it") for name in user_defined_objects(study.text)]
     for reason, what in unknown:
         if reason:
             journal.warn(

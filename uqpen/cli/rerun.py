@@ -56,13 +56,13 @@ def rerun(
     with show_step("reading the archive"):
         from uqpen.archive.read import open_archive
         from uqpen.cli.screen import show_line
-        from uqpen.verification.archived_study import refuse_external_names
+        from uqpen.verification.archived_study import refuse_user_defined_names
         from uqpen.verification.restored_study import restored_study, with_kept_folders
 
         tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
-    refuse_external_names(tree, archive, trust=trust)
+    refuse_user_defined_names(tree, archive, trust=trust)
     folder = folder and folder.absolute()
     with restored_study(tree, folder, trust=trust) as restored:
         for line in restored.different_files:

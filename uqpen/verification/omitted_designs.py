@@ -26,7 +26,7 @@ from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import are_omitted, batch_hashes
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.outside_statistics import without_groups
+from uqpen.verification.user_defined_statistics import without_groups
 
 __all__ = ["omitted_designs", "repeated_batches", "without_omitted"]
 
