@@ -9,6 +9,7 @@ from typing import Any
 
 from uqpen import workflow
 from uqpen.checkpoints import make_archive as checkpoints
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
@@ -105,12 +106,9 @@ def make_archive(
         tree = checkpoints.make_archive(
             study,
             path,
+            ResumeOptions(fresh, lost_again, read_again, reuse),
             map=spread,
             progress=reporter,
-            fresh=fresh,
-            lost_again=lost_again,
-            read_again=read_again,
-            reuse=reuse,
         )
         return Archive.of(tree)
 
