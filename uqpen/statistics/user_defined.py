@@ -1,4 +1,4 @@
-"""User-supplied analyses: functions in a study's files that yield statistics."""
+"""User-defined analyses: functions in a study's files that yield statistics."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from uqpen.core.errors import Problem, QuantityError, StudyError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
 from uqpen.core.units import scale
-from uqpen.models.outside_function import failure_text
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_defined_function import failure_text
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import refused
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = ["OutsideAnalysis", "outside_statistics"]
+__all__ = ["UserDefinedAnalysis", "user_defined_statistics"]
 
 Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
 
@@ -37,8 +37,8 @@ _ESTIMATE_ARRAY = "an estimate array, as Estimate.to_array and Estimate.stack ma
 
 
 @dataclass(frozen=True)
-class OutsideAnalysis:
-    """User-supplied function that yields statistics of an output.
+class UserDefinedAnalysis:
+    """User-defined function that yields statistics of an output.
 
     Parameters
     ----------
@@ -86,17 +86,17 @@ class OutsideAnalysis:
         return StudyError(str(problem), [problem])
 
 
-def outside_statistics(
-    analyses: Iterable[OutsideAnalysis],
+def user_defined_statistics(
+    analyses: Iterable[UserDefinedAnalysis],
     sample: Sample,
     quantity: QuantityOfInterest,
     known: Mapping[str, xr.DataArray],
 ) -> dict[str, xr.DataArray]:
-    """Compute the statistics that user-supplied analyses yield for an output.
+    """Compute the statistics that user-defined analyses yield for an output.
 
     Parameters
     ----------
-    analyses : iterable of OutsideAnalysis
+    analyses : iterable of UserDefinedAnalysis
         In the order of the study.
     sample : Sample
         Of the output. Without a completed run, there are no statistics.
