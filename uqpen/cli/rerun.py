@@ -55,7 +55,7 @@ def rerun(
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the archive"):
         from uqpen.archive.read import open_archive
-        from uqpen.cli.screen import show_line
+        from uqpen.cli.console import show_line
         from uqpen.verification.archived_study import refuse_external_names
         from uqpen.verification.restored_study import restored_study, with_kept_folders
 
