@@ -13,7 +13,7 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import analyze
 from uqpen.statistics.model_differences import model_differences
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 

@@ -18,7 +18,7 @@ from uqpen.core.labels import FAILED_RUN, RUN, SAMPLING, WEIGHT
 from uqpen.execution import status_counts
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES
 from uqpen.statistics.analyze import analyze, analyze_failures
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.sample import Sample
 
 pytestmark = pytest.mark.processor

@@ -28,7 +28,7 @@ from uqpen.results.output_tables import statistics_tables
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
 from uqpen.testing import check_design, example_joint_distribution

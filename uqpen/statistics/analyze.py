@@ -34,7 +34,8 @@ from uqpen.statistics.distribution_function.probabilities import status_probabil
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
-from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
+from uqpen.statistics.outside import outside_statistics
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
 

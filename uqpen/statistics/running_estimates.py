@@ -15,7 +15,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.execution import join_rounds
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.analyze import OutputStatistics, analyze
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["RunningEstimates"]

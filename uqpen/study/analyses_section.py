@@ -9,7 +9,7 @@ from typing import Any
 from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.lookup import choices, installed_members, load_installed
 from uqpen.models.user_module import load_function
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["ANALYSES_KEY", "read_analyses"]

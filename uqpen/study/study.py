@@ -18,7 +18,7 @@ from uqpen.execution import FailurePolicy
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.stand_in import StandIn, family_costs

@@ -12,7 +12,8 @@ from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.statistics.outside import Analysis, OutsideAnalysis, outside_statistics
+from uqpen.statistics.outside import outside_statistics
+from uqpen.statistics.outside_analysis import Analysis, OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 

@@ -16,7 +16,7 @@ from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.by_blocks.tabulated import status_sample
 from uqpen.statistics.distribution_function.probabilities import probabilities_of_statuses
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["LargeSample"]
