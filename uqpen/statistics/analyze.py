@@ -36,7 +36,8 @@ from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
-from uqpen.statistics.user_defined import UserDefinedAnalysis, user_defined_statistics
+from uqpen.statistics.user_defined import user_defined_statistics
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 if TYPE_CHECKING:
     from uqpen.statistics.by_blocks.large_sample import LargeSample
