@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from uqpen.cli.printable import SPELLED_OUT, printable
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import record_interrupts
 from uqpen.core.lookup import nearest, resolve
+from uqpen.core.output_streams import lasting_streams, stream_error
 
 __all__ = ["COMPLETION", "main", "uqpen"]
 
@@ -60,19 +60,14 @@ def uqpen() -> None:
 
 def main() -> None:
     """Run the command line, and leave with its exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal that lacks a character gets something like it, not a traceback.
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors=SPELLED_OUT)
-    if COMPLETION in os.environ:
-        uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
-    try:
+    # A terminal that lacks a character gets something like it, not a traceback.
+    with lasting_streams(errors=SPELLED_OUT):
+        if COMPLETION in os.environ:
+            uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
         code = _run(sys.argv[1:])
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; do not complain while closing it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = ExitCode.DONE
+        if error := stream_error():
+            click.echo(f"standard output cannot be written: {error}", err=True)
+            code = code or ExitCode.MISTAKE
     sys.exit(code)
 
 
@@ -84,7 +79,7 @@ def _run(arguments: list[str]) -> int:
         click.echo("the current folder does not exist any more", err=True)
         return ExitCode.MISTAKE
     try:
-        # Not the group's own `main`, which takes a closed pipe for an error.
+        # Not the group's own `main`, which ends the program itself.
         with record_interrupts(), uqpen.make_context("uqpen", arguments) as context:
             return uqpen.invoke(context) or ExitCode.DONE
     except click.exceptions.Exit as left:

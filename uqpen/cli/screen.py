@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -16,7 +15,6 @@ from rich.table import Table
 from rich.text import Text
 
 from uqpen.archive.read import group_names, model_trees
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
@@ -44,17 +42,9 @@ _ASCII_HEAD = Box("    \n    \n -- \n" + 5 * "    \n", ascii=True)
 _MOST_REASONS = 10
 
 
-class _StandardOutput(Console):
-    """Standard output; a reader who has seen enough is no error."""
-
-    def on_broken_pipe(self) -> None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(ExitCode.DONE)
-
-
 def standard_output() -> Console:
     """Standard output."""
-    return _StandardOutput(highlight=False)
+    return Console(highlight=False)
 
 
 def show_line(text: str) -> None:
