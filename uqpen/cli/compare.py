@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
@@ -75,7 +76,7 @@ def compare(
             tree = compare(study, settings, map=spread, progress=reporter)
         kept = write(tree, here / archive, keeps_earlier=True)
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was written", err=True)
+        show_message("interrupted: nothing was written")
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
     if kept:
@@ -83,7 +84,7 @@ def compare(
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
-        click.echo("all runs of the reference failed", err=True)
+        show_message("all runs of the reference failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 

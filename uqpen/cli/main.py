@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -10,7 +11,8 @@ import click
 
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.printable import SPELLED_OUT, printable
+from uqpen.cli.messages import show_message
+from uqpen.cli.printable import SPELLED_OUT
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import record_interrupts
 from uqpen.core.lookup import nearest, resolve
@@ -66,7 +68,7 @@ def main() -> None:
             uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
         code = _run(sys.argv[1:])
         if error := stream_error():
-            click.echo(f"standard output cannot be written: {error}", err=True)
+            show_message(f"standard output cannot be written: {error}")
             code = code or ExitCode.MISTAKE
     sys.exit(code)
 
@@ -76,7 +78,7 @@ def _run(arguments: list[str]) -> int:
     try:
         Path.cwd()
     except OSError:
-        click.echo("the current folder does not exist any more", err=True)
+        show_message("the current folder does not exist any more")
         return ExitCode.MISTAKE
     try:
         # Not the group's own `main`, which ends the program itself.
@@ -85,15 +87,17 @@ def _run(arguments: list[str]) -> int:
     except click.exceptions.Exit as left:
         return left.exit_code
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(file=shown)
+        show_message(shown.getvalue().rstrip())
         return ExitCode.MISTAKE
     except UqpenError as error:
-        click.echo(printable(str(error)), err=True)
+        show_message(str(error))
         are_too_many = isinstance(error, TooManyFailedError)
         return ExitCode.TOO_MANY_FAILED if are_too_many else ExitCode.MISTAKE
     except MemoryError:
-        click.echo("this computer does not have enough memory for this number of runs", err=True)
+        show_message("this computer does not have enough memory for this number of runs")
         return ExitCode.MISTAKE
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
+        show_message("interrupted")
         return ExitCode.INTERRUPTED

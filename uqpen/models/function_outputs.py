@@ -48,8 +48,8 @@ def extract_outputs(
         If an output is missing, is not of numbers, or has another shape than declared.
     """
     if not isinstance(returned, Mapping):
-        found = f"returned {type(returned).__name__}, not a mapping of outputs"
-        raise UnusableOutputError(f"{found}; expected {_example(outputs, runs)}")
+        text = f"returned {type(returned).__name__}, not a mapping of outputs"
+        raise UnusableOutputError(f"{text}; expected {_example(outputs, runs)}")
     found = {}
     for output in outputs:
         grid = grids.get(output.name)
