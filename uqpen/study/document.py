@@ -244,9 +244,9 @@ def parse_document(
     except ValueError as error:
         # A number with too many digits. Comments and texts may have them as well.
         digits = _MANY_DIGITS.search(text)
-        line = text.count("\n", 0, digits.start()) + 1 if digits else None
+        place = text.count("\n", 0, digits.start()) + 1 if digits else None
         found = "a number of over 4300 digits" if digits else str(error)
-        raise _parse_error(label, line, found, "fewer digits") from None
+        raise _parse_error(label, place, found, "fewer digits") from None
     except RecursionError:
         raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
     if problems := list(extent_problems(document.content)):
