@@ -119,9 +119,17 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
 @pytest.mark.parametrize(
     ("returned", "reason"),
     [
-        (3.0, "returned float, not a mapping of outputs"),
-        (None, "returned NoneType, not a mapping of outputs"),
-        ({"z": 1.0}, 'returned no "w"'),
+        (
+            3.0,
+            'returned float, not a mapping of outputs; expected return {"z": z, "w": w}',
+        ),
+        (
+            None,
+            'returned NoneType, not a mapping of outputs; expected return {"z": z, "w": w}',
+        ),
+        ({}, 'returned no "z"'),
+        ({"z": 1.0, 3: 2.0}, 'returned no "w", but "z", "3"'),
+        (dict.fromkeys("zabcd", 1.0), 'returned no "w", but "z", "a", "b", "c", …'),
         ({"z": 1.0, "w": "3.0"}, 'returned a "w" of text in place of numbers'),
         ({"z": 1.0, "w": b"3.0"}, 'returned a "w" of bytes in place of numbers'),
         ({"z": 1.0, "w": 1j}, 'returned a "w" of complex numbers in place of numbers'),
@@ -134,13 +142,30 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
             {"z": 1.0, "w": np.datetime64("2000-01-01")},
             'returned a "w" of dates in place of numbers',
         ),
-        ({"z": 1.0, "w": [1.0, 2.0]}, 'returned a "w" of shape (2,), not ()'),
+        (
+            {"z": 1.0, "w": [1.0, 2.0]},
+            'returned a "w" of shape (2,), not (); expected one number; an output with several is '
+            "declared with along",
+        ),
+        (
+            {"z": 1.0, "w": [[1.0]]},
+            'returned a "w" of shape (1, 1), not (); expected one number, such as w.item()',
+        ),
     ],
 )
 def test_an_answer_that_makes_no_sense_is_a_failed_run(returned: object, reason: str) -> None:
     runs = runs_of(lambda x, y: returned, [1.0])
     assert runs["status"].values.tolist() == [Status.FAILED]
     assert reasons(runs) == {0: reason}
+
+
+def test_a_vectorised_answer_without_runs_is_told_with_what_to_return() -> None:
+    runs = runs_of(lambda x, y: {"z": 1.0, "w": y}, [1.0, 2.0], vectorized=True)
+    expected = 'returned a "z" of shape (), not (1,); expected an array with a number for each run'
+    assert set(reasons(runs).values()) == {expected}
+    runs = runs_of(lambda x, y: x, [1.0, 2.0], vectorized=True)
+    expected = 'returned ndarray, not a mapping of outputs; expected return {"z": z, "w": w} with '
+    assert set(reasons(runs).values()) == {f"{expected}arrays along the runs"}
 
 
 def test_a_masked_value_is_not_finite() -> None:

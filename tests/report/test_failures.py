@@ -65,7 +65,8 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
         "Bars: 95 % intervals.",
         "Hollow: no interval; the table gives the reason.",
     )
-    assert chart.tables[0].notes == ["the failed runs are completely separated from the others"]
+    assert chart.tables[0].notes[0].startswith("probability of superiority: the input is larger")
+    assert chart.tables[0].notes[2:] == ["the failed runs are completely separated from the others"]
 
 
 def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:
@@ -73,7 +74,7 @@ def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.Data
     assert isinstance(table, Table)
     assert table.table.rows == [(f"failed: {TOO_HEAVY}", ["120"])]
     assert isinstance(places, Table)
-    assert places.table.notes == ["no run completed"]
+    assert places.table.notes[2:] == ["no run completed"]
 
 
 def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:

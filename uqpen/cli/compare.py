@@ -8,6 +8,7 @@ import click
 
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
@@ -76,13 +77,13 @@ def compare(
             tree = compare(study, settings, map=spread, progress=reporter)
         write(tree, here / archive)
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was written", err=True)
+        show_message("interrupted: nothing was written")
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
-        click.echo("all runs of the reference failed", err=True)
+        show_message("all runs of the reference failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 

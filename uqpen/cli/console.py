@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +13,6 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import screen_text
 
 if TYPE_CHECKING:
@@ -34,17 +32,9 @@ _GAP = 3
 _ASCII_HEAD = Box("    \n    \n -- \n" + 5 * "    \n", ascii=True)
 
 
-class _StandardOutput(Console):
-    """Standard output; a reader who has seen enough is no error."""
-
-    def on_broken_pipe(self) -> None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(ExitCode.DONE)
-
-
 def standard_output() -> Console:
     """Standard output."""
-    return _StandardOutput(highlight=False)
+    return Console(highlight=False)
 
 
 def show_line(text: str) -> None:

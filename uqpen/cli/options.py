@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from uqpen.cli.messages import show_message
+
 if TYPE_CHECKING:
     from uqpen.execution import Map
 
@@ -50,20 +52,16 @@ class ExecutorOptions(NamedTuple):
         if self.scheduler is not None:
             from uqpen.execution.cluster import cluster
 
-            return cluster(self.scheduler, _report)
+            return cluster(self.scheduler, show_message)
         if self.slurm_jobs is not None:
             from uqpen.execution.slurm import slurm
 
-            return slurm(self.slurm_jobs, self.sbatch, _report)
+            return slurm(self.slurm_jobs, self.sbatch, show_message)
         if self.workers == 1:
             return nullcontext(map)
         from uqpen.execution.processes import processes
 
         return processes(self.workers)
-
-
-def _report(text: str) -> None:
-    click.echo(text, err=True)
 
 
 def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:

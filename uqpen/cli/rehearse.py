@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
@@ -101,7 +102,7 @@ def rehearse(
             is_whole = False
     _show(findings, found, as_text=as_text)
     if not is_whole:
-        click.echo(f"interrupted: this is the result of {_repeats_text(findings)}", err=True)
+        show_message(f"interrupted: this is the result of {_repeats_text(findings)}")
         return ExitCode.INTERRUPTED
     return ExitCode.DONE
 

@@ -10,6 +10,7 @@ import click
 
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -20,7 +21,6 @@ from uqpen.cli.options import (
     resume_options,
     trust_option,
 )
-from uqpen.cli.printable import printable
 
 __all__ = ["rerun"]
 
@@ -68,7 +68,7 @@ def rerun(
     folder = folder and folder.absolute()
     with restored_study(tree, folder, trust=trust) as restored:
         for line in restored.different_files:
-            click.echo(printable(f"not the archive's file: {line}"), err=True)
+            show_message(f"not the archive's file: {line}")
         study = restored.study
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.

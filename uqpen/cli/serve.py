@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import split_surrogate
 
@@ -100,7 +101,7 @@ def serve(
             try:
                 server.serve_forever()
             except KeyboardInterrupt:
-                click.echo("stopped", err=True)
+                show_message("stopped")
 
 
 def hidden_offers(model: str, offers: Sequence[ServedModel]) -> list[HiddenModel]:

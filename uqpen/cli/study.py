@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -96,7 +97,7 @@ def study(
 
         loaded = load_study(file)
     for line in loaded.plan:
-        click.echo(f"planned: {line}", err=True)
+        show_message(f"planned: {line}")
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(
         loaded,
@@ -144,12 +145,12 @@ def make_and_show(
             with executor.open_map() as spread:
                 tree = make_archive(study, here / archive, resume, map=spread, progress=progress)
     except KeyboardInterrupt as interrupt:
-        click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+        show_message(": ".join(["interrupted", *map(str, interrupt.args)]))
         return ExitCode.INTERRUPTED
     show(tree)
     show_line(f"archive: {archive}")
     if has_failed_design(tree):
-        click.echo("all runs of a design failed", err=True)
+        show_message("all runs of a design failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 
@@ -171,5 +172,5 @@ def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Sequence[Progr
         except OSError as error:
             message = f"--watch: cannot listen at port {port}: {error.strerror or error}"
             raise click.UsageError(message) from None
-        click.echo(f"watch: {server.url} shows the results so far, until the study ends", err=True)
+        show_message(f"watch: {server.url} shows the results so far, until the study ends")
         yield (running,)
