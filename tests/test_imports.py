@@ -44,6 +44,12 @@ kind = "monte-carlo"
 runs = 64
 """
 
+EXPANSION = """\
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "plain"
+"""
+
 ROD = """\
 seed = 1
 [model]
@@ -76,6 +82,7 @@ def loaded(folder: Path, *arguments: str) -> set[str]:
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("imports")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    (folder / "expansion.toml").write_text(STUDY + EXPANSION, encoding="utf-8")
     allowed = {*TABLES, "netCDF4", "scipy.special"}
     assert loaded(folder, "study", "study.toml", "-o", "archive.nc") <= allowed
     return folder / "archive.nc"
@@ -86,10 +93,11 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (("--help",), set()),
         (("check", "study.toml"), {"rich", "scipy.special"}),
+        (("check", "expansion.toml"), {"rich", "scipy.special"}),
         (("show", "archive.nc"), {*TABLES, "netCDF4"}),
         (("report", "archive.nc"), {*TABLES, "jinja2", "netCDF4", "scipy.special"}),
     ],
-    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_a_command_loads_what_it_needs(
     archive: Path, arguments: tuple[str, ...], allowed: set[str]
