@@ -58,8 +58,10 @@ def compare(
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
+        from uqpen.checkpoints.lock import lock_archive
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
         from uqpen.cli.console import show_line
+        from uqpen.execution.runs_in_file import runs_in_file
         from uqpen.results.benchmark_tables import has_reference
         from uqpen.study.load import load_study
 
@@ -71,11 +73,15 @@ def compare(
         study = load_study(file)
     check_study(study, settings)
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
-    prepare_destination(here / archive)
+    path = here / archive
+    prepare_destination(path)
     try:
-        with executor.open_map() as spread, show_progress() as reporter:
-            tree = compare(study, settings, map=spread, progress=reporter)
-        write(tree, here / archive)
+        with lock_archive(path), runs_in_file(path.with_name(f"{path.name}.runs")) as checkpoint:
+            with executor.open_map() as spread, show_progress() as reporter:
+                tree = compare(
+                    study, settings, map=spread, progress=reporter, checkpoint=checkpoint
+                )
+            write(tree, path)
     except KeyboardInterrupt:
         show_message("interrupted: nothing was written")
         return ExitCode.INTERRUPTED

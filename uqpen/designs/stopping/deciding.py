@@ -18,7 +18,6 @@ from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.acceptance_claim import AcceptanceClaim
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict
-from uqpen.execution import join_rounds
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -84,6 +83,8 @@ def deciding_rounds(
 
 def _is_decided(claim: AcceptanceClaim, rounds: list[Mapping[str, xr.Dataset]]) -> bool:
     """Check that the claim is decided for each model that has the output."""
+    from uqpen.execution import join_rounds
+
     for model in (name for name, runs in rounds[0].items() if claim.output in runs):
         made = join_rounds([each[model][[claim.output, STATUS]] for each in rounds])
         if claim.decide(made).verdict is ClaimVerdict.UNDECIDED:
