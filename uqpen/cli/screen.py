@@ -11,6 +11,7 @@ from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
+from uqpen.results.curve_tables import curve_tables, place_option
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.field_tables import field_tables
 from uqpen.results.field_texts import derived_lines
@@ -34,9 +35,11 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
 
 
 def _show_fields(console: Console, tree: xr.DataTree) -> None:
-    """Show a row for each output with dimensions, and a line for each number that follows."""
-    for table in field_tables(tree):
+    """Show a row for each output with dimensions, curves at some places, and what follows."""
+    for table in (*field_tables(tree), *curve_tables(tree)):
         show_table(console, table)
+    if option := place_option(tree):
+        console.print(Text(f"\n{screen_text(option)}", style="dim"), soft_wrap=True)
     lines = [
         f"{name}: {line}" if name else line
         for name, model in model_trees(tree).items()
