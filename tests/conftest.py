@@ -154,7 +154,6 @@ def command_line(
 FRESH = """
 import contextlib, io, json, sys
 from uqpen.cli.main import main
-from uqpen.core.processors import processors
 outcomes = []
 for arguments in json.loads(sys.argv[1]):
     sys.argv = ["uqpen", *arguments]
