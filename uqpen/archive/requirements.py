@@ -16,7 +16,6 @@ from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import is_true_by_blocks
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     ABSENT,
     FAILURES_GROUP,
@@ -35,6 +34,7 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import Status
 
 __all__ = ["find_level_faults", "find_model_faults"]

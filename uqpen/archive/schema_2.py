@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack
 from uqpen.archive.reworded import reworded_array
 from uqpen.archive.tree import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUND,
     CITED,
@@ -33,6 +33,7 @@ from uqpen.core.labels import (
     SURROGATES,
     TRAJECTORY,
 )
+from uqpen.core.statistic_dimensions import CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
 
 __all__ = ["migrate_from_2", "read_statistic"]
 

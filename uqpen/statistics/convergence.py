@@ -12,9 +12,9 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, IntArray
-from uqpen.core.catalogue import RUNS_SO_FAR
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL, RUN, SAMPLING
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.execution import replicate_count, run_count
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,

@@ -13,7 +13,6 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.catalogue import EVENT
 from uqpen.core.labels import (
     ABSENT,
     CORRECTION_WEIGHT,
@@ -25,6 +24,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import EVENT
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs

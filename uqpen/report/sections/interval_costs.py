@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.figures.source_comparison import ComparedStatistic
