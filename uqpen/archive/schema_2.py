@@ -125,9 +125,9 @@ def _surrogate_groups(made: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
     for output in str(made.attrs["outputs"]).split():
         old = {f"{output}_{name}": name for name in ("degree", "coefficient", "fit_noise")}
         fit = made[list(old)].rename({**old, f"{output}_term": "term"})
-        told = fit["coefficient"].attrs
-        own = {key: told[key] for key in ("long_name", "units")}
-        fit.attrs = {key: value for key, value in told.items() if key not in own}
+        attributes = fit["coefficient"].attrs
+        own = {key: attributes[key] for key in ("long_name", "units")}
+        fit.attrs = {key: value for key, value in attributes.items() if key not in own}
         fit["coefficient"].attrs = own
         fits[f"/{output}"] = fit
         made = made.drop_vars(list(old))
