@@ -15,7 +15,7 @@ from uqpen.statistics import analyze
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 CURVE = Output("curve", "1", dims=(Dimension("time", "s", values=(0.0, 1.0, 2.0)),))
 QUANTITIES = [QuantityOfInterest(output, "1") for output in (CURVE, Output("y", "1"))]

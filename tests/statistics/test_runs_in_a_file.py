@@ -20,7 +20,7 @@ from uqpen.statistics import ANALYSES, INPUT_ANALYSES
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 pytestmark = pytest.mark.processor
 

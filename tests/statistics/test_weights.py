@@ -31,7 +31,7 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.testing import check_design, example_joint_distribution
 
 Y = QuantityOfInterest(

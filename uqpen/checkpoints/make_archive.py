@@ -18,8 +18,10 @@ from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.replaced_designs import runs_not_kept
+from uqpen.checkpoints.replaced_runs import lacks_runs
 from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.run_cost import are_costly
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
     open_named,
@@ -62,7 +64,8 @@ def make_archive(
     study : ValidatedStudy
         The result of `load_study`.
     path : str or Path
-        The archive; one that is there is replaced when this one is complete.
+        The archive; one that is there is replaced when this one is complete. If it has costly runs
+        that this one does not have, it is kept beside it, with a part of its hash in the name.
     resume : ResumeOptions, optional
         Use of finished runs; by default, all are taken.
     map : callable
@@ -87,9 +90,11 @@ def make_archive(
     resume = resume or ResumeOptions()
     prepare_destination(path)
     title = f"{study.name}: study {study.sha256[:16]}"
+    log = _sibling_path(path, "log")
+    is_worth_keeping = not resume.fresh and are_costly(log, path.name)
     with (
         lock_archive(path),
-        Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
+        Journal(log, title, progress or Progress()) as journal,
     ):
         earlier = _open_archives(path, resume, journal)
         replaced = earlier.replaced
@@ -112,10 +117,13 @@ def make_archive(
             if record := reused.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
-            _write(tree, path, kept)
+            loses = is_worth_keeping and _loses_runs(study, tree, replaced)
+            copy = _write(tree, path, kept, keeps_earlier=loses)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
+        if copy:
+            journal.inform(f"{path.name}: the earlier archive is kept as {copy.name}")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
@@ -221,6 +229,11 @@ def _model_sources(
     return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
 
 
+def _loses_runs(study: ValidatedStudy, tree: xr.DataTree, replaced: EarlierArchive | None) -> bool:
+    """Check whether the archive that is replaced has runs that the new one lacks, or may have."""
+    return replaced is None or lacks_runs(study, tree, replaced.tree)
+
+
 def _kept_text(kept: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
     return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
@@ -248,10 +261,12 @@ def _run_study(
         raise
 
 
-def _write(tree: xr.DataTree, path: Path, kept: CheckpointFolder) -> None:
+def _write(
+    tree: xr.DataTree, path: Path, kept: CheckpointFolder, *, keeps_earlier: bool
+) -> Path | None:
     """Write the archive; if that fails, keep its runs."""
     try:
-        write(tree, path)
+        return write(tree, path, keeps_earlier=keeps_earlier)
     except ArchiveError as error:
         kept.save()
         message = f"all {kept.runs} runs are kept; the same command continues from there"

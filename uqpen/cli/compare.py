@@ -58,7 +58,7 @@ def compare(
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
-        from uqpen.cli.screen import show_line
+        from uqpen.cli.console import show_line
         from uqpen.results.benchmark_tables import has_reference
         from uqpen.study.load import load_study
 

@@ -22,7 +22,7 @@ def models(name: str | None) -> None:
 
     Of a model, these are its inputs, outputs, units, settings and defaults.
     """
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.lookup import installed_packages, resolve
     from uqpen.models import MODELS
     from uqpen.study.user_defined_members import MODEL
@@ -83,7 +83,7 @@ def _paragraphs(model: type[Model]) -> list[str]:
 
 
 def _show_model(model: Model) -> None:
-    from uqpen.cli.screen import show_plain_tables, standard_output
+    from uqpen.cli.console import show_plain_tables, standard_output
     from uqpen.core.setting_fields import declared_settings
 
     console = standard_output()

@@ -144,7 +144,7 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the flags of `ResumeOptions`, about finished runs."""
-    fresh = "Make all runs, also those that are finished."
+    fresh = "Make all runs, also those that are finished, and replace the archive in any case."
     repeat_failed = "Repeat the finished runs that failed."
     read_again = "Read the kept folders of runs again, in place of making the runs."
     command = click.option("--read-again", is_flag=True, help=read_again)(command)

@@ -53,8 +53,8 @@ def plan(
 
     The pilot's archive is kept: the study itself can reuse its runs.
     """
+    from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_step
-    from uqpen.cli.screen import show_line
     from uqpen.cli.study import make_and_show
     from uqpen.core.progress_record import ProgressRecord
     from uqpen.designs.keep import RUNS
@@ -99,7 +99,7 @@ def _show_required_runs(
     import shutil
 
     from uqpen.archive.read import open_archive, read_group
-    from uqpen.cli.screen import plain_table, show_line, standard_output
+    from uqpen.cli.console import plain_table, show_line, standard_output
     from uqpen.core.labels import MODELS, RUNS
     from uqpen.core.limits import RUNS_IN_MEMORY
     from uqpen.core.streams import Stream

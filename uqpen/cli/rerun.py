@@ -57,7 +57,7 @@ def rerun(
     with show_step("reading the archive"), loading():
         from uqpen.archive.read import open_archive
         from uqpen.checkpoints.resume_options import ResumeOptions
-        from uqpen.cli.screen import show_line
+        from uqpen.cli.console import show_line
         from uqpen.verification.archived_study import refuse_user_defined_names
         from uqpen.verification.restored_study import restored_study, with_kept_folders
 

@@ -131,8 +131,8 @@ def make_and_show(
     reports of progress, too.
     """
     from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_progress
-    from uqpen.cli.screen import show_line
     from uqpen.core.progress_broadcast import ProgressBroadcast
     from uqpen.results.failed_runs import has_failed_design
 

@@ -22,6 +22,7 @@ from uqpen.core.limits import Limits
 from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
+from uqpen.models.failed_line import line_in_folder
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
@@ -172,7 +173,7 @@ class UserDefinedModel(Model):
             end_forked_child(process, error)
             if is_user_interrupt(error):
                 raise
-            reason = error_text(error)
+            reason = error_text(error) + self._failed_line(error)
         else:
             end_forked_child(process)
             return results
@@ -188,6 +189,9 @@ class UserDefinedModel(Model):
                 {name: values[second] for name, values in inputs.items()}, runs - middle
             ),
         )
+
+    def _failed_line(self, error: BaseException) -> str:
+        return line_in_folder(error, self.surroundings) if self.surroundings else ""
 
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.

@@ -37,7 +37,8 @@ from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import each_sample, input_sample, sample_of
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.user_defined import UserDefinedAnalysis, user_defined_statistics
+from uqpen.statistics.user_defined import user_defined_statistics
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 if TYPE_CHECKING:
     from uqpen.statistics.by_blocks.large_sample import LargeSample

@@ -16,7 +16,7 @@ from uqpen.execution import join_rounds
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 __all__ = ["RunningEstimates"]
 

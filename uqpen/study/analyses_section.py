@@ -9,7 +9,7 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.lookup import choices, installed_members, load_installed
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["ANALYSES_KEY", "read_analyses"]

@@ -20,7 +20,7 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.stand_in import StandIn, family_costs
 from uqpen.surrogates.surrogate import Surrogate
 

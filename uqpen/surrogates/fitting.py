@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
@@ -14,6 +15,9 @@ from uqpen.surrogates.field_surrogate import fit_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["fit_surrogate", "is_built_in"]
 

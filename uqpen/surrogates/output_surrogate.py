@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Model, Output
@@ -23,6 +22,9 @@ from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_o
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 from uqpen.surrogates.training_record import TrainingRecord
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["OutputSurrogate", "fit_separately", "training_record", "unfitted"]
 

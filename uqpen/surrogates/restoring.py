@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.errors import ArchiveError, ModelError, UqpenError
 from uqpen.core.labels import SURROGATES as GROUP
@@ -12,6 +12,9 @@ from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["is_restorable", "restore_surrogate"]
 

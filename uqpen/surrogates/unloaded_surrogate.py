@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NoReturn
-
-import xarray as xr
+from typing import TYPE_CHECKING, NoReturn
 
 from uqpen.core.errors import ModelError
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["UnloadedSurrogate"]
 

@@ -15,7 +15,8 @@ from uqpen.core.status import Status
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.user_defined import Analysis, UserDefinedAnalysis, user_defined_statistics
+from uqpen.statistics.user_defined import user_defined_statistics
+from uqpen.statistics.user_defined_analysis import Analysis, UserDefinedAnalysis
 
 __all__ = ["check_statistic", "example_samples"]
 

@@ -17,7 +17,7 @@ from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.by_blocks.tabulated import status_sample
 from uqpen.statistics.distribution_function.probabilities import probabilities_of_statuses
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.user_defined import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 __all__ = ["LargeSample"]
 
