@@ -13,7 +13,6 @@ minutes. Its independent runs are drawn from them, so this truth is exact; hyper
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import BANDS
+from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
 from skewed_coverage import Design
 
@@ -147,10 +147,7 @@ class Truth(NamedTuple):
 
 def main() -> int:
     options = _options()
-    if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
-    else:
-        rows = list(_run(options))
+    rows = read_rows(options.earlier) if options.earlier else list(_run(options))
     if options.markdown:
         BANDS.fill(options.markdown, "\n".join(_page(rows)))
     cells = _cells(rows)
@@ -171,17 +168,13 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--design", default="", help="the name of one")
     parser.add_argument("--bands", choices=("all", "simultaneous", "tolerance"), default="all")
     parser.add_argument("--rod", type=Path, default=Path("band_coverage_rod.npy"), help="its runs")
-    parser.add_argument("--output", type=Path, default=Path("band_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "band_coverage.csv")
     return parser.parse_args()
 
 
 def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Yield the counts of each cell, and write them as they come."""
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ("problem", "design", "statistic", "covers", "bands"))
-        writer.writeheader()
+    with result_file(options.output, ("problem", "design", "statistic", "covers", "bands")) as file:
         for name, problem in PROBLEMS.items():
             if options.problem not in name:
                 continue
@@ -191,10 +184,9 @@ def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             truth = Truth.of(problem)
             for design in DESIGNS:
                 if options.design in ("", design):
-                    for row in _cell(name, problem, truth, design, options):
-                        writer.writerow(row)
-                        yield row
-                    file.flush()
+                    rows = list(_cell(name, problem, truth, design, options))
+                    file.add(rows)
+                    yield from rows
 
 
 def _pool(problem: Problem, path: Path) -> FloatArray:
@@ -276,11 +268,6 @@ def _is_inside(band: xr.DataArray, curves: FloatArray) -> npt.NDArray[np.bool_]:
     _, lower, upper = band.values.T
     mask: npt.NDArray[np.bool_] = ~((curves < lower) | (curves > upper)).any(axis=1)
     return mask
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def _cells(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, str, str], tuple[int, int]]:

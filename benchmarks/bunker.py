@@ -13,7 +13,6 @@ uqpen, with the intervals that an archive has.
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from coverage_table import Place
+from result_files import append_results, read_records
 
 import uqpen
 from uqpen.core.streams import Stream
@@ -233,27 +233,10 @@ def _cell(row: Answer | None) -> str:
 
 def read(paths: Sequence[Path]) -> list[Answer]:
     """Read files of answers; one that is not there has none."""
-    found = []
-    for path in paths:
-        if path.exists():
-            with path.open(newline="", encoding="utf-8") as file:
-                for method, seed, quantity, runs, *numbers in list(csv.reader(file))[1:]:
-                    values = map(float, numbers)
-                    found.append(Answer(method, int(seed), quantity, int(runs), *values))
-    return found
-
-
-def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
-    """Yield answers, each after it has been added to a file."""
-    is_new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        if is_new:
-            writer.writerow(Answer._fields)
-        for row in rows:
-            writer.writerow(row)
-            file.flush()
-            yield row
+    return [
+        Answer(method, int(seed), quantity, int(runs), *map(float, numbers))
+        for method, seed, quantity, runs, *numbers in read_records(filter(Path.exists, paths))
+    ]
 
 
 def main() -> None:
@@ -271,7 +254,7 @@ def main() -> None:
         seeds = range(options.first, options.first + options.seeds)
         with one_blas_thread():
             found = answers(options.methods, seeds, rows)
-            rows += kept(found, options.output) if options.output else found
+            rows += append_results(found, options.output) if options.output else found
     lines = "\n".join(page(rows))
     print(lines)
     if options.markdown:

@@ -13,7 +13,6 @@ if its intervals cover in less than 92 %.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections import defaultdict
@@ -27,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from coverage_table import CORRECTED
+from result_files import add_table_options, read_rows, result_file
 from scipy import special
 from scipy.stats import qmc
 from skewed_coverage import Design
@@ -394,10 +394,10 @@ def _plain(seed: Seed, truth: Truth) -> Iterator[tuple[str, FloatArray]]:
 def main() -> int:
     options = _options()
     if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
+        rows = read_rows(options.earlier)
     else:
         _run(options)
-        rows = _read(options.output)
+        rows = read_rows([options.output])
     cells = _cells(rows)
     if options.markdown:
         CORRECTED.fill(options.markdown, "\n".join(_page(cells)))
@@ -413,9 +413,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--function", default="", help="the name of one")
     parser.add_argument("--runs", type=int, choices=SIZES, help="one of the sizes")
-    parser.add_argument("--output", type=Path, default=Path("corrected_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "corrected_coverage.csv")
     return parser.parse_args()
 
 
@@ -426,16 +424,13 @@ def _run(options: argparse.Namespace) -> None:
         for name, function in FUNCTIONS.items()
         if options.function in ("", name)
     }
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, _COLUMNS)
-        writer.writeheader()
+    with result_file(options.output, _COLUMNS) as file:
         for first in range(options.first, options.first + options.seeds, _CHUNK):
             seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
             for runs in SIZES if options.runs is None else (options.runs,):
                 for name, problem in problems.items():
                     for design in _designs(runs):
-                        writer.writerows(_rows(name, problem, design, runs, seeds))
-                        file.flush()
+                        file.add(_rows(name, problem, design, runs, seeds))
             print(f"seeds to {seeds[-1]} are done", flush=True)
 
 
@@ -465,11 +460,6 @@ def _rows(
     for statistic, count in counts.items():
         key = {"function": name, "design": design, "runs": runs, "statistic": statistic}
         yield {**key, **count}
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 class Cell(NamedTuple):

@@ -14,7 +14,6 @@ all the same. A cell fails if its intervals cover in less than 92 %.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from coverage_table import INDICES
+from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
 
 from uqpen.core.model import Results
@@ -335,10 +335,10 @@ def _is_refused(variable: Variable, runs: CorrectionRuns, moments: CorrectedMome
 def main() -> int:
     options = _options()
     if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
+        rows = read_rows(options.earlier)
     else:
         _run(options)
-        rows = _read(options.output)
+        rows = read_rows([options.output])
     table, failing = _table(rows)
     if options.markdown:
         INDICES.fill(options.markdown, "\n".join(table))
@@ -354,28 +354,18 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=300)
     parser.add_argument("--study", choices=list(problems()), nargs="+", help="some of them")
     parser.add_argument("--runs", type=int, nargs="+", default=[100, 500])
-    parser.add_argument("--output", type=Path, default=Path("corrected_indices.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "corrected_indices.csv")
     return parser.parse_args()
 
 
 def _run(options: argparse.Namespace) -> None:
     chosen = {k: each for k, each in problems().items() if k in (options.study or [k])}
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, _COLUMNS)
-        writer.writeheader()
+    with result_file(options.output, _COLUMNS) as file:
         for seed in range(options.first, options.first + options.seeds):
             for (name, problem), runs in ((p, n) for p in chosen.items() for n in options.runs):
+                cell = {"study": name, "runs": runs, "seed": seed}
                 with one_blas_thread():
-                    for row in _indices(problem, runs, seed):
-                        writer.writerow({"study": name, "runs": runs, "seed": seed, **row})
-                file.flush()
-
-
-def _read(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+                    file.add({**cell, **row} for row in _indices(problem, runs, seed))
 
 
 def _table(rows: Sequence[dict[str, str]]) -> tuple[list[str], list[str]]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from result_files import number_or_text, read_rows, write_rows
 
 __all__ = [
     "BANDS",
@@ -336,29 +337,16 @@ almost all of plain draws: the placement promised no narrower interval.
 def read(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """The rows of several tables; the last one of equal cells."""
     rows: dict[tuple[str, ...], dict[str, Any]] = {}
-    for path in paths:
-        with path.open(newline="", encoding="utf-8") as file:
-            for texts in csv.DictReader(file):
-                key = tuple(texts[name] for name in _KEY)
-                rows[key] = {name: _number(text) for name, text in texts.items()}
+    for texts in read_rows(paths):
+        key = tuple(texts[name] for name in _KEY)
+        rows[key] = {name: number_or_text(text) for name, text in texts.items()}
     return list(rows.values())
-
-
-def _number(text: str) -> str | int | float:
-    try:
-        return int(text) if text.isdigit() else float(text)
-    except ValueError:
-        return text
 
 
 def write(path: Path, table: Sequence[Row]) -> None:
     """Write a file that `read` reads."""
-    if not table:
-        return
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(table[0]))
-        writer.writeheader()
-        writer.writerows(table)
+    if table:
+        write_rows(path, table)
 
 
 def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:

@@ -9,7 +9,6 @@ are from a million points of a Sobol' sequence.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from coverage_table import FEW_RUNS
+from result_files import add_table_options, read_rows, result_file
 
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
@@ -58,7 +58,7 @@ def main() -> int:
     if not options.earlier:
         _run(options)
         options.earlier = [options.output]
-    rows = [row for path in options.earlier for row in _read(path)]
+    rows = _read(options.earlier)
     page = "\n".join(_page(rows))
     if options.markdown:
         FEW_RUNS.fill(options.markdown, page)
@@ -71,24 +71,19 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--kind", choices=tuple(KINDS), help="one of the kinds")
-    parser.add_argument("--output", type=Path, default=Path("few_runs.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "few_runs.csv")
     return parser.parse_args()
 
 
 def _run(options: argparse.Namespace) -> None:
     """Write the corrected means of each seed, design and kind."""
     truths = _truths()
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, _COLUMNS)
-        writer.writeheader()
+    with result_file(options.output, _COLUMNS) as file:
         for seed in range(options.first, options.first + options.seeds):
             for design in DESIGNS:
                 for kind in KINDS if options.kind is None else (options.kind,):
                     with one_blas_thread():
-                        writer.writerows(_rows(seed, design, kind, truths))
-                    file.flush()
+                        file.add(_rows(seed, design, kind, truths))
             print(f"seed {seed} is done", flush=True)
 
 
@@ -123,11 +118,8 @@ def _quantities() -> list[QuantityOfInterest]:
     return [each for each in every if each.output.name in OUTPUTS]
 
 
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            row | {name: float(row[name]) for name in _COLUMNS[4:]} for row in csv.DictReader(file)
-        ]
+def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    return [row | {name: float(row[name]) for name in _COLUMNS[4:]} for row in read_rows(paths)]
 
 
 def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:

@@ -53,7 +53,7 @@ from uqpen.models.ishigami import Ishigami
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import ANALYSES
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sample import Sample, input_sample
+from uqpen.statistics.run_samples import input_sample, sample_of
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
 from uqpen.study.load import load_study
@@ -345,7 +345,7 @@ def _indices(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     if has_blocks:
         answering = sobol_indices(runs, quantity)
     else:
-        answering = first_order(Sample.from_runs(runs, name), quantity)
+        answering = first_order(sample_of(runs, name), quantity)
     known = [kind for kind in truth.indices if has_blocks or kind.endswith("first_order")]
     wanted = set(known)
     if exceeds:
@@ -391,7 +391,7 @@ STATISTICS: dict[str, Callable[[Problem, xr.Dataset], Iterator[tuple[str, Cell]]
 def _answers(
     analysis: str, runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> dict[str, xr.DataArray]:
-    sample = Sample.from_runs(runs, quantity.output.name)
+    sample = sample_of(runs, quantity.output.name)
     return {
         name: answer
         for reference in ANALYSES[analysis]

@@ -9,7 +9,6 @@ budget pays. True values are exact, or those of a Sobol' sequence. A cell fails 
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 from collections import defaultdict
@@ -21,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import MULTIFIDELITY
+from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
 
 import uqpen
@@ -151,10 +151,7 @@ class Interval(NamedTuple):
 
 def main() -> int:
     options = _options()
-    if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
-    else:
-        rows = list(_run(options))
+    rows = read_rows(options.earlier) if options.earlier else list(_run(options))
     cells = _cells(rows)
     if options.markdown:
         MULTIFIDELITY.fill(options.markdown, "\n".join(_page(cells)))
@@ -169,9 +166,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--problem", default="", help="part of a problem's name")
-    parser.add_argument("--output", type=Path, default=Path("multifidelity_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "multifidelity_coverage.csv")
     return parser.parse_args()
 
 
@@ -182,9 +177,7 @@ _SEEDS = 25
 
 def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Yield the counts of some seeds of each cell, and write them as they come."""
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, _FIELDS)
-        writer.writeheader()
+    with result_file(options.output, _FIELDS) as file:
         for name, problem in PROBLEMS.items():
             if options.problem not in name:
                 continue
@@ -193,10 +186,10 @@ def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 seeds = range(first, min(first + _SEEDS, options.seeds))
                 for budget in problem.budgets:
                     began = time.perf_counter()
-                    for row in _counts(problem, truth, budget, [options.first + s for s in seeds]):
-                        writer.writerow({"problem": name, "budget": budget, **row})
-                        yield {"problem": name, "budget": budget, **row}
-                    file.flush()
+                    counts = _counts(problem, truth, budget, [options.first + s for s in seeds])
+                    rows = [{"problem": name, "budget": budget, **row} for row in counts]
+                    file.add(rows)
+                    yield from rows
                     print(f"{name}, {budget}: {time.perf_counter() - began:.0f} s", flush=True)
 
 
@@ -280,11 +273,6 @@ def _bounds(found: Mapping[str, xr.DataArray]) -> dict[str, tuple[float, float]]
     arrays = [found["mean"], found["std"], *found["quantile"], *found["exceedance"]]
     bounds = [(float(each[1]), float(each[2])) for each in arrays]
     return dict(zip(STATISTICS, bounds, strict=True))
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 class Cell(NamedTuple):

@@ -11,7 +11,6 @@ interval is that of its stated coefficient of variation.
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib.util
 import math
 import time
@@ -23,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import Place
+from result_files import append_results, read_records
 from scipy import special
 from scipy.special import ndtr
 
@@ -310,27 +310,12 @@ def _quantile(method: str) -> float:
     return float(special.stdtrit(4, 0.975) if has_replicates else special.ndtri(0.975))
 
 
-def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
-    """Yield answers, each after it has been added to a file."""
-    is_new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        if is_new:
-            writer.writerow(Answer._fields)
-        for row in rows:
-            writer.writerow(row)
-            file.flush()
-            yield row
-
-
 def read(paths: Sequence[Path]) -> list[Answer]:
     """Read files of answers."""
-    found = []
-    for path in paths:
-        with path.open(newline="", encoding="utf-8") as file:
-            for problem, method, seed, runs, *numbers in list(csv.reader(file))[1:]:
-                found.append(Answer(problem, method, int(seed), int(runs), *map(float, numbers)))
-    return found
+    return [
+        Answer(problem, method, int(seed), int(runs), *map(float, numbers))
+        for problem, method, seed, runs, *numbers in read_records(paths)
+    ]
 
 
 def main() -> None:
@@ -350,7 +335,7 @@ def main() -> None:
         seeds = range(options.first, options.first + options.seeds)
         with one_blas_thread():
             found = answers(options.problems, options.methods, seeds, known)
-            rows += kept(found, options.output) if options.output else found
+            rows += append_results(found, options.output) if options.output else found
     lines = "\n".join(page(rows))
     print(lines)
     if options.markdown:

@@ -14,12 +14,10 @@ intervals cover in less than 92 %.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +25,7 @@ import numpy.typing as npt
 import xarray as xr
 from corrected_coverage import FOLDS, FUNCTIONS, QUANTILES, Function, Problem, _fit, _predicted
 from coverage_table import REFINED
+from result_files import add_table_options, read_rows, result_file
 from scipy import special
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
@@ -250,12 +249,10 @@ def main() -> int:
     if not options.earlier:
         _run(options)
     cells: dict[tuple[str, str, str], Cell] = {}
-    for path in options.earlier or [options.output]:
-        with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                key = row["function"], row["runs"], row["statistic"]
-                before = cells.get(key, Cell())._asdict()
-                cells[key] = Cell(*(old + float(row[name]) for name, old in before.items()))
+    for row in read_rows(options.earlier or [options.output]):
+        key = row["function"], row["runs"], row["statistic"]
+        before = cells.get(key, Cell())._asdict()
+        cells[key] = Cell(*(old + float(row[name]) for name, old in before.items()))
     if options.markdown:
         REFINED.fill(options.markdown, "\n".join(_page(cells)))
     failing = [key for key, cell in cells.items() if cell.fails]
@@ -286,9 +283,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--function", default="", help="the name of one")
-    parser.add_argument("--output", type=Path, default=Path("refined_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "refined_coverage.csv")
     return parser.parse_args()
 
 
@@ -299,14 +294,11 @@ def _run(options: argparse.Namespace) -> None:
         for name, function in STUDIED.items()
         if options.function in ("", name)
     }
-    with options.output.open("w", newline="", encoding="utf-8") as file, one_blas_thread():
-        writer = csv.DictWriter(file, _COLUMNS)
-        writer.writeheader()
+    with result_file(options.output, _COLUMNS) as file, one_blas_thread():
         for first in range(options.first, options.first + options.seeds, _CHUNK):
             seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
             for name, problem in problems.items():
-                writer.writerows(_rows(name, problem, seeds))
-                file.flush()
+                file.add(_rows(name, problem, seeds))
             print(f"seeds to {seeds[-1]} are done", flush=True)
 
 

@@ -9,7 +9,6 @@ many inputs are a set of few. A cell fails if its intervals without a note cover
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 import time
@@ -22,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from coverage_table import SKEWED
+from result_files import add_table_options, read_rows, write_rows
 from scipy import integrate, special
 
 from uqpen.core.labels import NOTE
@@ -177,10 +177,10 @@ DESIGNS: dict[str, Design] = {
 def main() -> int:
     options = _options()
     if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
+        rows = _read(options.earlier)
     else:
         rows = list(_run(options.design, options.seeds, options.inputs))
-        _write(options.output, rows)
+        write_rows(options.output, rows)
     if options.markdown:
         SKEWED.fill(options.markdown, "\n".join(_page(rows)))
     failing = [row for row in rows if _fails(row)]
@@ -194,9 +194,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--design", default="", help="part of a design's name")
     parser.add_argument("--inputs", type=int, default=20, help="the most that a function has")
-    parser.add_argument("--output", type=Path, default=Path("skewed_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "skewed_coverage.csv")
     return parser.parse_args()
 
 
@@ -254,22 +252,12 @@ def _fails(row: dict[str, Any]) -> bool:
     return row["plain"] >= FEWEST and row["plain_coverage"] < LOWEST
 
 
-def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            {
-                key: text if key in ("function", "design", "statistic") else float(text)
-                for key, text in row.items()
-            }
-            for row in csv.DictReader(file)
-        ]
+def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    texts = ("function", "design", "statistic")
+    return [
+        {key: text if key in texts else float(text) for key, text in row.items()}
+        for row in read_rows(paths)
+    ]
 
 
 def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:

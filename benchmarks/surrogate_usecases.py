@@ -12,7 +12,6 @@ either. At most 2 % of all figures may.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections import Counter
@@ -24,12 +23,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import SURROGATE_USE_CASES
+from result_files import add_table_options, read_rows, result_file
 from scipy import special
 from usecase_coverage import INFINITE_VARIANCE, QUANTILES, Truth, UseCase, true_values, use_cases
 
 import uqpen
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import BOUND, INPUT, NOTE, SURROGATE_ESTIMATE
+from uqpen.core.statistic_dimensions import PROBABILITY
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def main() -> int:
     if not options.earlier:
         _run(options)
         options.earlier = [options.output]
-    rows = [row for path in options.earlier for row in _read(path)]
+    rows = _read(options.earlier)
     page = "\n".join(_page(rows))
     if options.markdown:
         SURROGATE_USE_CASES.fill(options.markdown, page)
@@ -80,9 +80,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--only", default="", help="part of a use case's name", metavar="SUBSTRING")
     parser.add_argument("--kind", choices=tuple(KINDS), help="one of the kinds")
-    parser.add_argument("--output", type=Path, default=Path("surrogate_usecases.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "surrogate_usecases.csv")
     return parser.parse_args()
 
 
@@ -90,15 +88,12 @@ def _run(options: argparse.Namespace) -> None:
     """Write the counts of each study, one seed of all use cases after the other."""
     cases = [case for case in use_cases() if options.only in case.name]
     truths = {case.name: list(true_values(case)) for case in cases}
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, (*_KEY, *COUNTS))
-        writer.writeheader()
+    with result_file(options.output, (*_KEY, *COUNTS)) as file:
         for seed in range(options.first, options.first + options.seeds):
             for case in cases:
                 for kind in KINDS if options.kind is None else (options.kind,):
                     for runs in RUNS:
-                        writer.writerows(_rows(case, truths[case.name], kind, runs, seed))
-                        file.flush()
+                        file.add(_rows(case, truths[case.name], kind, runs, seed))
             print(f"seed {seed} is done", flush=True)
 
 
@@ -198,12 +193,8 @@ def _figures(
         yield array, values[statistic]
 
 
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            row | {name: int(row[name]) for name in ("runs", *COUNTS)}
-            for row in csv.DictReader(file)
-        ]
+def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    return [row | {name: int(row[name]) for name in ("runs", *COUNTS)} for row in read_rows(paths)]
 
 
 def _total(rows: Sequence[Mapping[str, Any]]) -> Counter[str]:

@@ -12,7 +12,6 @@ are those of functions of one normal variable.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -22,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from coverage_table import Place
+from result_files import append_results, read_records
 from scipy import special
 
 from uqpen.core.model import Output
@@ -219,25 +219,12 @@ def page(rows: Sequence[Answer]) -> Iterator[str]:
         yield f"| {statistic} | {case} | {design} | {runs} | {len(found)} | {none} | {shown} |"
 
 
-def kept(rows: Iterator[Answer], path: Path) -> Iterator[Answer]:
-    """Yield answers, each after it has been written to a file."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(Answer._fields)
-        for row in rows:
-            writer.writerow(row)
-            yield row
-
-
 def read(paths: Sequence[Path]) -> list[Answer]:
     """Read files of answers."""
-    found = []
-    for path in paths:
-        with path.open(newline="", encoding="utf-8") as file:
-            for statistic, case, design, runs, seed, *numbers in list(csv.reader(file))[1:]:
-                of_row = (statistic, case, design, int(runs), int(seed))
-                found.append(Answer(*of_row, *map(float, numbers)))
-    return found
+    return [
+        Answer(statistic, case, design, int(runs), int(seed), *map(float, numbers))
+        for statistic, case, design, runs, seed, *numbers in read_records(paths)
+    ]
 
 
 def main() -> None:
@@ -253,7 +240,9 @@ def main() -> None:
     if not options.files:
         with one_blas_thread():
             found = answers(options.of, range(options.first, options.first + options.seeds))
-            rows = list(kept(found, options.output) if options.output else found)
+            if options.output:
+                options.output.unlink(missing_ok=True)
+            rows = list(append_results(found, options.output) if options.output else found)
     lines = "\n".join(page(rows))
     print(lines)
     if options.markdown:

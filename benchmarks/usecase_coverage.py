@@ -10,7 +10,6 @@ coverage of each 95 %. All cells together fail below 94.5 %.
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib
 import inspect
 import itertools
@@ -27,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from coverage_table import USE_CASES
+from result_files import add_table_options, number_or_text, read_rows, write_rows
 from scipy import special, stats
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
 from skewed_coverage import OUTPUT, Design
@@ -162,10 +162,10 @@ class Cell(NamedTuple):
 def main() -> int:
     options = _options()
     if options.earlier:
-        rows = [row for path in options.earlier for row in _read(path)]
+        rows = _read(options.earlier)
     else:
         rows = list(_run(options.only, options.seeds))
-        _write(options.output, rows)
+        write_rows(options.output, rows)
     if options.markdown:
         USE_CASES.fill(options.markdown, "\n".join(_page(rows)))
     print("\n".join(_page(rows)))
@@ -176,9 +176,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--only", default="", help="part of a use case's name", metavar="SUBSTRING")
-    parser.add_argument("--output", type=Path, default=Path("usecase_coverage.csv"))
-    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    add_table_options(parser, "usecase_coverage.csv")
     return parser.parse_args()
 
 
@@ -493,23 +491,8 @@ def _table(rows: Sequence[dict[str, Any]], note: str) -> Iterator[str]:
             yield f"| {title} | {' | '.join(count.text() for count in counts)} |"
 
 
-def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [{key: _number(text) for key, text in row.items()} for row in csv.DictReader(file)]
-
-
-def _number(text: str) -> str | int | float:
-    try:
-        return int(text) if text.isdigit() else float(text)
-    except ValueError:
-        return text
+def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    return [{key: number_or_text(text) for key, text in row.items()} for row in read_rows(paths)]
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         ):
             monkeypatch.setattr(f"uqpen.{module}.BLOCK", size)
 
-    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 0.0)
     return shrink
 
 
@@ -175,8 +175,8 @@ def test_runs_in_memory_are_written_after_a_few_blocks(
     folder: Path, whole: bytes, blocks_of: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     blocks_of(1_500)
-    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 1e9)
-    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._MOST_UNWRITTEN", 3_000)
+    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 1e9)
+    monkeypatch.setattr("uqpen.checkpoints.saving_pace._MOST_UNWRITTEN", 3_000)
     seen: list[int] = []
 
     class Watching(Interrupted):

@@ -75,7 +75,7 @@ VECTORIZED = MODEL.replace(
 def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs are sent and kept one by one, as those are that take a second each."""
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 0.0)
     # Only a machine that goes down loses what was not brought to the disk.
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
@@ -508,7 +508,7 @@ def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
     folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "uqpen.checkpoints.checkpoint_folder._PATIENCE", 1e9
+        "uqpen.checkpoints.saving_pace._PATIENCE", 1e9
     )  # none is kept before the end
     with monkeypatch.context() as patch:
         patch.setattr("uqpen.checkpoints.make_archive.write", _interrupted)

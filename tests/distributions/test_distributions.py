@@ -158,7 +158,7 @@ def test_a_truncated_law_stays_inside_and_keeps_its_order(
         (lambda: Beta(0.0, 1.0, 0.0, 1.0), "alpha", "above 0"),
         (lambda: Weibull(-1.0, 1.0), "shape", "above 0"),
         (lambda: Truncated(Normal(0.0, 1.0), 2.0, 1.0), "upper", "above lower"),
-        (lambda: Truncated(Normal(0.0, 1.0), 50.0, 51.0), "", "leave some of the law"),
+        (lambda: Truncated(Normal(0.0, 1.0), 50.0, 51.0), "", "leave some of the distribution"),
     ],
 )
 def test_parameters_that_make_no_law_are_refused(make: Any, key: str, expected: str) -> None:

@@ -14,7 +14,7 @@ from uqpen.report.blocks import Block, Chart, Fold, Table, Text
 from uqpen.report.sections.failures import failures
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.run_samples import sample_of
 from uqpen.study.study import ValidatedStudy
 
 TOO_HEAVY = 'ValueError: too heavy (beam.py, line 4: raise ValueError("too heavy"))'
@@ -151,4 +151,4 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
 
 def _where_lost(runs: xr.Dataset, lost: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> xr.Dataset:
     status = runs["status"].copy(data=np.where(lost, 2, 0))
-    return pack(failure_analysis(Sample.from_runs(runs.assign(status=status), "status")))
+    return pack(failure_analysis(sample_of(runs.assign(status=status), "status")))

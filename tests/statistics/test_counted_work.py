@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics import estimate_vector, ordering
+from uqpen.statistics import estimate_vector, ordering, run_samples
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -81,15 +81,15 @@ def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
 ) -> None:
     taken: list[weakref.ref[Any]] = []
     alive = []
-    of_variable = Sample._of_variable
+    with_variable = run_samples._with_variable
 
     def found(whole: Sample, runs: Any, name: str) -> Sample:
         alive.append(sum(each() is not None for each in taken))
-        sample = of_variable(whole, runs, name)
+        sample = with_variable(whole, runs, name)
         taken.append(weakref.ref(sample.values))
         return sample
 
-    monkeypatch.setattr(Sample, "_of_variable", found)
+    monkeypatch.setattr(run_samples, "_with_variable", found)
     analyze(runs_of(700, failed=30), QUANTITIES)
     assert alive == [0, 0]
 

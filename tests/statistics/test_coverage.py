@@ -39,6 +39,7 @@ from uqpen.statistics.distribution_function.tolerance import tolerance_limits
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
@@ -109,7 +110,7 @@ class Problem:
         return evaluate(evaluator, points, {}).assign_attrs({SAMPLING: str(design.sampling)})
 
     def sample(self, design: Design, seed: int) -> Sample:
-        return Sample.from_runs(self.runs(design, seed), "y")
+        return sample_of(self.runs(design, seed), "y")
 
 
 OUTPUT = Output("y", "1")

@@ -9,7 +9,7 @@ import xarray as xr
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.statistics.failure_analysis import failure_analysis
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.run_samples import sample_of
 
 
 def told(x: np.ndarray, status: np.ndarray, **attributes: str) -> dict[str, xr.DataArray]:
@@ -18,7 +18,7 @@ def told(x: np.ndarray, status: np.ndarray, **attributes: str) -> dict[str, xr.D
         {"run": np.arange(len(x))},
         {"sampling": str(Sampling.INDEPENDENT), **attributes},
     )
-    return dict(failure_analysis(Sample.from_runs(runs, "status")))
+    return dict(failure_analysis(sample_of(runs, "status")))
 
 
 def test_the_probability_is_the_share_of_pairs() -> None:

@@ -32,7 +32,7 @@ from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields import field_sample
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.run_samples import sample_of
 
 Numbers = npt.NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def of_a_scalar(
     runs: xr.Dataset, place: int, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """The statistics of one place, as those of a scalar output in the runs that exist there."""
-    whole = replace(Sample.from_runs(runs, "curve"), level=quantity.confidence_level)
+    whole = replace(sample_of(runs, "curve"), level=quantity.confidence_level)
     exists = ~np.isnan(whole.values[:, place])
     sample = replace(whole, values=whole.values[exists, place], used=whole.used[exists])
     scalar = replace(quantity, output=Output("curve", "m"))

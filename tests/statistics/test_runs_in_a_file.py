@@ -18,6 +18,7 @@ from uqpen.core.labels import FAILED_RUN, RUN, SAMPLING, WEIGHT
 from uqpen.execution import status_counts
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES
 from uqpen.statistics.analyze import analyze, analyze_failures
+from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
@@ -177,7 +178,7 @@ def test_an_analysis_reads_no_more_than_it_declares(
 
 @pytest.mark.parametrize("handle", ["monte_carlo"], indirect=True)
 def test_points_are_put_together_when_they_are_needed(handle: RunsInFile) -> None:
-    one, other = Sample.several_from_runs(handle, ["y", "status"]).values()
+    one, other = samples_of(handle, ["y", "status"]).values()
     assert one.inputs == ("x1", "x2")
     assert not handle.columns & INPUTS
     assert one.points.shape == (600, 2)

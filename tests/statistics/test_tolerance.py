@@ -26,7 +26,7 @@ from uqpen.statistics.distribution_function.tolerance import (
 )
 from uqpen.statistics.intervals import runs_needed_for_both
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.run_samples import sample_of
 
 LENGTH = Output("y", "m")
 STATISTICS = ("tolerance_limit", "lower_tolerance_limit", "tolerance_interval")
@@ -53,7 +53,7 @@ def limits(
         lower_tolerance_contents=(content,),
         tolerance_interval_contents=(content,),
     )
-    sample = Sample.from_runs(runs, "y")
+    sample = sample_of(runs, "y")
     analyses = (tolerance_limits, lower_tolerance_limits, tolerance_intervals)
     return {name: array for each in analyses for name, array in each(sample, quantity)}
 

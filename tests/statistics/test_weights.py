@@ -29,6 +29,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.testing import check_design, example_joint_distribution
@@ -101,7 +102,7 @@ def test_equal_weights_give_clopper_and_pearsons_interval() -> None:
 
 def test_a_whole_weight_is_that_many_equal_runs() -> None:
     copies = np.random.default_rng(1).integers(0, 4, 400)
-    found = Sample.from_runs(runs_of(NORMAL, copies.astype(float)), "y")
+    found = sample_of(runs_of(NORMAL, copies.astype(float)), "y")
     repeated = np.repeat(NORMAL, copies)
     assert found.mean(found.values) == pytest.approx(repeated.mean(), rel=1e-12)
     assert found.effective_size == pytest.approx(copies.sum() ** 2 / (copies**2).sum())

@@ -176,7 +176,7 @@ def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
             15,
             "inputs.plasticity_radius",
             "no probability",
-            "leave some of the law",
+            "leave some of the distribution",
         ),
         (
             "{ uniform =",

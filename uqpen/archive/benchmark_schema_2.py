@@ -52,8 +52,10 @@ def migrate_benchmark(tree: xr.DataTree) -> xr.DataTree:
     )
     for output in outputs:
         arrays = {name: read_statistic(reference, _SOURCE, output, name) for name in CATALOGUE}
-        told = {name: array.rename(name) for name, array in arrays.items() if array is not None}
-        groups[f"/{REFERENCE}/{output}"] = pack(told)
+        statistics = {
+            name: array.rename(name) for name, array in arrays.items() if array is not None
+        }
+        groups[f"/{REFERENCE}/{output}"] = pack(statistics)
     groups |= _benchmark_groups(tree, outputs)
     return xr.DataTree.from_dict(groups)
 
@@ -77,6 +79,8 @@ def _benchmark_groups(
 
 def _output_attributes(estimates: xr.Dataset) -> dict[str, str]:
     """Return the attributes of an output, from the variables of its mean."""
-    told = estimates["mean"].attrs if "mean" in estimates else {}
-    described = {key: str(told[key]) for key in ("units", "display_units") if key in told}
-    return {"long_name": str(told.get("long_name", "")).removeprefix("mean of "), **described}
+    attributes = estimates["mean"].attrs if "mean" in estimates else {}
+    described = {
+        key: str(attributes[key]) for key in ("units", "display_units") if key in attributes
+    }
+    return {"long_name": str(attributes.get("long_name", "")).removeprefix("mean of "), **described}

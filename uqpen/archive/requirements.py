@@ -16,7 +16,6 @@ from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import is_true_by_blocks
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     ABSENT,
     FAILURES_GROUP,
@@ -35,6 +34,7 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import Status
 
 __all__ = ["find_level_faults", "find_model_faults"]
@@ -69,12 +69,12 @@ def _surrogate_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str
     """Find surrogates of runs or outputs that the archive does not have."""
     designs = group_names(tree, RUNS)
     for name in group_names(tree, SURROGATES):
-        told = tree.children[SURROGATES].children[name].attrs
-        if told.get("design") not in designs:
+        attributes = tree.children[SURROGATES].children[name].attrs
+        if attributes.get("design") not in designs:
             yield f"/{SURROGATES}/{name}: fitted to runs of no design"
-        if told.get("check") not in (*designs, _NO_CHECK):
+        if attributes.get("check") not in (*designs, _NO_CHECK):
             yield f"/{SURROGATES}/{name}: checked by runs of no design"
-        for output in str(told.get("outputs", "")).split():
+        for output in str(attributes.get("outputs", "")).split():
             if not known.get(output):
                 yield f"/{SURROGATES}/{name}: of {output}, which is no output of the runs"
 

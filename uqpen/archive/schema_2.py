@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack
 from uqpen.archive.reworded import reworded_array
 from uqpen.archive.tree import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUND,
     CITED,
@@ -33,6 +33,7 @@ from uqpen.core.labels import (
     SURROGATES,
     TRAJECTORY,
 )
+from uqpen.core.statistic_dimensions import CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
 
 __all__ = ["migrate_from_2", "read_statistic"]
 
@@ -124,9 +125,9 @@ def _surrogate_groups(made: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
     for output in str(made.attrs["outputs"]).split():
         old = {f"{output}_{name}": name for name in ("degree", "coefficient", "fit_noise")}
         fit = made[list(old)].rename({**old, f"{output}_term": "term"})
-        told = fit["coefficient"].attrs
-        own = {key: told[key] for key in ("long_name", "units")}
-        fit.attrs = {key: value for key, value in told.items() if key not in own}
+        attributes = fit["coefficient"].attrs
+        own = {key: attributes[key] for key in ("long_name", "units")}
+        fit.attrs = {key: value for key, value in attributes.items() if key not in own}
         fit["coefficient"].attrs = own
         fits[f"/{output}"] = fit
         made = made.drop_vars(list(old))

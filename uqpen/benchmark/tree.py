@@ -20,7 +20,6 @@ from uqpen.archive.estimates import estimate_array, pack
 from uqpen.benchmark.record import EstimateRecord
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, reference_remark, verdict_sentence
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
     BENCHMARK,
     BOUNDS,
@@ -38,6 +37,7 @@ from uqpen.core.labels import (
     SINGLE,
     VARIANT,
 )
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.study import ValidatedStudy

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -35,6 +34,7 @@ from uqpen.checkpoints.runs_file import (
     write_file,
     write_runs,
 )
+from uqpen.checkpoints.saving_pace import SavingPace
 from uqpen.checkpoints.set_aside import (
     SET_ASIDE,
     set_aside,
@@ -45,7 +45,6 @@ from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import MODELS, RUNS
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.status import Status
-from uqpen.core.streams import BLOCK
 from uqpen.execution import Progress
 from uqpen.execution.checkpoint import Checkpoint
 
@@ -54,13 +53,6 @@ __all__ = ["FAILED", "CheckpointFolder"]
 
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
-
-# Spend at most 1/6 of the time on checkpoints: wait five times as long as the last one took. It
-# takes about a millisecond, so a run of more than 5 ms is saved at once.
-_PATIENCE = 5
-
-# Runs of a round in memory that are not written yet: a few blocks, however cheap a run is.
-_MOST_UNWRITTEN = 4 * BLOCK
 
 FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
@@ -94,8 +86,7 @@ class CheckpointFolder:
         self._fingerprints = fingerprints
         self._progress = progress
         self._open: list[RoundCheckpoint] = []
-        self._last = time.monotonic()
-        self._cost = 0.0
+        self._pace = SavingPace()
 
     def check_compatibility(self) -> None:
         """Check that the study would still make the stored runs of its designs.
@@ -108,7 +99,7 @@ class CheckpointFolder:
         CheckpointError
             Saying what has changed.
         """
-        for (model, design), fingerprint in self._fingerprints.items():
+        for model, design in self._fingerprints:
             folder = self._runs_folder(model, design)
             if not has_runs(folder):
                 # Unfinished files of an earlier start, perhaps of another study.
@@ -121,20 +112,22 @@ class CheckpointFolder:
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
                 remove_checkpoint(folder)
                 continue
-            changes = [
-                each for each in fingerprint_changes(before, fingerprint) if not each.is_limit
-            ]
-            is_of_design = all(each.key.startswith(f"designs.{design}.") for each in changes)
-            if changes and is_of_design and not whole_blocks(folder):
-                with self.writing():
-                    set_aside(folder, self._model_folder(model))
-                continue
-            if changes:
-                raise CheckpointError(_incompatibility_text(self.folder, design, changes))
-            if before != fingerprint:
-                self._discard(folder, [Status.TIMED_OUT])
-                with self.writing():
-                    write_file(record, encode_fingerprint(fingerprint))
+            self._check_runs(model, design, before)
+
+    def _check_runs(self, model: str, design: str, before: Mapping[str, str]) -> None:
+        """Check that the stored runs of a design, made with a fingerprint, would be made now."""
+        folder, now = self._runs_folder(model, design), self._fingerprints[model, design]
+        changes = [each for each in fingerprint_changes(before, now) if not each.is_limit]
+        is_of_design = all(each.key.startswith(f"designs.{design}.") for each in changes)
+        if changes and is_of_design and not whole_blocks(folder):
+            with self.writing():
+                set_aside(folder, self._model_folder(model))
+        elif changes:
+            raise CheckpointError(_incompatibility_text(self.folder, design, changes))
+        elif before != now:
+            self._discard(folder, [Status.TIMED_OUT])
+            with self.writing():
+                write_file(folder / FILE_NAME, encode_fingerprint(now))
 
     def remove_temporary_files(self) -> None:
         """Remove unfinished files of an earlier start.
@@ -215,7 +208,7 @@ class CheckpointFolder:
 
     def save_if_due(self, unwritten: int) -> None:
         """Write the finished runs if enough time has passed, or a round has many unwritten ones."""
-        if unwritten >= _MOST_UNWRITTEN or time.monotonic() - self._last >= _PATIENCE * self._cost:
+        if self._pace.is_due(unwritten):
             self.save()
 
     def save(self) -> None:
@@ -226,12 +219,9 @@ class CheckpointFolder:
         ArchiveError
             If that cannot be done.
         """
-        began = time.monotonic()
-        with self.writing():
+        with self.writing(), self._pace.measured():
             for kept in self._open:
                 self.runs += kept.write()
-        self._last = time.monotonic()
-        self._cost = self._last - began
 
     def finished_runs(self) -> Iterator[tuple[str, FinishedRuns]]:
         """Yield the stored runs of each part, with the name of the model."""

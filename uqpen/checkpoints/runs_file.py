@@ -117,15 +117,17 @@ class FinishedRuns:
 
     def batch_results(self) -> Iterator[BatchResult]:
         """Yield its runs as batch results; the runs of each are consecutive."""
-        for at in self._stretches():
+        for at in self._consecutive_runs():
             yield BatchResult(int(self.runs[at[0]]), select_results(self.results, at))
 
     def ranges(self) -> list[tuple[int, int]]:
-        """Return the first run of each stretch of consecutive ones, and the run after its last."""
-        return [(int(self.runs[at[0]]), int(self.runs[at[-1]]) + 1) for at in self._stretches()]
+        """Return the first run of each sequence of consecutive ones, and the run after its last."""
+        return [
+            (int(self.runs[at[0]]), int(self.runs[at[-1]]) + 1) for at in self._consecutive_runs()
+        ]
 
-    def _stretches(self) -> list[IntArray]:
-        """Return the positions of each stretch of consecutive runs."""
+    def _consecutive_runs(self) -> list[IntArray]:
+        """Return the positions of each sequence of consecutive runs."""
         ends = np.flatnonzero(np.diff(self.runs) > 1) + 1
         return np.split(np.arange(len(self.runs)), ends)
 

@@ -104,7 +104,7 @@ class Quadrature(Design):
             if not rule_recurrence(self.rule, entry.distribution, self.order).is_finite:
                 found = f"{self.order}, of which {entry.variable.name} has no polynomials"
                 yield Problem(
-                    ("order",), found, "a lower one: the law has too few values or moments"
+                    ("order",), found, "a lower one: the distribution has too few values or moments"
                 )
             elif not is_exact(self.rule, entry.distribution, self.order):
                 found = (

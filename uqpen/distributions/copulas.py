@@ -61,7 +61,7 @@ class _Bivariate(_OneParameter):
 
     def check_settings(self) -> Iterator[Problem]:
         if len(self.inputs) > 2:
-            expected = "two inputs: of more, its conditional laws have no simple inverse"
+            expected = "two inputs: of more, its conditional distributions have no simple inverse"
             yield Problem(("inputs",), f"{len(self.inputs)} inputs", expected)
 
 

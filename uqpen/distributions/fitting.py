@@ -107,7 +107,8 @@ def fit_distribution(
 def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
     if family in _POSITIVE and not (measurements > 0).all():
         found = f"a measurement of {measurements.min():g}"
-        raise SettingsError([Problem((), found, f"values above 0, as those of a {family} law are")])
+        expected = f"values above 0, as those of a {family} distribution are"
+        raise SettingsError([Problem((), found, expected)])
     # Scaled by a power of two near their size, which is exact: powers neither overflow nor vanish.
     size = math.ldexp(1.0, math.frexp(float(np.abs(measurements).max()))[1] - 1)
     try:
@@ -117,7 +118,7 @@ def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
                 return distribution
     except (ArithmeticError, ValueError, RuntimeError):
         pass  # the equations have no solution within double precision
-    found = f"measurements too far apart, or too near each other, for a {family} law"
+    found = f"measurements too far apart, or too near each other, for a {family} distribution"
     raise SettingsError([Problem((), found, "another family")])
 
 

@@ -40,8 +40,8 @@ class Truncated(Distribution):
             return
         yield from order_problem(self.lower, self.upper)
         if self.lower < self.upper and not self._has_mass():
-            found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
-            yield Problem((), found, "limits that leave some of the law")
+            found = f"{self.lower:g} to {self.upper:g}, where the distribution has no probability"
+            yield Problem((), found, "limits that leave some of the distribution")
 
     def ppf(self, probability: FloatArray) -> FloatArray:
         return self._inverse(probability, 1 - probability)

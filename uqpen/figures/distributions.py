@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.figures.curves import axis_span
 from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel

@@ -45,8 +45,8 @@ def measure_series(
     found = [
         MeasureSeries(source, label, marker, array)
         for name, label, marker in measures
-        for source, told in view.estimates(output, name).items()
-        if np.isfinite((array := _shown(view, output, name, told)).values[:, 0]).any()
+        for source, estimates in view.estimates(output, name).items()
+        if np.isfinite((array := _shown(view, output, name, estimates)).values[:, 0]).any()
     ]
     return sorted(found, key=lambda each: view.sources.index(each.source))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from uqpen.results.texts import plain_text
 __all__ = [
     "DASHES",
     "MARKERS",
+    "PointStyle",
     "Trace",
     "band_traces",
     "bar_trace",
@@ -129,6 +130,23 @@ def band_traces(
     return [edge | {"y": rounded_numbers(lower)}, edge | filled]
 
 
+class PointStyle(NamedTuple):
+    """Looks of points.
+
+    Attributes
+    ----------
+    marker : str
+        Of `MARKERS`, or with ``-open`` behind it.
+    size : float
+        In CSS pixels.
+    opacity : float
+    """
+
+    marker: str = "circle"
+    size: float = 4
+    opacity: float = 0.55
+
+
 def point_trace(
     x: Numbers,
     y: Numbers,
@@ -138,9 +156,7 @@ def point_trace(
     name: str = "",
     texts: Sequence[str] = (),
     numbers: Sequence[int] = (),
-    marker: str = "circle",
-    size: float = 4,
-    opacity: float = 0.55,
+    style: PointStyle | None = None,
 ) -> Trace:
     """Points by themselves.
 
@@ -150,18 +166,22 @@ def point_trace(
         Plain texts, one for each point: values of the placeholder ``text``.
     numbers : sequence of int
         Likewise ``customdata``, such as the place of a run among all.
-    marker : str
-        Of `MARKERS`, or with ``-open`` behind it.
-    size : float
-        In CSS pixels.
+    style : PointStyle, optional
+        Their looks; by default, those of one of many runs.
     """
+    style = style or PointStyle()
     trace: Trace = {
         "type": "scatter",
         "mode": "markers",
         "name": escape_text(name),
         "x": rounded_numbers(x, 5),
         "y": rounded_numbers(y, 5),
-        "marker": {"color": series, "symbol": marker, "size": size, "opacity": opacity},
+        "marker": {
+            "color": series,
+            "symbol": style.marker,
+            "size": style.size,
+            "opacity": style.opacity,
+        },
     } | _hover_attributes(hover)
     if texts:
         trace["text"] = [escape_text(each, 200) for each in texts]
@@ -172,9 +192,8 @@ def point_trace(
 
 def end_trace(x: Numbers, y: Numbers, series: int | str, *, name: str) -> Trace:
     """Return the upright tick at the end of a line; a pointer finds its name."""
-    trace = point_trace(
-        x, y, series, hover=escape_text(name), name=name, marker=f"{END}-open", size=14, opacity=1
-    )
+    style = PointStyle(f"{END}-open", size=14, opacity=1)
+    trace = point_trace(x, y, series, hover=escape_text(name), name=name, style=style)
     trace["marker"]["line"] = {"color": series, "width": 2.5}
     return trace
 

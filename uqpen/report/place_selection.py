@@ -35,8 +35,8 @@ class PlaceColumn:
         if self.texts[position] == NOTHING:
             return ""
         reason = self.reasons.get(position)
-        told = f" (no interval: {reason})" if reason else ""
-        return f"{self.label} {self.texts[position]}{self.unit}{told}"
+        remark = f" (no interval: {reason})" if reason else ""
+        return f"{self.label} {self.texts[position]}{self.unit}{remark}"
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import xarray as xr
 
-from uqpen.core.catalogue import EVENT, LOWER_THRESHOLD, THRESHOLD
+from uqpen.core.statistic_dimensions import EVENT, LOWER_THRESHOLD, THRESHOLD
 from uqpen.results.digits import percent_text
 
 __all__ = ["Acceptance", "AcceptanceVerdict"]

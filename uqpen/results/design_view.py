@@ -18,7 +18,7 @@ from uqpen.execution import status_counts
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.digits import grouped_number
 from uqpen.statistics.convergence import reason_without_parts
-from uqpen.statistics.sample import input_sample
+from uqpen.statistics.run_samples import input_sample
 
 __all__ = ["DesignView"]
 

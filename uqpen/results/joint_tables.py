@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import xarray as xr
 
 from uqpen.archive.read import group_names
-from uqpen.core.catalogue import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.labels import INPUT, JOINT_GROUP
+from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.disagreements import disagreements
 from uqpen.results.measure_labels import (

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, DESIGN_POINT, SENSITIVITY_EVENT
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AGREEMENT,
     CAVEAT,
@@ -27,6 +27,7 @@ from uqpen.core.labels import (
     STOPPING_RULE,
     SURROGATES,
 )
+from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance

@@ -8,8 +8,9 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
+from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import DIFFERENCES, INPUT, RUNS
+from uqpen.core.statistic_dimensions import UNLISTED_DIMENSIONS
 from uqpen.results.estimate_rows import Row, estimate_rows, rows_frame
 from uqpen.results.source_statistics import SourceStatistics
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.core.catalogue import MODEL_FORM_STATISTICS, THRESHOLD
+from uqpen.core.catalogue import MODEL_FORM_STATISTICS
 from uqpen.core.labels import MODEL_FORM, MODELS
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.results.estimate_json import entries_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, exceedance_label

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.results.source_statistics import source_entries
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 

@@ -9,13 +9,6 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import (
-    LOWER_THRESHOLD,
-    PROBABILITY,
-    RETURN_PERIOD,
-    SHORTFALL_LEVEL,
-    THRESHOLD,
-)
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -24,6 +17,13 @@ from uqpen.core.labels import (
     RUNS_ABSENT,
     RUNS_SPENT,
     SURROGATES,
+)
+from uqpen.core.statistic_dimensions import (
+    LOWER_THRESHOLD,
+    PROBABILITY,
+    RETURN_PERIOD,
+    SHORTFALL_LEVEL,
+    THRESHOLD,
 )
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from uqpen.core.catalogue import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.statistic_dimensions import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
 from uqpen.core.units import Scale
 from uqpen.results.digits import (
     lower_tolerance_limit_text,

@@ -35,7 +35,8 @@ from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample, input_sample
+from uqpen.statistics.run_samples import each_sample, input_sample, sample_of
+from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined import user_defined_statistics
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
@@ -210,7 +211,7 @@ def analyze_failures(
         found["probability"] = status_probabilities(drawn, level).assign_attrs(counts_of_sample)
     is_weighted = WEIGHT in handle.template.coords
     analysis = unweighted(failure_analysis) if is_weighted else failure_analysis
-    for name, array in analysis(replace(Sample.from_runs(handle, STATUS), level=level)):
+    for name, array in analysis(replace(sample_of(handle, STATUS), level=level)):
         found[name] = array.assign_attrs(counts)
     return found
 
@@ -238,7 +239,7 @@ def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatisti
 def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> Iterator[Sample]:
     """Yield the sample of each output, with the confidence level of its intervals."""
     levels = (quantity.confidence_level for quantity in quantities)
-    made = Sample.each_from_runs(runs, [quantity.output.name for quantity in quantities])
+    made = each_sample(runs, [quantity.output.name for quantity in quantities])
     return map(lambda sample, level: replace(sample, level=level), made, levels)
 
 

@@ -12,9 +12,9 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, IntArray
-from uqpen.core.catalogue import RUNS_SO_FAR
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL, RUN, SAMPLING
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.execution import replicate_count, run_count
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,
@@ -32,7 +32,8 @@ from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import mean_estimate, sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ErrorModel, Sample, input_sample
+from uqpen.statistics.run_samples import input_sample, sample_of_statuses
+from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["convergence", "convergence_of_parts", "part_sizes", "reason_without_parts"]
 
@@ -60,7 +61,7 @@ def reason_without_parts(runs: xr.Dataset) -> str:
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
         return "its points are not a sample of the input distribution"
     drawn = input_sample(runs)
-    model, replicates = Sample.from_statuses(drawn.isel({RUN: slice(1)})).error_model, 0
+    model, replicates = sample_of_statuses(drawn.isel({RUN: slice(1)})).error_model, 0
     # Of the first run alone nothing says that there are several replicates.
     if model is ErrorModel.SINGLE_STRATIFIED_SET and (replicates := replicate_count(drawn)) > 1:
         model = ErrorModel.REPLICATED

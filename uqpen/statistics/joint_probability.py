@@ -13,7 +13,6 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.catalogue import EVENT
 from uqpen.core.labels import (
     ABSENT,
     CORRECTION_WEIGHT,
@@ -25,6 +24,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import EVENT
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.absent_values import absent_runs
@@ -40,6 +40,7 @@ from uqpen.statistics.rare_events.design_point_arrays import design_point_arrays
 from uqpen.statistics.rare_events.form_probability import design_points
 from uqpen.statistics.rare_events.learned_probability import learned_probability
 from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
+from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sample import Sample
 
 __all__ = ["joint_probabilities"]
@@ -87,7 +88,7 @@ def joint_probabilities(
     if goes_by_blocks(handle, in_memory):
         estimates = _estimates_by_blocks(known, handle, outputs, level)
     else:
-        samples = Sample.several_from_runs(drawn, outputs)
+        samples = samples_of(drawn, outputs)
         absent = [name for name in outputs if absent_runs(drawn, name) is not None]
         estimates = [_estimate(event, samples, absent, level) for event in known]
     array = _array(estimates, [(event.name, event.condition) for event in known], known, level)

@@ -10,9 +10,10 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
-from uqpen.core.catalogue import MODEL_FORM_STATISTICS, THRESHOLD
+from uqpen.core.catalogue import MODEL_FORM_STATISTICS
 from uqpen.core.labels import SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.status import Status
 from uqpen.execution import common_runs, worst_status_runs
 from uqpen.statistics import texts
@@ -22,6 +23,7 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import standard_error
@@ -74,7 +76,7 @@ def _of_output(runs: Sequence[xr.Dataset], quantity: QuantityOfInterest) -> Outp
     worst = worst.assign({name: worst[name].copy()})
     values = np.stack([np.asarray(each[name].values, dtype=np.float64) for each in runs])
     is_used = (worst[STATUS].values == Status.OK) & np.isfinite(values).all(axis=0)
-    sample = Sample.from_runs(worst, name)
+    sample = sample_of(worst, name)
     kept = np.flatnonzero(is_used)
     sample = _with_values(sample, kept, values[0, kept], level)
     of_value = _shares(sample, values[:, kept])

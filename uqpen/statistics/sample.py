@@ -2,41 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import (
-    DEPENDENCE,
-    MATRIX,
-    OPTIMIZED_BY,
-    REPLICATE,
-    ROUND,
-    RUN,
-    SAMPLING,
-    STATUS,
-    WEIGHT,
-)
 from uqpen.core.sampling import Sampling
-from uqpen.core.status import Status
-from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
-from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.error_model import ErrorModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.weights import effective_size, weighted_mean
 
-__all__ = ["ErrorModel", "Sample", "input_sample"]
+__all__ = ["ErrorModel", "Sample"]
 
 Made = TypeVar("Made")
 
@@ -45,20 +28,6 @@ _SMALLEST_EFFECTIVE_SIZE = 20
 
 # Replicates whose counts at the values of a distribution function are in memory together: 8 MB.
 _COUNTED_TOGETHER = 1024
-
-
-def input_sample(runs: xr.Dataset) -> xr.Dataset:
-    """Select the runs of a design whose points are a sample of the joint distribution.
-
-    These are all runs, except for pick-freeze blocks: there, they are the rows of the matrices A
-    and B as drawn in the first round.
-    """
-    if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
-        return runs
-    drawn = np.isin(runs[MATRIX].values, (MATRIX_A, MATRIX_B))
-    if ROUND in runs.coords:
-        drawn &= runs[ROUND].values == 0
-    return runs.isel({RUN: drawn})
 
 
 @dataclass(frozen=True)
@@ -105,71 +74,6 @@ class Sample:
     optimized_by: str = ""
     weights: FloatArray | None = None
     level: float = LEVEL
-
-    @classmethod
-    def from_runs(cls, runs: xr.Dataset | BlockedRuns, name: str) -> Sample:
-        """Return the sample of a variable in a runs dataset."""
-        return cls.several_from_runs(runs, [name])[name]
-
-    @classmethod
-    def several_from_runs(
-        cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
-    ) -> dict[str, Sample]:
-        """Return the samples of several variables by name, which have the inputs in common."""
-        names = list(names)
-        return dict(zip(names, cls.each_from_runs(runs, names), strict=True))
-
-    @classmethod
-    def each_from_runs(
-        cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
-    ) -> Iterator[Sample]:
-        """Yield the sample of each variable; none is held here when the next one is made.
-
-        Runs without a value of a derived output are neither used nor missing in its sample.
-        """
-        handle = LoadedDataset.of(runs)
-        is_used = handle.column(STATUS) == Status.OK
-        if WEIGHT in handle.template.coords:
-            is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
-        used = np.flatnonzero(is_used)
-        whole = cls._from_values(handle, np.broadcast_to(np.nan, used.shape), used)
-        for name in names:
-            yield whole._of_variable(handle, name)
-
-    def _of_variable(self, runs: BlockedRuns, name: str) -> Sample:
-        """Return the sample of a variable over those of these runs that have a value of it."""
-        values = _values_at(runs.column(name), self.used)
-        if absent_runs(runs, name) is None:
-            return replace(self, values=values)
-        exists = ~np.isnan(values)
-        return replace(self, values=values[exists], used=self.used[exists])
-
-    @classmethod
-    def from_statuses(cls, runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Sample:
-        """Return the sample of the runs' statuses, in which no run is missing."""
-        handle = LoadedDataset.of(runs)
-        values = handle.column(STATUS).astype(np.float64)
-        whole = cls._from_values(handle, values, np.arange(len(values)))
-        return replace(whole, level=level)
-
-    @classmethod
-    def _from_values(cls, runs: BlockedRuns, values: FloatArray, used: IntArray) -> Sample:
-        status, coordinates = runs.column(STATUS), runs.template.coords
-        failed = np.flatnonzero((status != Status.OK) & (status != Status.INADMISSIBLE))
-        replicates = np.zeros(len(status), dtype=np.int64)
-        if REPLICATE in coordinates:
-            replicates = runs.column(REPLICATE).astype(np.int64)
-        return cls(
-            values=values,
-            used=used,
-            missing=np.setdiff1d(failed, used, assume_unique=True),
-            columns=InputColumns.from_runs(runs),
-            replicates=replicates,
-            sampling=Sampling(runs.attrs[SAMPLING]),
-            dependence=str(runs.attrs.get(DEPENDENCE, "")),
-            optimized_by=str(runs.attrs.get(OPTIMIZED_BY, "")),
-            weights=runs.column(WEIGHT).astype(np.float64) if WEIGHT in coordinates else None,
-        )
 
     def with_missing(self) -> Sample:
         """Return the sample with its missing runs at the end, their values NaN."""
@@ -337,12 +241,3 @@ class Sample:
         """Degrees of freedom of a standard error over independent draws or replicates."""
         is_replicated = self.error_model is ErrorModel.REPLICATED
         return (self.replicate_count if is_replicated else self.effective_size) - 1
-
-
-def _values_at(column: npt.NDArray[Any], used: IntArray) -> FloatArray:
-    """Return a column at some runs, as floats; all of it as a read-only view."""
-    if len(used) < len(column):
-        return np.asarray(column[used], dtype=np.float64)
-    view = np.asarray(column, dtype=np.float64).view()
-    view.flags.writeable = False
-    return view

@@ -209,7 +209,7 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
     @classmethod
     def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
         """Restore it from `to_tree`."""
-        group, told = read_group(tree, INPUT), tree.attrs
+        group, attributes = read_group(tree, INPUT), tree.attrs
         recurrences = {str(entry): group[f"{entry}{_RECURRENCE}"] for entry in group[INPUT].values}
         fixed = {
             str(entry).removeprefix(_FIXED): variable
@@ -221,10 +221,10 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             *(Input(key, *description(each.attrs)) for key, each in fixed.items()),
         ]
         # Older archives have one truncation for all outputs.
-        of_all = float(told.get("truncation", math.nan))
+        of_all = float(attributes.get("truncation", math.nan))
         expansions = {
             output: Expansion.from_dataset(output, read_group(tree, output), of_all)
-            for output in str(told["outputs"]).split()
+            for output in str(attributes["outputs"]).split()
         }
         basis = ProductBasis(
             tuple(UnivariateBasis.from_variable(*each) for each in recurrences.items())
@@ -240,9 +240,9 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             expansions=expansions,
             reasons=unfitted_outputs(tree),
             fixed={entry: float(variable.values) for entry, variable in fixed.items()},
-            design=str(told["design"]),
-            counts={status: int(told[f"runs_{status.meaning}"]) for status in Status},
-            is_independent=told["inputs"] == "independent",
+            design=str(attributes["design"]),
+            counts={status: int(attributes[f"runs_{status.meaning}"]) for status in Status},
+            is_independent=attributes["inputs"] == "independent",
             original=original,
         )
 

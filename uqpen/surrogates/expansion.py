@@ -169,29 +169,29 @@ class Expansion:
 
         The truncation is that of an older archive, whose outputs do not state theirs.
         """
-        told = dataset.attrs
+        attributes = dataset.attrs
         first = np.asarray(dataset["fit_noise"].values, dtype=np.float64)
         return cls(
-            output=Output(name, *description(told, "of_")),
+            output=Output(name, *description(attributes, "of_")),
             indices=dataset["degree"].values.astype(np.int64),
             coefficients=np.asarray(dataset["coefficient"].values, dtype=np.float64),
-            is_logarithm=told["transform"] == _LOGARITHM,
-            order=int(told["order"]),
-            truncation=float(told.get("truncation", truncation)),
-            method=str(told["method"]),
-            leave_one_out=float(told["leave_one_out_error"]),
-            cross_validation=float(told["cross_validation_error"]),
-            smallest=float(told["training_minimum"]),
-            largest=float(told["training_maximum"]),
+            is_logarithm=attributes["transform"] == _LOGARITHM,
+            order=int(attributes["order"]),
+            truncation=float(attributes.get("truncation", truncation)),
+            method=str(attributes["method"]),
+            leave_one_out=float(attributes["leave_one_out_error"]),
+            cross_validation=float(attributes["cross_validation_error"]),
+            smallest=float(attributes["training_minimum"]),
+            largest=float(attributes["training_maximum"]),
             noise=FitNoise(
-                int(told["fit_noise_refits"]),
-                float(told["fit_noise_mean"]),
-                float(told["fit_noise_std"]),
+                int(attributes["fit_noise_refits"]),
+                float(attributes["fit_noise_mean"]),
+                float(attributes["fit_noise_std"]),
                 first,
             ),
             check=PredictionCheck(
-                int(told["check_runs"]),
-                float(told["check_q2"]),
-                float(told["check_q2_of_output"]),
+                int(attributes["check_runs"]),
+                float(attributes["check_q2"]),
+                float(attributes["check_q2_of_output"]),
             ),
         )

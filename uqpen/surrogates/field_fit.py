@@ -157,9 +157,9 @@ class FieldFit:
     def to_groups(self) -> tuple[xr.Dataset, xr.Dataset]:
         """Return its group of an archive, and that of its diagnostics."""
         numbers = np.arange(1, self.components.count + 1)
-        told = {"units": "1", "long_name": "number of the component"}
+        described = {"units": "1", "long_name": "number of the component"}
         coordinates = {
-            PRINCIPAL_COMPONENT: (PRINCIPAL_COMPONENT, numbers, told),
+            PRINCIPAL_COMPONENT: (PRINCIPAL_COMPONENT, numbers, described),
             **field_coordinates(self.output.dims),
         }
         attributes = {
@@ -211,7 +211,7 @@ class FieldFit:
     @classmethod
     def from_group(cls, name: str, group: xr.DataTree) -> FieldFit:
         """Restore the fit to a field from its groups."""
-        dataset, told = group.to_dataset(inherit=False), group.attrs
+        dataset, attributes = group.to_dataset(inherit=False), group.attrs
         dims = tuple(_dimension(dataset[name]) for name in dataset["mean_field"].dims)
         values = {
             key: np.asarray(dataset[key].values, dtype=np.float64) for key in dataset.data_vars
@@ -222,11 +222,11 @@ class FieldFit:
         }
         check = None
         if "check_q2" in values:
-            left, truncation = (float(told[f"check_{key}"]) for key in ("left", "truncation"))
-            runs, q2 = int(told["check_runs"]), values["check_q2"].ravel()
+            left, truncation = (float(attributes[f"check_{key}"]) for key in ("left", "truncation"))
+            runs, q2 = int(attributes["check_runs"]), values["check_q2"].ravel()
             check = FieldCheck(runs, left, truncation, q2)
         return cls(
-            output=Output(name, *description(told, "of_"), dims=dims),
+            output=Output(name, *description(attributes, "of_"), dims=dims),
             components=PrincipalComponents(
                 weights=values["grid_weight"].ravel(),
                 mean=values["mean_field"].ravel(),
@@ -234,8 +234,8 @@ class FieldFit:
                 variances=values["score_variance"],
                 truncated=values["truncated_variance"].ravel(),
             ),
-            smallest=float(told["training_minimum"]),
-            largest=float(told["training_maximum"]),
+            smallest=float(attributes["training_minimum"]),
+            largest=float(attributes["training_maximum"]),
             q2=found["q2"],
             check=check,
         )

@@ -68,7 +68,7 @@ class FittedOutput:
     @classmethod
     def from_group(cls, name: str, group: xr.DataTree, kind: type[OutputFit]) -> FittedOutput:
         """Restore the fit to an output from its groups."""
-        told = group.attrs
+        attributes = group.attrs
         kept = group.children[DIAGNOSTICS].data_vars if DIAGNOSTICS in group.children else {}
         checks = tuple(
             Diagnostic(
@@ -78,10 +78,10 @@ class FittedOutput:
             if str(key) in _CHECK_TITLES
         )
         return cls(
-            output=Output(name, *description(told, "of_")),
+            output=Output(name, *description(attributes, "of_")),
             fit=kind.from_dataset(group.to_dataset(inherit=False)),
-            smallest=float(told["training_minimum"]),
-            largest=float(told["training_maximum"]),
+            smallest=float(attributes["training_minimum"]),
+            largest=float(attributes["training_maximum"]),
             checks=checks,
         )
 

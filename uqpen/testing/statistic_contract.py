@@ -13,6 +13,7 @@ from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined import user_defined_statistics
 from uqpen.statistics.user_defined_analysis import Analysis, UserDefinedAnalysis
@@ -46,7 +47,7 @@ def example_samples() -> list[tuple[Sample, QuantityOfInterest]]:
         attrs={SAMPLING: str(Sampling.INDEPENDENT)},
     )
     return [
-        (Sample.from_runs(runs, output.name), QuantityOfInterest(output, output.unit))
+        (sample_of(runs, output.name), QuantityOfInterest(output, output.unit))
         for output in (number, kinds)
     ]
 

@@ -114,7 +114,7 @@ def _hashes_again(
     progress.start_design(design, len(batches) * BATCH_SIZE)
     policy = FailurePolicy(study.failures.retry)
     options = EvaluationOptions(map=map, progress=progress, failures=policy)
-    for first, last in _stretches(batches):
+    for first, last in _consecutive_batches(batches):
         again = evaluate(
             Evaluator(variant.model, study.constraints),
             _part(points, first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)).assign(
@@ -134,8 +134,8 @@ def _drawn_batches(study: ValidatedStudy, name: str, batches: int, number: int |
     return [int(each) for each in drawn]
 
 
-def _stretches(batches: list[int]) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last batch of each stretch without a gap in a block."""
+def _consecutive_batches(batches: list[int]) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last batch of each sequence without a gap in a block."""
     of_block = BLOCK // BATCH_SIZE
     first = 0
     for place, batch in enumerate(batches):

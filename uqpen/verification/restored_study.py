@@ -64,7 +64,7 @@ def restored_study(
         study = archived_study(tree, folder, trust=trust, objects=objects)
         differing = _different_files(study, files, folder.absolute())
         _refuse_substitutes(files, differing)
-        yield RestoredStudy(study, False, list(differing.values()))
+        yield RestoredStudy(study, has_kept_files=False, different_files=list(differing.values()))
         return
     with extract_files(files, here) as (place, missing):
         try:
@@ -75,7 +75,7 @@ def restored_study(
         if differing:
             advice = "named by an absolute path, and changed since then (use it anyway: --folder)"
             raise ArchiveError("\n".join([*differing.values(), advice]))
-        yield RestoredStudy(study, True, [])
+        yield RestoredStudy(study, has_kept_files=True, different_files=[])
 
 
 def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:

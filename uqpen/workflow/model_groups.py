@@ -61,29 +61,9 @@ def model_groups(
     quantities = study.model_quantities(variant.model)
     sources: dict[str, Source] = {}
     for design, design_runs in own.items():
-        attributes: dict[str, str | int | float] = {
-            SOURCE_KIND: "design",
-            RUNS_SPENT: design_runs.sizes[RUN],
-            **decision_attributes(design_runs),
-            **cost_attributes(study, model, design, runs),
-        }
         steps.start(f"statistics of {design}", model)
-        found = analyze(
-            design_runs,
-            quantities,
-            only=all_analyses_but(study.left_out),
-            user_defined=study.analyses,
-        )
-        found = use_stand_ins(study, model, design, runs, found)
-        outputs = mark_uncertified(found, design_runs.attrs)
-        sources[design] = Source(attributes, outputs)
-        failures = analyze_failures(design_runs, study.confidence_level)
-        yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], design_runs)
-        if failures:
-            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
-        if joint := _joint_statistics(study, design_runs):
-            marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
-            yield f"/{JOINT_GROUP}/{design}", pack(marked)
+        sources[design] = _design_source(study, model, design, runs)
+        yield from _design_groups(study, design, design_runs)
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
@@ -102,6 +82,38 @@ def model_groups(
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
         yield "/", xr.Dataset(attrs=model_identity(variant.model))
+
+
+def _design_source(
+    study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
+) -> Source:
+    """Return the statistics of a model from the runs of a design."""
+    own = runs[model][design]
+    attributes: dict[str, str | int | float] = {
+        SOURCE_KIND: "design",
+        RUNS_SPENT: own.sizes[RUN],
+        **decision_attributes(own),
+        **cost_attributes(study, model, design, runs),
+    }
+    found = analyze(
+        own,
+        study.model_quantities(study.models[model].model),
+        only=all_analyses_but(study.left_out),
+        user_defined=study.analyses,
+    )
+    found = use_stand_ins(study, model, design, runs, found)
+    return Source(attributes, mark_uncertified(found, own.attrs))
+
+
+def _design_groups(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Groups:
+    """Yield the runs of a design, their failures, and statistics of several outputs."""
+    failures = analyze_failures(runs, study.confidence_level)
+    yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], runs)
+    if failures:
+        yield f"/{FAILURES_GROUP}/{design}", pack(failures)
+    if joint := _joint_statistics(study, runs):
+        marked = mark_uncertified({"": joint}, runs.attrs)[""]
+        yield f"/{JOINT_GROUP}/{design}", pack(marked)
 
 
 def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:

@@ -33,7 +33,7 @@ from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.partial_runs import first_runs, sample_so_far
-from uqpen.statistics.sample import input_sample
+from uqpen.statistics.run_samples import input_sample
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.root_attributes import root_attributes
 

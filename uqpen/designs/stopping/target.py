@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput

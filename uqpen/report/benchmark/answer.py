@@ -19,7 +19,7 @@ from uqpen.report.benchmark.section_elements import (
     reference_run_counts,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
-from uqpen.report.marks import Trace, point_trace, series_marker
+from uqpen.report.marks import PointStyle, Trace, point_trace, series_marker
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.benchmark_tables import (
@@ -195,7 +195,13 @@ def _leader_markers(method: ArchivedMethod, found: list[BenchmarkEntry]) -> Trac
                 marks.append((place, float(row), symbol, size, text))
     x, y, symbols, sizes, hovers = zip(*marks, strict=True) if marks else ((), (), (), (), ())
     trace = point_trace(
-        x, y, method.series, hover="%{text}", name=method.source, texts=hovers, opacity=1.0
+        x,
+        y,
+        method.series,
+        hover="%{text}",
+        name=method.source,
+        texts=hovers,
+        style=PointStyle(opacity=1.0),
     )
     outlines = [2 if symbol.endswith("-open") else 0 for symbol in symbols]
     trace["marker"] |= {"symbol": list(symbols), "size": list(sizes), "line": {"width": outlines}}

@@ -26,7 +26,7 @@ from uqpen.report.benchmark.section_elements import (
     variants,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts
-from uqpen.report.marks import Trace, point_trace, series_marker
+from uqpen.report.marks import PointStyle, Trace, point_trace, series_marker
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
@@ -142,8 +142,7 @@ def _points(
         hover="%{text}",
         name=method.source,
         texts=texts,
-        marker=series_marker(method.series),
-        size=7,
+        style=PointStyle(series_marker(method.series), size=7),
     )
 
 

@@ -10,14 +10,14 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import (
+from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
+from uqpen.core.statistic_dimensions import (
     CATEGORY,
     LOWER_THRESHOLD,
     PROBABILITY,
     RUNS_SO_FAR,
     THRESHOLD,
 )
-from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
 from uqpen.report.axes import logarithmic_axis, padded_limits

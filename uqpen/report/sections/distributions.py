@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
 from uqpen.report.axes import quantity_axis

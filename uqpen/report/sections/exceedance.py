@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.figures.curves import Curve
 from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis, Chart, LegendKey

@@ -9,15 +9,22 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.figures.source_comparison import ComparedStatistic
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, escape_text, line_trace, point_trace, series_marker
+from uqpen.report.marks import (
+    PointStyle,
+    Trace,
+    escape_text,
+    line_trace,
+    point_trace,
+    series_marker,
+)
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -158,9 +165,7 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
                 key.series,
                 hover=escape_text(texts[-1], 200),
                 name=source,
-                marker=key.mark,
-                size=10,
-                opacity=1,
+                style=PointStyle(key.mark, size=10, opacity=1),
             )
         )
     return Chart(

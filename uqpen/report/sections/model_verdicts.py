@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.report.blocks import Finding
 from uqpen.report.counting import percent_texts
 from uqpen.report.sections.quoted_statistics import (

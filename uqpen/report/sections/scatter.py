@@ -15,7 +15,7 @@ from uqpen.figures.scatter import category_labels
 from uqpen.report.axes import padded_limits, quantity, quantity_axis
 from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey, Text
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, escape_text, point_trace
+from uqpen.report.marks import PointStyle, Trace, escape_text, point_trace
 from uqpen.report.sections.drivers import input_label, input_order
 from uqpen.report.sections.leading_design import leading_design, output_title
 from uqpen.report.sections.main_outputs import output_blocks
@@ -173,9 +173,7 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
         name=f"failed, {name}",
         texts=[STATUS_TEXT[status] for status in statuses],
         numbers=cloud.shown_failed["number"].values.tolist(),
-        marker="x",
-        size=6,
-        opacity=0.8,
+        style=PointStyle("x", size=6, opacity=0.8),
     )
 
 

@@ -8,8 +8,8 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INPUT
+from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.sensitivity import EFFECTS, best_sources, index_series, response_measures
 from uqpen.report.blocks import Block, Chart, Charts, Fold, Table

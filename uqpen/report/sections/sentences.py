@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Finding

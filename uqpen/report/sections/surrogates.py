@@ -16,7 +16,7 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
-from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
+from uqpen.report.marks import PointStyle, Trace, escape_text, line_trace, point_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import grouped_number
@@ -148,9 +148,7 @@ def _prediction_trace(
         f"%{{y:.5~g}}{unit_text}",
         name=name,
         numbers=compared.runs[which].tolist(),
-        marker=marker,
-        size=4 if marker == "circle" else 8,
-        opacity=0.55 if marker == "circle" else 1,
+        style=PointStyle() if marker == "circle" else PointStyle(marker, size=8, opacity=1),
     )
 
 

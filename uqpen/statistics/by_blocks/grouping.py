@@ -16,7 +16,7 @@ from uqpen.core.labels import REPLICATE, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.convergence import part_sizes
 
-__all__ = ["Grouping", "Stretch"]
+__all__ = ["GroupedRuns", "Grouping"]
 
 # Batches of independent draws: Student's t with so many is 2 % wider than the normal.
 _BATCHES = 64
@@ -24,7 +24,7 @@ _BATCHES = 64
 _MOST_GROUPS = 1024
 
 
-class Stretch(NamedTuple):
+class GroupedRuns(NamedTuple):
     """Runs of one group and one batch, by their places in a block."""
 
     group: int
@@ -38,7 +38,7 @@ class Grouping:
 
     A group is a replicate, or as many consecutive ones in each; of other designs, the runs from one
     end of a growing part to the next. So each growing part is the first groups. A batch is a group
-    of replicates, or one of equal stretches.
+    of replicates, or one of equally many consecutive runs.
 
     Parameters
     ----------
@@ -102,10 +102,10 @@ class Grouping:
         """Number of batches."""
         return self.replicates.size if self.is_replicated else self._batch_ends.size
 
-    def stretches(
+    def grouped_runs(
         self, start: int, stop: int, replicate: npt.NDArray[Any] | None
-    ) -> Iterator[Stretch]:
-        """Yield the stretches of the runs from one number to another.
+    ) -> Iterator[GroupedRuns]:
+        """Yield the runs of each group and batch from one number to another.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Grouping:
             groups = np.searchsorted(self.replicates, replicate, side="right") - 1
             for group in np.flatnonzero(np.bincount(groups)).tolist():
                 rows = np.flatnonzero(groups == group)
-                yield Stretch(group, group, slice(None) if rows.size == stop - start else rows)
+                yield GroupedRuns(group, group, slice(None) if rows.size == stop - start else rows)
             return
         origin = first = start
         ends = np.unique(np.concatenate([self._group_ends, self._batch_ends, [stop]]))
@@ -126,7 +126,7 @@ class Grouping:
             group, batch = (
                 int(np.searchsorted(own, end)) for own in (self._group_ends, self._batch_ends)
             )
-            yield Stretch(group, batch, slice(first - origin, end - origin))
+            yield GroupedRuns(group, batch, slice(first - origin, end - origin))
             first = end
 
     @cached_property

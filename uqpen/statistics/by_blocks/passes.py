@@ -66,7 +66,7 @@ class RunTable:
     def some_columns(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """Return columns of some completed runs, from which cells are made.
 
-        They are as many as a block, in stretches all over the design: a table may be sorted.
+        They are as many as a block, in pieces all over the design: a table may be sorted.
         """
         parts: list[dict[str, FloatArray]] = []
         _, block = next(block_ranges(self.runs.size))
@@ -84,7 +84,7 @@ class RunTable:
             read = self._read(start, stop, names)
             used, status = self._used(read), read[STATUS]
             is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)
-            for group, batch, rows in self.grouping.stretches(start, stop, read.get(REPLICATE)):
+            for group, batch, rows in self.grouping.grouped_runs(start, stop, read.get(REPLICATE)):
                 mine = used[rows]
                 taken = slice(None) if mine.all() else mine
                 columns = {name: _floats(read[name][rows][taken]) for name in names}

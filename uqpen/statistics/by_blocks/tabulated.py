@@ -63,7 +63,7 @@ def tabulated_samples(
         read = runs.part(start, stop, [*labels, *names])
         is_failed = (read[STATUS] != Status.OK) & (read[STATUS] != Status.INADMISSIBLE)
         found = [column(read) for column in columns]
-        for group, _, rows in grouping.stretches(start, stop, read.get(REPLICATE)):
+        for group, _, rows in grouping.grouped_runs(start, stop, read.get(REPLICATE)):
             for k, (column, used) in enumerate(found):
                 taken = column[rows][used[rows]]
                 counted[k].add(group, splitters.locate(taken))

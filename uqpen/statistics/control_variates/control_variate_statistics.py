@@ -11,7 +11,6 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import LOWER_THRESHOLD, PERCENT, PROBABILITY, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
     EQUIVALENT_RUNS,
@@ -21,6 +20,7 @@ from uqpen.core.labels import (
     NOTE,
     ROUND,
 )
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PERCENT, PROBABILITY, THRESHOLD
 from uqpen.statistics import texts
 from uqpen.statistics.control_variates.group_runs import (
     GroupRuns,

@@ -10,8 +10,8 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns
-from uqpen.core.catalogue import CATEGORY, LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.labels import STATUS
+from uqpen.core.statistic_dimensions import CATEGORY, LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
@@ -19,6 +19,7 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import sample_of_statuses
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
 from uqpen.statistics.threshold import Acceptable, Threshold
@@ -200,7 +201,7 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
 
 def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> xr.DataArray:
     """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
-    return probabilities_of_statuses(Sample.from_statuses(runs, level))
+    return probabilities_of_statuses(sample_of_statuses(runs, level))
 
 
 def probabilities_of_statuses(sample: Sample) -> xr.DataArray:

@@ -31,7 +31,7 @@ from uqpen.statistics.event_sensitivity.sensitivity_arrays import (
 from uqpen.statistics.event_sensitivity.subset_sensitivity import SubsetScores
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.rare_events.rare_event_probability import rare_event
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sensitivity.given_data import event_first_order
 from uqpen.statistics.sensitivity.input_measures import event_array
 
@@ -88,7 +88,7 @@ def _of_sample(
     runs: BlockedRuns, events: Sequence[JointEvent], joint: JointDistribution, level: float
 ) -> OutputStatistics:
     outputs = sorted(set[str]().union(*(event.outputs for event in events)))
-    samples = Sample.several_from_runs(runs, outputs)
+    samples = samples_of(runs, outputs)
     known = [event_sample(event, samples, level) for event in events]
     inputs = ScoredInputs.of(joint)
     rows = [inputs.estimates(partial(sample_sensitivities, *each)) for each in known]

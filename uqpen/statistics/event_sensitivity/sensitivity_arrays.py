@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import SENSITIVITY_EVENT
+from uqpen.core.statistic_dimensions import SENSITIVITY_EVENT
 from uqpen.core.units import scale
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.statistics import texts

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import BAND_CONTENT
+from uqpen.core.statistic_dimensions import BAND_CONTENT
 from uqpen.statistics import texts
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields.at_each_place import along_field

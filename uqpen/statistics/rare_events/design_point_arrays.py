@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import DESIGN_POINT
 from uqpen.core.labels import INPUT, ROLE, RUN
+from uqpen.core.statistic_dimensions import DESIGN_POINT
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.rare_events.form_probability import DesignPoint

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CONTENT_LEVEL, LOWER_CONTENT, PROBABILITY
 from uqpen.core.labels import SUBSET_LEVEL
+from uqpen.core.statistic_dimensions import CONTENT_LEVEL, LOWER_CONTENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import runs_needed

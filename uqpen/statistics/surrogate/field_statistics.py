@@ -38,6 +38,7 @@ from uqpen.core.model import Dimension
 from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 from uqpen.statistics.surrogate.field_shares import closed_form_shares, sampled_shares
@@ -118,7 +119,7 @@ class _Field:
     def sample(self) -> Sample:
         """The scores at the draws, shape (run, component)."""
         runs = LoadedDataset.of(self.draws.runs)
-        samples = Sample.several_from_runs(runs, self.fit.scores)
+        samples = samples_of(runs, self.fit.scores)
         values = [samples[name].values for name in self.fit.scores]
         return replace(samples[self.fit.scores[0]], values=np.column_stack(values))
 

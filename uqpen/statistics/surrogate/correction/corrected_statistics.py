@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, PERCENT, PROBABILITY
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUND,
     EQUIVALENT_RUNS,
@@ -22,6 +22,7 @@ from uqpen.core.labels import (
     STOPPING_STATISTICS,
     SURROGATE_ESTIMATE,
 )
+from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import LEVEL, Estimate
