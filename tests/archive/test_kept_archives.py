@@ -78,7 +78,7 @@ FIGURES = {
 }
 
 # Those with a surrogate of an earlier recipe, which is not repeated.
-WITH_EARLIER_SURROGATE = ("schema_1", "schema_2")
+WITH_EARLIER_SURROGATE = ("schema_1", "schema_2", "schema_3")
 # That with the intervals of means and standard deviations that uqpen computes today.
 WITH_TODAYS_INTERVALS = "schema_3"
 
