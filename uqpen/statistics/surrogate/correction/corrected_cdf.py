@@ -30,6 +30,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.ascending import ascending, largest_up_to, least_from
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
     CorrectedProbability,
@@ -134,13 +135,13 @@ class CorrectedCdf:
         value, lower, upper = np.zeros((3, len(self._grid)))
         for choice, part in self.choices.parts():
             found = self._bounded(self._drawn, self._counted, choice, level)
-            value += part(_ascending(found.value))
-            lower += part(_ascending(found.lower))
-            upper += part(_ascending(found.upper))
+            value += part(ascending(found.value))
+            lower += part(ascending(found.lower))
+            upper += part(ascending(found.upper))
         # Rounding may be against both.
-        value = _rising(value)
+        value = largest_up_to(value)
         return CorrectedProbability(
-            value, np.minimum(_rising(lower), value), np.maximum(_rising(upper), value)
+            value, np.minimum(largest_up_to(lower), value), np.maximum(largest_up_to(upper), value)
         )
 
     def _between(self, values: FloatArray) -> FloatArray:
@@ -151,8 +152,8 @@ class CorrectedCdf:
         for choice, part in self.choices.parts():
             known = self._bounded(self._drawn, self._counted, choice, self.runs.level).value
             found = self._bounded(drawn, counts, choice, self.runs.level).value
-            highest = np.maximum(_rising(known)[after - 1], found)
-            result += part((highest + np.minimum(_falling(known)[after], found)) / 2)
+            highest = np.maximum(largest_up_to(known)[after - 1], found)
+            result += part((highest + np.minimum(least_from(known)[after], found)) / 2)
         return result
 
     def _inverted(
@@ -214,21 +215,6 @@ class CorrectedCdf:
             )
             np.cumsum(at.reshape(sets, -1)[:, :-1], axis=1, out=share)
         return shares / np.bincount(runs.draw_replicate)[:, None]
-
-
-def _rising(found: FloatArray) -> FloatArray:
-    """Return the largest of all up to each."""
-    return np.maximum.accumulate(found)
-
-
-def _falling(found: FloatArray) -> FloatArray:
-    """Return the least of all from each on."""
-    return np.minimum.accumulate(found[::-1])[::-1]
-
-
-def _ascending(found: FloatArray) -> FloatArray:
-    """Return the nearest ascending function, in the largest distance."""
-    return (_rising(found) + _falling(found)) / 2
 
 
 def _counts(
