@@ -41,7 +41,8 @@ from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMom
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.refinement.placement import place
-from uqpen.surrogates.refinement.predicted_errors import RefinedOutput, predicted_errors
+from uqpen.surrogates.refinement.predicted_errors import predicted_errors
+from uqpen.surrogates.refinement.refinement import RefinedOutput
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
