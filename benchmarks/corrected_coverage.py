@@ -44,11 +44,10 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf, corrected_half_spread
+from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_indices import InputParts, corrected_indices
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import corrected_probability
 from uqpen.study.load import load_study
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.regression import sparse_regression
@@ -365,14 +364,15 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
     moments = CorrectedMoments(runs)
     yield "mean", moments.mean()
     yield "std", moments.std()
-    for p, limit in zip(EXCEEDED, truth.thresholds, strict=True):
-        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
-        found = corrected_probability(runs, *(each > limit for each in of))
-        yield f"P {p:g}", Estimate(found.value, found.lower, found.upper, "", "discrete")
-    ends = CorrectedCdf(runs).quantile(QUANTILES)
+    cdf = CorrectedCdf(runs)
+    above = cdf.above(truth.thresholds)
+    of = zip(EXCEEDED, above.value, above.lower, above.upper, strict=True)
+    for p, value, lower, upper in of:
+        yield f"P {p:g}", Estimate(value, lower, upper, "", "discrete")
+    ends = cdf.quantile(QUANTILES)
     for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
         yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
-    yield "half_spread", Estimate(*corrected_half_spread(runs), "", "conservative")
+    yield "half_spread", Estimate(*cdf.half_spread(), "", "conservative")
     if seed.parts and not moments.heavy_tail:
         for order, parts in zip(("first", "total"), seed.parts, strict=True):
             for name, estimate in enumerate(corrected_indices(runs, parts, moments.variance)):

@@ -38,7 +38,6 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import corrected_probability
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.refinement.placement import place
 from uqpen.surrogates.refinement.predicted_errors import predicted_errors
@@ -171,11 +170,12 @@ def _estimates(runs: CorrectionRuns, thresholds: FloatArray) -> Iterator[tuple[s
     moments = CorrectedMoments(runs)
     yield "mean", moments.mean()
     yield "std", moments.std()
+    cdf = CorrectedCdf(runs)
+    above = cdf.above(thresholds)
     for name, number in EXCEEDED.items():
-        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
-        found = corrected_probability(runs, *(each > thresholds[number] for each in of))
-        yield name, Estimate(found.value, found.lower, found.upper, "", "discrete")
-    ends = CorrectedCdf(runs).quantile(QUANTILES)
+        ends = above.value[number], above.lower[number], above.upper[number]
+        yield name, Estimate(*ends, "", "discrete")
+    ends = cdf.quantile(QUANTILES)
     for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
         yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
 

@@ -78,9 +78,9 @@ FIGURES = {
 }
 
 # Those with a surrogate of an earlier recipe, which is not repeated.
-WITH_EARLIER_SURROGATE = ("schema_1", "schema_2")
-# That with the intervals of means and standard deviations that uqpen computes today.
-WITH_TODAYS_INTERVALS = "schema_3"
+WITH_EARLIER_SURROGATE = ("schema_1", "schema_2", "schema_3")
+# Those with intervals of a later recipe than the first.
+INTERVAL_RECIPES = {"schema_3": 2}
 
 
 class Kept(NamedTuple):
@@ -185,12 +185,10 @@ def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     told = [part.text for part in parts if part.name == "surrogates"]
     earlier = ["not checked: chaos; another uqpen has fitted and corrected them"]
     assert told == (earlier if kept.name in WITH_EARLIER_SURROGATE else [])
-    # Intervals of means and standard deviations of the first recipe.
-    intervals = [part for part in parts if part.name == "intervals"]
-    assert len(intervals) == (kept.name != WITH_TODAYS_INTERVALS)
-    for part in intervals:
-        assert part.verdict is CheckOutcome.UNCHECKED
-        assert "made by an earlier recipe (1, here " in part.text
+    (intervals,) = (part for part in parts if part.name == "intervals")
+    assert intervals.verdict is CheckOutcome.UNCHECKED
+    recipe = INTERVAL_RECIPES.get(kept.name, 1)
+    assert f"made by an earlier recipe ({recipe}, here " in intervals.text
     compared = [part for part in parts if part.name not in ("surrogates", "intervals")]
     assert {part.verdict for part in compared} <= {CheckOutcome.EQUAL, CheckOutcome.CLOSE}
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -27,11 +27,7 @@ from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean, spacing
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import (
-    CorrectedProbability,
-    bonett_price,
-    corrected_probability,
-)
+from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability, bonett_price
 from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
@@ -159,9 +155,8 @@ def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
     runs = in_one_fold(runs_of(seed, missing=3))
 
     def of(runs: CorrectionRuns) -> tuple[float, float, float]:
-        every = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
-        found = corrected_probability(runs, *(each > limit for each in every))
-        return float(found.value), float(found.lower), float(found.upper)
+        found = CorrectedCdf(runs).above(np.array([limit]))
+        return float(found.value[0]), float(found.lower[0]), float(found.upper[0])
 
     _, lower, upper = of(runs)
     for outcome in itertools.product((limit - 1, limit + 1), repeat=3):
@@ -192,19 +187,104 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: floa
     assert inside[has].all()
 
 
+@given(
+    st.integers(0, 10**6),
+    st.integers(10, 80),
+    st.integers(1, 5),
+    st.sampled_from([0.0, 0.05, 0.3, 2.0]),
+    st.sampled_from([-1.0, 0.0, 0.5, 1.0]),
+    st.integers(0, 4),
+    st.booleans(),
+    st.booleans(),
+)
+def test_quantiles_ascend_and_are_of_the_distribution_function(
+    seed: int,
+    size: int,
+    folds: int,
+    error: float,
+    slope: float,
+    missing: int,
+    is_rounded: bool,
+    is_weighted: bool,
+) -> None:
+    rng = np.random.default_rng(seed)
+    runs = runs_of(seed, max(size, 2 * folds), error, missing, slope)
+    runs = replace(
+        runs,
+        fold=np.arange(runs.size) % folds,
+        missing_fold=np.arange(missing) % folds,
+        draws=np.hypot(slope, error) * rng.normal(size=(folds, 64)),
+    )
+    if is_rounded:  # many equal values
+        runs = runs.of(lambda values: np.round(2 * values) / 2)
+    if is_weighted:
+        weights = rng.uniform(0.5, 1.5, runs.size + missing)
+        runs = replace(runs, weights=weights[: runs.size], missing_weights=weights[runs.size :])
+    cdf = CorrectedCdf(runs)
+    p = np.unique(np.concatenate([np.linspace(0, 1, 41), rng.uniform(size=40)]))
+    value, lower, upper = cdf.quantile(p)
+    # No lower bound is minus infinity, no upper one infinity.
+    lower, upper = (
+        np.where(np.isnan(lower), -np.inf, lower),
+        np.where(np.isnan(upper), np.inf, upper),
+    )
+    assert (lower <= value).all()
+    assert (value <= upper).all()
+    for ends in (value, lower, upper):
+        assert (ends[1:] >= ends[:-1]).all()
+    limits = np.unique(np.concatenate([runs.values, runs.predictions, 3 * rng.normal(size=40)]))
+    found, above, below = cdf.at(limits), cdf.above(limits), cdf.below(limits)
+    for each in (found, below):
+        assert (each.lower >= 0).all()
+        assert (each.lower <= each.value).all()
+        assert (each.value <= each.upper).all()
+        assert (each.upper <= 1).all()
+        for ends in (each.value, each.lower, each.upper):
+            assert (ends[1:] >= ends[:-1]).all()
+    assert (above.value == 1 - found.value).all()
+    assert (above.lower == 1 - found.upper).all()
+    assert (below.value <= found.value).all()
+    # A quantile is at most a value where the distribution function there is at least p.
+    at = cdf.at(value).value
+    assert (at >= p - 1e-12).all()
+    is_reached = found.value[:, None] >= p
+    known = np.isin(limits, np.concatenate([runs.values, runs.predictions]))
+    assert ((value <= limits[:, None]) == is_reached)[known].all()
+
+
+def test_requests_do_not_change_each_other() -> None:
+    cdf = CorrectedCdf(runs_of(3, slope=0.5, error=0.8))
+    p, limits = np.linspace(0, 1, 21), np.linspace(-2, 2, 21)
+    for number in (0, 7, 20):
+        alone, one = np.ravel(cdf.quantile(p[[number]])), [each[number] for each in cdf.quantile(p)]
+        np.testing.assert_array_equal(alone, one)
+        alone_at = CorrectedCdf(cdf.runs).at(limits[[number]])
+        together = cdf.at(limits)
+        assert alone_at.value[0] == together.value[number]
+        assert alone_at.upper[0] == together.upper[number]
+
+
+def test_a_high_quantile_has_an_interval_as_wide_as_a_low_one() -> None:
+    # Some folds do without their fit, and predict that a value is rare, whichever it is.
+    widths = []
+    for seed in range(40):
+        runs = runs_of(seed, runs=60, slope=0.5, error=0.8)
+        for each in (runs, runs.of(np.negative)):
+            found = CorrectedCdf(each).at(np.array([-1.3, 1.3]))
+            widths.append(found.upper - found.lower)
+    low, high = np.mean(widths, axis=0)
+    assert high == pytest.approx(low, rel=0.07)
+
+
 def test_a_fit_that_errs_too_much_is_left_out_by_the_other_folds() -> None:
     # Predictions of pure noise: the interval is that of the runs alone.
     runs = runs_of(runs=200, slope=0.0, error=1.0)
-    found = corrected_probability(
-        runs,
-        *(each > 0 for each in (runs.values, runs.predictions, runs.draws)),
-        runs.values[:0] > 0,
-    )
+    found = CorrectedCdf(runs).above(np.zeros(1))
     events = int((runs.values > 0).sum())
-    assert found.value == pytest.approx(events / 200)
+    assert float(found.value[0]) == pytest.approx(events / 200)
     lower, upper = clopper_pearson(events, 200, 0.95)
-    assert found.lower == pytest.approx(lower)
-    assert found.upper == pytest.approx(upper)
+    assert found.lower == pytest.approx([lower])
+    assert found.upper == pytest.approx([upper])
     _, lower, upper = CorrectedCdf(runs).quantile(np.array([0.5]))
     below = [(runs.values <= each[0]).mean() for each in (lower, upper)]
     assert below == pytest.approx([0.43, 0.57], abs=0.01)
@@ -215,8 +295,14 @@ def test_a_run_does_not_decide_whether_its_own_fit_is_used(seed: int, value: flo
     runs = runs_of(seed, runs=60, slope=0.5, error=0.8)
     other = replace(runs, values=np.where(runs.fold == 0, value, runs.values))
     levels = np.array([0.1, 0.5, 0.8])
-    one, changed = (CorrectedCdf(each).choices(levels)[:, 0] for each in (runs, other))
+    one, changed = (_fit_of_first_fold(each, levels) for each in (runs, other))
     assert (one == changed).all()
+
+
+def _fit_of_first_fold(runs: CorrectionRuns, levels: FloatArray) -> BoolArray:
+    """Return whether the first fold uses its fit for quantiles."""
+    choices = CorrectedCdf(runs).choices
+    return choices.choice.uses_fit[0, np.searchsorted(choices.ends, levels)]
 
 
 def test_a_quantile_beyond_the_runs_has_no_bound() -> None:
@@ -325,16 +411,21 @@ def _moments(runs: CorrectionRuns) -> tuple[float, ...]:
 
 
 def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
-    runs = in_one_fold(runs_of(7))
+    runs = runs_of(7)
+    # Predictions below all runs: what lies above is of the runs alone.
+    below = runs.values.min() - 1
+    runs = replace(
+        in_one_fold(runs),
+        predictions=np.full_like(runs.values, below),
+        draws=np.full_like(runs.draws[:1], below),
+    )
     happens = runs.values > 0.5
 
     def probability(weights: FloatArray) -> CorrectedProbability:
         weighted = replace(runs, weights=weights, missing_weights=weights[:0])
-        none = np.zeros(0, dtype=np.bool_)
-        at_draws = np.zeros(runs.draws.shape, dtype=np.bool_)
-        return corrected_probability(weighted, happens, ~happens & False, at_draws, none)
+        return CorrectedCdf(weighted).above(np.array([0.5]))
 
     even, heavy = probability(np.ones(40)), probability(np.where(happens, 0.5, 1.5))
-    assert even.value == pytest.approx(happens.mean())
-    assert heavy.value == pytest.approx(happens.mean() / 2)
+    assert float(even.value[0]) == pytest.approx(happens.mean())
+    assert float(heavy.value[0]) == pytest.approx(happens.mean() / 2)
     assert probability(np.where(happens, 1.5, 0.5)).upper > even.upper

@@ -136,7 +136,8 @@ _STATISTICS = [
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
     Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),
-    Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
+    # Recipe 3 lets the bounds ascend.
+    Statistic("cdf", "distribution function, pointwise bounds", (RANK,), recipe=3),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),

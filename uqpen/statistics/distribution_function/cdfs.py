@@ -12,6 +12,7 @@ from uqpen.archive.estimates import estimate_array
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
 from uqpen.statistics import texts
+from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -106,7 +107,7 @@ def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> 
         without = _no_band(estimate, reason)
         return without, without
     ends = weighted_probability_interval(estimate, errors, weights, sample.level)
-    band = np.stack([estimate, *ends], axis=-1)
+    band = np.stack([estimate, *map(ascending, ends)], axis=-1)
     pointwise = _Band(band, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
     return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
 
@@ -121,8 +122,9 @@ def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> _Band:
         errors = _errors(sample, values, estimate)
         half = student_quantile(sample.degrees_of_freedom, sample.level) * errors
         regular = has_enough_runs_around(sample, total)
-        lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
-        upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
+        # The scatter is another one at each value, and the next bound may be lower.
+        lower = ascending(np.where(regular, np.maximum(estimate - half, 0.0), lower))
+        upper = ascending(np.where(regular, np.minimum(estimate + half, 1.0), upper))
         method = texts.STUDENT_OR_CLOPPER_PEARSON
         label = "discrete"
     return _Band(np.stack([estimate, lower, upper], axis=-1), method, label)

@@ -1,8 +1,25 @@
-"""Distribution function and quantiles of an output, by its surrogate and corrected by real runs.
+"""Distribution function of an output, by its surrogate and corrected by real runs; its inverse.
+
+The function and its bounds ascend, and all that is said of a distribution follows from them:
+probabilities of lying beyond a value, quantiles and their intervals.
+
+Folds may use their fits or not, and the best choice is another one at other probabilities. Each
+piece of the probabilities from 0 to 1 has a choice, and by each choice there is a function. The
+quantiles by the choices of all pieces may step back from one piece to the next. Their rearrangement
+in ascending order is no farther from the true quantiles, and rearranged bounds hold the whole
+function at least as often (Chernozhukov, Fernández-Val and Galichon). The distribution function of
+the rearranged quantiles is a sum over the pieces: each function, as far as it lies in its piece.
+
+By one choice, too, the function falls where only a prediction lies below a value. Of all ascending
+functions, the middle between its largest value up to a point and its least from there on is the
+nearest to it in the largest distance (Ubhaya).
 
 References
 ----------
-Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646.
+Chernozhukov, V., Fernández-Val, I. & Galichon, A. (2009). Biometrika 96, 559-575.
+Chernozhukov, V., Fernández-Val, I. & Galichon, A. (2010). Econometrica 78, 1093-1125.
+Ubhaya, V. A. (1974). J. Approx. Theory 12, 146-159.
+Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646 (the inverse).
 """
 
 from __future__ import annotations
@@ -12,40 +29,161 @@ from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.ascending import ascending, largest_up_to, least_from
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import (
     CorrectedProbability,
     Counts,
+    FoldChoice,
     FoldCounts,
     with_bounds,
 )
+from uqpen.statistics.surrogate.correction.quantile_choices import QuantileChoices
 
-__all__ = ["CorrectedCdf", "corrected_half_spread"]
+__all__ = ["CorrectedCdf"]
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedCdf:
-    """The corrected distribution function at every value where it may change."""
+    """The corrected distribution function with pointwise bounds, and its inverse."""
 
     runs: CorrectionRuns
 
-    @cached_property
-    def _grid(self) -> FloatArray:
-        """Values of the output, ascending: of runs, predictions, and as many draws as a fit has."""
-        runs = self.runs
-        drawn = np.sort(runs.draws, axis=None)[:: len(runs.draws)]
-        return np.unique(np.concatenate([runs.values, runs.predictions, drawn]))
+    def at(self, values: FloatArray) -> CorrectedProbability:
+        """Return the distribution function with its bounds at some values."""
+        grid, known = self._grid, self._at_grid
+        place = np.searchsorted(grid, values, side="right") - 1
+        is_between = grid[place] != values
+        after = np.minimum(place + is_between, len(grid) - 1)
+        found = known.value[place]
+        if is_between.any():
+            between, number = np.unique(values[is_between], return_inverse=True)
+            exact = self._between(between)[number]
+            found[is_between] = np.clip(exact, found[is_between], known.value[after[is_between]])
+        return CorrectedProbability(found, known.lower[place], known.upper[after])
+
+    def above(self, values: FloatArray) -> CorrectedProbability:
+        """Return the probabilities of exceeding some values."""
+        found = self.at(values)
+        return CorrectedProbability(1 - found.value, 1 - found.upper, 1 - found.lower)
+
+    def below(self, values: FloatArray) -> CorrectedProbability:
+        """Return the probabilities of lying below some values."""
+        return self.at(np.nextafter(values, -np.inf))
 
     def surrogate_share(self, values: FloatArray) -> FloatArray:
-        """Return the distribution function of the surrogate at some values."""
-        by_set = self.runs.shares @ self._shares_by_set(values).swapaxes(0, 1)
-        return self._pooled(by_set)
+        """Return the distribution function of the surrogate at quantiles."""
+        shares = self._pooled(np.einsum("k,ksv->sv", self.runs.shares, self._drawn))
+        return shares[np.searchsorted(self._grid, values)]
 
-    def at(self, values: FloatArray) -> CorrectedProbability:
-        """Return the distribution function with pointwise bounds at ascending values."""
-        counts, drawn = self._counts(values), self._shares_by_set(values)
-        return self._bounded(drawn, counts, counts.uses_surrogate(self.runs))
+    def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return quantiles with bounds: all values whose interval has the probability.
+
+        Parameters
+        ----------
+        probability : ndarray, shape (probability,)
+
+        Returns
+        -------
+        value, lower, upper : ndarray, shape (probability,)
+            A bound is NaN where the interval has the probability beyond all values.
+        """
+        return self._inverted(self._at_grid, probability)
+
+    def half_spread(self) -> tuple[float, float, float]:
+        """Return half the 16 % to 84 % range with bounds; NaN where one of the ends has none.
+
+        The ends have intervals of a higher level, so that both hold together at least as often as
+        the level of the runs says (Bonferroni).
+        """
+        found = self._function((1 + self.runs.level) / 2)
+        value, lower, upper = self._inverted(found, np.array([0.16, 0.84]))
+        least, most = lower[1] - upper[0], upper[1] - lower[0]
+        return float(np.diff(value)[0]) / 2, float(np.maximum(least, 0.0)) / 2, float(most) / 2
+
+    @cached_property
+    def choices(self) -> QuantileChoices:
+        """What the folds predict, by probability: the other folds decide, at their quantile."""
+        return QuantileChoices.of(self.runs, self._grid, self._counted.choice(self.runs))
+
+    @cached_property
+    def _grid(self) -> FloatArray:
+        """Ascending values: of runs, predictions, and as many draws as a fit has.
+
+        Minus infinity comes first: there, no run is below.
+        """
+        runs, folds = self.runs, len(self.runs.draws)
+        drawn = np.sort(runs.draws, axis=None)[folds - 1 :: folds]
+        found = (runs.values, runs.predictions, runs.missing_predictions, drawn)
+        return np.concatenate([[-np.inf], np.unique(np.concatenate(found))])
+
+    @cached_property
+    def _drawn(self) -> FloatArray:
+        return self._drawn_shares(self._grid)
+
+    @cached_property
+    def _counted(self) -> FoldCounts:
+        return self._counts(self._grid)
+
+    @cached_property
+    def _at_grid(self) -> CorrectedProbability:
+        return self._function(self.runs.level)
+
+    def _function(self, level: float) -> CorrectedProbability:
+        """Return the function with its bounds at the grid."""
+        value, lower, upper = np.zeros((3, len(self._grid)))
+        for choice, part in self.choices.parts():
+            found = self._bounded(self._drawn, self._counted, choice, level)
+            value += part(ascending(found.value))
+            lower += part(ascending(found.lower))
+            upper += part(ascending(found.upper))
+        # Rounding may be against both.
+        value = largest_up_to(value)
+        return CorrectedProbability(
+            value, np.minimum(largest_up_to(lower), value), np.maximum(largest_up_to(upper), value)
+        )
+
+    def _between(self, values: FloatArray) -> FloatArray:
+        """Return the function at ascending values between those of the grid."""
+        after = np.searchsorted(self._grid, values).clip(0, len(self._grid) - 1)
+        counts, drawn = self._counts(values), self._drawn_shares(values)
+        result = np.zeros(len(values))
+        for choice, part in self.choices.parts():
+            known = self._bounded(self._drawn, self._counted, choice, self.runs.level).value
+            found = self._bounded(drawn, counts, choice, self.runs.level).value
+            highest = np.maximum(largest_up_to(known)[after - 1], found)
+            result += part((highest + np.minimum(least_from(known)[after], found)) / 2)
+        return result
+
+    def _inverted(
+        self, found: CorrectedProbability, probability: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return quantiles with bounds, of a distribution function at the grid."""
+        values, last = self._grid[1:], len(self._grid) - 2
+        value = values[np.searchsorted(found.value[1:], probability).clip(0, last)]
+        # The first value with an upper bound of at least the probability.
+        first = np.searchsorted(found.upper[1:], probability).clip(0, last)
+        lower = np.where(probability > found.upper[0], values[first], np.nan)
+        # The first value with a lower bound above the probability.
+        beyond = np.searchsorted(found.lower[1:], probability, side="right")
+        upper = np.where(beyond <= last, values[beyond.clip(0, last)], np.nan)
+        return value, np.minimum(lower, value), np.maximum(upper, value)
+
+    def _bounded(
+        self, drawn: FloatArray, counts: FoldCounts, choice: FoldChoice, level: float
+    ) -> CorrectedProbability:
+        """Return bounds from shares of draws and counts of runs, by one choice for all values."""
+        runs = replace(self.runs, level=level)
+        by_set = np.einsum("k,ksv->sv", runs.shares * choice.uses_fit[:, 0], drawn)
+        by_set += runs.shares @ (~choice.uses_fit & choice.otherwise)
+        error = by_set.std(axis=0, ddof=1) / np.sqrt(len(by_set))
+        return with_bounds(runs, self._pooled(by_set), counts, choice, error)
+
+    def _pooled(self, by_set: FloatArray) -> FloatArray:
+        """Return the mean over all draws of what is known by set."""
+        draws = self.runs.draw_replicate
+        return np.asarray(np.bincount(draws) @ by_set / len(draws))
 
     def _counts(self, values: FloatArray) -> FoldCounts:
         runs, folds = self.runs, len(self.runs.draws)
@@ -61,21 +199,7 @@ class CorrectedCdf:
 
         return FoldCounts.weighted(runs, counts)
 
-    def _bounded(
-        self, drawn: FloatArray, counts: FoldCounts, is_used: BoolArray
-    ) -> CorrectedProbability:
-        """Return bounds from shares of draws and counts of runs; each fold uses its fit or not."""
-        weights = self.runs.shares[:, None] * is_used
-        by_set = np.einsum("kv,ksv->sv", weights, drawn)
-        error = by_set.std(axis=0, ddof=1) / np.sqrt(len(by_set))
-        return with_bounds(self.runs, self._pooled(by_set), counts, is_used, error)
-
-    def _pooled(self, by_set: FloatArray) -> FloatArray:
-        """Return the mean over all draws of what is known by set."""
-        draws = self.runs.draw_replicate
-        return np.asarray(np.bincount(draws) @ by_set / len(draws))
-
-    def _shares_by_set(self, values: FloatArray) -> FloatArray:
+    def _drawn_shares(self, values: FloatArray) -> FloatArray:
         """Return the distribution function of each fit in each set of draws, at ascending values.
 
         Its shape is (fold, set, value).
@@ -91,74 +215,6 @@ class CorrectedCdf:
             )
             np.cumsum(at.reshape(sets, -1)[:, :-1], axis=1, out=share)
         return shares / np.bincount(runs.draw_replicate)[:, None]
-
-    def quantile(self, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return quantiles with bounds: all values whose interval has the probability.
-
-        A bound is NaN where the interval has it beyond all values.
-
-        Parameters
-        ----------
-        probability : ndarray, shape (probability,)
-        """
-        choices, choice_of = np.unique(self.choices(probability), axis=0, return_inverse=True)
-        found = np.empty((3, len(probability)))
-        # Minus infinity comes first: there, no run is below.
-        grid = np.concatenate([[-np.inf], self._grid])
-        counts, drawn = self._counts(grid), self._shares_by_set(grid)
-        for number, choice in enumerate(choices):
-            chosen = choice_of.ravel() == number
-            is_used = np.broadcast_to(choice[:, None], (len(choice), len(grid)))
-            bounded = self._bounded(drawn, counts, is_used)
-            found[:, chosen] = _inverted(self._grid, bounded, probability[chosen])
-        return found[0], found[1], found[2]
-
-    def choices(self, probability: FloatArray) -> BoolArray:
-        """Return whether each fold uses its fit for quantiles, shape (probability, fold).
-
-        The other folds decide, at their own quantile. One choice for all values keeps an interval
-        of one piece.
-        """
-        runs = self.runs
-        if len(runs.draws) == 1:
-            return np.ones((len(probability), 1), dtype=np.bool_)
-        found = [
-            self._counts(np.quantile(runs.values[runs.fold != number], probability)).uses_surrogate(
-                runs
-            )[number]
-            for number in range(len(runs.draws))
-        ]
-        return np.array(found).T
-
-
-def corrected_half_spread(runs: CorrectionRuns) -> tuple[float, float, float]:
-    """Return half the 16 % to 84 % range with bounds; NaN where one of the ends has none.
-
-    The ends have intervals of a higher level, so that both hold together at least as often as the
-    level of the runs says (Bonferroni).
-    """
-    both = replace(runs, level=(1 + runs.level) / 2)
-    value, lower, upper = CorrectedCdf(both).quantile(np.array([0.16, 0.84]))
-    least, most = lower[1] - upper[0], upper[1] - lower[0]
-    return float(np.diff(value)[0]) / 2, float(np.maximum(least, 0.0)) / 2, float(most) / 2
-
-
-def _inverted(
-    grid: FloatArray, found: CorrectedProbability, probability: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return quantiles with bounds, of a distribution function before and at values of a grid."""
-    # Made to ascend, as a run at which only the surrogate is below makes it descend.
-    ascending = np.maximum.accumulate(found.value[1:])
-    value = grid[np.searchsorted(ascending, probability).clip(0, len(grid) - 1)]
-    # The first value with an upper bound of at least the probability.
-    highest = np.maximum.accumulate(found.upper[1:])
-    first = np.searchsorted(highest, probability).clip(0, len(grid) - 1)
-    lower = np.where(probability > found.upper[0], grid[first], np.nan)
-    # The first value from which on the lower bound is above the probability.
-    least = np.minimum.accumulate(found.lower[:0:-1])[::-1]
-    last = np.searchsorted(least, probability, side="right")
-    upper = np.where(last < len(grid), grid[last.clip(0, len(grid) - 1)], np.nan)
-    return value, np.minimum(lower, value), np.maximum(upper, value)
 
 
 def _counts(

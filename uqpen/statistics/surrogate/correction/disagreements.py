@@ -20,15 +20,15 @@ import numpy.typing as npt
 from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.statistics.intervals import clopper_pearson, ratio_error
+from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 
 __all__ = [
     "CorrectedProbability",
     "Counts",
+    "FoldChoice",
     "FoldCounts",
     "bonett_price",
-    "corrected_probability",
     "with_bounds",
 ]
 
@@ -84,48 +84,24 @@ def bonett_price(
     return one - other, special.ndtri(0.5 + level / 2) * np.sqrt(variance)
 
 
-def corrected_probability(
-    runs: CorrectionRuns,
-    events: BoolArray,
-    predicted: BoolArray,
-    drawn: BoolArray,
-    missing: BoolArray,
-) -> CorrectedProbability:
-    """Estimate the probability of an event; missing runs may have had it or not.
+@dataclass(frozen=True, eq=False)
+class FoldChoice:
+    """What each fold predicts of an event, or of each of several: what its fit does, or a constant.
 
     Parameters
     ----------
-    runs : CorrectionRuns
-    events, predicted : ndarray of bool, shape (run,)
-        Whether it happened at each run, by the model and by the run's fit.
-    drawn : ndarray of bool, shape (fold, draw)
-        Whether it happened at each draw, by each fold's fit.
-    missing : ndarray of bool, shape (missing,)
-        Whether it happened at the missing runs, by their fits.
+    uses_fit : ndarray of bool, shape (fold, ...)
+        Whether the fold uses its fit.
+    otherwise : ndarray of bool, shape (fold, ...)
+        Without it, whether the fold predicts that the event always happens, or never.
     """
-    folds = len(runs.draws)
 
-    def counts_of(weights: FloatArray | None, missing_weights: FloatArray | None) -> FoldCounts:
-        by_model, by_fit, by_both = (
-            _fold_counts(runs.fold, flags, weights, folds)
-            for flags in (events, predicted, events & predicted)
-        )
-        by_missing = _fold_counts(runs.missing_fold, missing, missing_weights, folds)
-        return FoldCounts(by_model, by_fit, by_both, by_missing)
+    uses_fit: BoolArray
+    otherwise: BoolArray
 
-    counts = FoldCounts.weighted(runs, counts_of)
-    is_used = counts.uses_surrogate(runs)
-    pooled = (runs.shares * is_used) @ drawn
-    error, _ = ratio_error(pooled, runs.draw_replicate, runs.draw_replicates)
-    return with_bounds(runs, np.asarray(pooled.mean()), counts, is_used, error)
-
-
-def _fold_counts(
-    fold: IntArray, flags: BoolArray, weights: FloatArray | None, folds: int
-) -> Counts:
-    """Return how many runs of each fold have a flag, or what these weigh."""
-    of = None if weights is None else weights[flags]
-    return np.bincount(fold[flags], of, minlength=folds)
+    def at(self, number: IntArray) -> FoldChoice:
+        """Return the choices of some events, shape (fold, number)."""
+        return FoldChoice(self.uses_fit[:, number], self.otherwise[:, number])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,22 +135,41 @@ class FoldCounts:
         squares = counts(runs.weights**2, runs.missing_weights**2)
         return replace(counts(runs.weights, runs.missing_weights), squares=squares)
 
-    def disagreements(self, is_used: BoolArray) -> tuple[Counts, Counts, Counts]:
+    def disagreements(self) -> tuple[Counts, Counts, Counts]:
         """Return the sums over the folds: by the model alone, by the surrogate alone, missing."""
-        gained = (self.by_model - is_used * self.by_both).sum(axis=0)
-        dropped = (is_used * (self.by_fit - self.by_both)).sum(axis=0)
-        return gained, dropped, (is_used * self.missing).sum(axis=0)
+        gained = (self.by_model - self.by_both).sum(axis=0)
+        dropped = (self.by_fit - self.by_both).sum(axis=0)
+        return gained, dropped, self.missing.sum(axis=0)
 
-    def uses_surrogate(self, runs: CorrectionRuns) -> BoolArray:
-        """Return whether each fold uses its fit, shape (fold, ...): the *other* folds decide.
+    def predicted_by(self, choice: FoldChoice, runs: CorrectionRuns) -> FoldCounts:
+        """Return the counts with the predictions that each fold chooses."""
+        if choice.uses_fit.all():
+            return self
+        sizes, missing = (
+            np.bincount(fold, minlength=len(runs.draws)).reshape(
+                -1, *[1] * (self.by_model.ndim - 1)
+            )
+            for fold in (runs.fold, runs.missing_fold)
+        )
+        return replace(
+            self,
+            by_fit=np.where(choice.uses_fit, self.by_fit, choice.otherwise * sizes),
+            by_both=np.where(choice.uses_fit, self.by_both, choice.otherwise * self.by_model),
+            missing=np.where(choice.uses_fit, self.missing, choice.otherwise * missing),
+        )
 
-        A fold does without where these have a clearly smaller variance for the plain share. A
-        single fold has no other one, and uses its fit; so do weighted runs, which were placed where
-        the fits are uncertain.
+    def choice(self, runs: CorrectionRuns) -> FoldChoice:
+        """Return what each fold predicts: the *other* folds decide.
+
+        A fold does without its fit where these have a clearly smaller variance for the plain share;
+        it then predicts what most of their runs did, so that an event and its opposite have the
+        same interval. A single fold has no other one, and uses its fit; so do weighted runs, which
+        were placed where the fits are uncertain.
         """
         folds = len(runs.draws)
         if folds == 1 or self.squares is not None:
-            return np.ones(self.by_model.shape, dtype=np.bool_)
+            everywhere = np.ones(self.by_model.shape, dtype=np.bool_)
+            return FoldChoice(everywhere, ~everywhere)
         by_model, gained, dropped = (
             each.sum(axis=0) - each
             for each in (self.by_model, self.by_model - self.by_both, self.by_fit - self.by_both)
@@ -183,14 +178,14 @@ class FoldCounts:
         _, half = bonett_price(gained, dropped, sizes, runs.level)
         plain = (by_model + 2) / (sizes + 4)
         variance = special.ndtri(0.5 + runs.level / 2) ** 2 * plain * (1 - plain) / (sizes + 4)
-        return np.asarray(variance > _CLEARLY_SMALLER * half**2)
+        return FoldChoice(variance > _CLEARLY_SMALLER * half**2, 2 * by_model > sizes)
 
 
 def with_bounds(
     runs: CorrectionRuns,
     share: FloatArray,
     counts: FoldCounts,
-    is_used: BoolArray,
+    choice: FoldChoice,
     error: FloatArray,
 ) -> CorrectedProbability:
     """Return probabilities with bounds: those of the surrogate, and the disagreements.
@@ -199,15 +194,18 @@ def with_bounds(
     ----------
     runs : CorrectionRuns
     share, error : ndarray
-        The probabilities by the surrogate, 0 for each fold that does without, and their errors.
+        The probabilities by what the folds predict, and their errors.
     counts : FoldCounts
-    is_used : ndarray of bool, shape (fold, ...)
-        Whether each fold uses its fit. If none does, the interval is the plain one.
+        Of the fits.
+    choice : FoldChoice
+        What the folds predict. If none uses its fit, the interval is the plain one.
     """
-    gained, dropped, missing_events = counts.disagreements(is_used)
+    events = counts.by_model.sum(axis=0)
+    counts = counts.predicted_by(choice, runs)
+    gained, dropped, missing_events = counts.disagreements()
     value = np.clip(share + (gained - dropped) / runs.size, 0.0, 1.0)
     total = runs.size + runs.missing
-    missing, least_options, most_options = _weights_of_bounds(runs, counts, is_used)
+    missing, least_options, most_options = _weights_of_bounds(runs, counts)
     noise = special.ndtri(0.5 + runs.level / 2) * error
     # The missing runs are against the surrogate, all one way and all the other.
     least, half_below = bonett_price(
@@ -216,9 +214,9 @@ def with_bounds(
     most, half_above = bonett_price(
         gained + (missing - missing_events), dropped, total, runs.level, **most_options
     )
-    is_plain = ~is_used.any(axis=0)
-    plain_lower, _ = clopper_pearson(gained, total, runs.level)
-    _, plain_upper = clopper_pearson(gained + missing, total, runs.level)
+    is_plain = ~choice.uses_fit.any(axis=0)
+    plain_lower, _ = clopper_pearson(events, total, runs.level)
+    _, plain_upper = clopper_pearson(events + missing, total, runs.level)
     lower = np.where(is_plain, plain_lower, share + least - np.hypot(half_below, noise))
     upper = np.where(is_plain, plain_upper, share + most + np.hypot(half_above, noise))
     return CorrectedProbability(
@@ -229,12 +227,12 @@ def with_bounds(
 
 
 def _weights_of_bounds(
-    runs: CorrectionRuns, counts: FoldCounts, is_used: BoolArray
+    runs: CorrectionRuns, counts: FoldCounts
 ) -> tuple[float, dict[str, Any], dict[str, Any]]:
     """Return the weight of all missing runs, and what weights say of the lower and upper bound."""
     if counts.squares is None or runs.weights is None or runs.missing_weights is None:
         return runs.missing, {}, {}
-    gained, dropped, events = counts.squares.disagreements(is_used)
+    gained, dropped, events = counts.squares.disagreements()
     known, missing = gained + dropped, float((runs.missing_weights**2).sum())
     heaviest = float(np.concatenate([runs.weights, runs.missing_weights]).max())
     below = {"squares": known + events, "heaviest": heaviest}

@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.correction.corrected_cdf import (
-    CorrectedCdf,
-    corrected_half_spread,
-)
+from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_indices import (
     corrected_event_indices,
     corrected_indices,
 )
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import (
-    CorrectedProbability,
-    corrected_probability,
-)
+from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability
 from uqpen.statistics.surrogate.correction.indexed_variables import (
     FIRST_ORDER,
     TOTAL_ORDER,
     IndexedVariable,
 )
+from uqpen.statistics.threshold import Threshold
 
 __all__ = ["FEWEST_ON_A_SIDE", "OutputCorrection", "is_index"]
 
@@ -110,9 +105,9 @@ class OutputCorrection:
             case "half_spread":
                 return [self._half_spread()]
             case "exceedance":
-                return [self._exceedance(each.value) for each in self.quantity.thresholds]
+                return _probabilities(self.cdf.above(_values(self.quantity.thresholds)))
             case "below":
-                return [self._below(each.value) for each in self.quantity.lower_thresholds]
+                return _probabilities(self.cdf.below(_values(self.quantity.lower_thresholds)))
             case "cdf":
                 return _probabilities(self.cdf.at(along))
         return self._quantiles(along)
@@ -126,19 +121,8 @@ class OutputCorrection:
     def _moments(self) -> CorrectedMoments:
         return CorrectedMoments(self.runs)
 
-    def _exceedance(self, limit: float) -> Estimate:
-        return self._probability(lambda values: values > limit)
-
-    def _below(self, limit: float) -> Estimate:
-        return self._probability(lambda values: values < limit)
-
-    def _probability(self, happens: Callable[[FloatArray], BoolArray]) -> Estimate:
-        runs = self.runs
-        of = (runs.values, runs.predictions, runs.draws, runs.missing_predictions)
-        return _probabilities(corrected_probability(runs, *map(happens, of)))[0]
-
     def _half_spread(self) -> Estimate:
-        value, lower, upper = corrected_half_spread(self.runs)
+        value, lower, upper = self.cdf.half_spread()
         if math.isnan(upper - lower):
             too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
             return Estimate.without_bounds(value, too_few)
@@ -184,9 +168,13 @@ def is_index(name: str) -> bool:
     return name in _INDICES
 
 
+def _values(thresholds: Sequence[Threshold]) -> FloatArray:
+    return np.array([each.value for each in thresholds])
+
+
 def _probabilities(found: CorrectedProbability) -> list[Estimate]:
     """Return probabilities with their bounds as estimates."""
-    ends = zip(*map(np.atleast_1d, (found.value, found.lower, found.upper)), strict=True)
+    ends = zip(found.value, found.lower, found.upper, strict=True)
     method = texts.CORRECTED_BONETT_PRICE
     return [
         Estimate(float(value), float(lower), float(upper), method, "discrete")
