@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
@@ -52,7 +53,7 @@ def compare(
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
@@ -59,7 +60,7 @@ def plan(
     from uqpen.designs.keep import RUNS
 
     here = Path.cwd()
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.study.load import load_study
         from uqpen.study.pilot import pilot_study
 

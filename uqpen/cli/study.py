@@ -22,6 +22,7 @@ from uqpen.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqpen.checkpoints.resume_options import ResumeOptions
     from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
@@ -89,6 +90,7 @@ def study(
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the study"), loading():
+        from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.screen import show_tables
         from uqpen.study.load import load_study
 
@@ -103,8 +105,7 @@ def study(
         executor,
         show_tables,
         watch_port=watch_port,
-        reuse=[here / other for other in reuse],
-        **resume,
+        resume=ResumeOptions(**resume, reuse=[here / other for other in reuse]),
     )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
@@ -122,13 +123,12 @@ def make_and_show(
     show: Callable[[xr.DataTree], None] = lambda tree: None,
     watch_port: int | None = None,
     receivers: Sequence[Progress] = (),
-    **resume: Any,
+    resume: ResumeOptions | None = None,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
     With a `watch_port`, a page on this machine shows the results meanwhile. `receivers` get the
-    reports of progress, too. `resume` are `fresh`, `lost_again`, `read_again` and `reuse` of
-    `make_archive`.
+    reports of progress, too.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.console import show_line
@@ -142,7 +142,7 @@ def make_and_show(
             if executor.preparation:
                 progress.start_step(executor.preparation)
             with executor.open_map() as spread:
-                tree = make_archive(study, here / archive, map=spread, progress=progress, **resume)
+                tree = make_archive(study, here / archive, resume, map=spread, progress=progress)
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
         return ExitCode.INTERRUPTED

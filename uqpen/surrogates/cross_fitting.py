@@ -108,7 +108,7 @@ def _reason_without_folds(runs: xr.Dataset) -> str:
     sampling = Sampling(runs.attrs[SAMPLING])
     if not sampling.is_sample:
         return _NO_SAMPLE
-    if sampling is Sampling.USER_SUPPLIED:
+    if sampling is Sampling.GIVEN:
         return _UNKNOWN
     if sampling is Sampling.PICK_FREEZE:
         return _BLOCKS

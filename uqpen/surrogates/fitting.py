@@ -1,4 +1,4 @@
-"""Fit of a surrogate, with a reason in its place where a user's own surrogate fails."""
+"""Fit of a surrogate, with a reason in its place where a user-defined surrogate fails."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def fit_surrogate(
 ) -> FittedSurrogate:
     """Fit a surrogate as `Surrogate.fit` does, and to fields by their principal components.
 
-    Where a surrogate from outside the package raises an error, or gives what is no fitted
+    Where a user-defined surrogate raises an error, or gives what is no fitted
     surrogate, that is the reason why no output is fitted.
     """
 
@@ -66,7 +66,7 @@ def _fit_scalars(
     try:
         fitted = surrogate.fit(name, runs, model, joint, stream)
         fault = _fault(surrogate, fitted, runs)
-    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
         fault = error_text(error)
     if not fault:
         return fitted

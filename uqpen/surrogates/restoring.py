@@ -37,7 +37,7 @@ def restore_surrogate(
     original : Model, optional
         The original model; without it, every finite input counts as admissible.
     loaded : type, optional
-        The class of a surrogate from outside the package, if the archive's code may be executed.
+        The class of a user-defined surrogate, if the archive's code may be executed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Stand-in for a surrogate from outside the package whose code is not executed."""
+"""Stand-in for a user-defined surrogate whose code is not executed."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ class RefinedDesign(Design):
         try:
             yield from predicted_errors(folds, runs, _columns(candidates), model.targets)
         except (Exception, SystemExit):
-            # Of a surrogate of the user's own that cannot predict, nothing is known.
+            # Of a user-defined surrogate that cannot predict, nothing is known.
             if is_built_in(self.surrogate):
                 raise
 

@@ -1,4 +1,4 @@
-"""User-supplied analyses: functions in a study's files that yield statistics."""
+"""User-defined analyses: functions in a study's files that yield statistics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from uqpen.core.errors import Problem, StudyError
 from uqpen.core.files import FileSnapshot
-from uqpen.models.outside_function import failure_text
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_defined_function import failure_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from uqpen.statistics.quantity_of_interest import QuantityOfInterest
     from uqpen.statistics.sample import Sample
 
-__all__ = ["Analysis", "OutsideAnalysis"]
+__all__ = ["Analysis", "UserDefinedAnalysis"]
 
 Analysis: TypeAlias = "Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]"
 
 
 @dataclass(frozen=True)
-class OutsideAnalysis:
-    """User-supplied function that yields statistics of an output.
+class UserDefinedAnalysis:
+    """User-defined function that yields statistics of an output.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Statistics that user-supplied analyses yield, checked."""
+"""Statistics that user-defined analyses yield, checked."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
 from uqpen.core.units import scale
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import refused
-from uqpen.statistics.outside_analysis import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["outside_statistics"]
+__all__ = ["user_defined_statistics"]
 
 _UNIT_RULES = ("value", "difference")
 
@@ -30,17 +30,17 @@ _USED_DIMENSIONS = RESERVED.union(TABLE_COLUMNS, INTERVAL_TEXTS) - {INPUT}
 _ESTIMATE_ARRAY = "an estimate array, as Estimate.to_array and Estimate.stack make it"
 
 
-def outside_statistics(
-    analyses: Iterable[OutsideAnalysis],
+def user_defined_statistics(
+    analyses: Iterable[UserDefinedAnalysis],
     sample: Sample,
     quantity: QuantityOfInterest,
     known: Mapping[str, xr.DataArray],
 ) -> dict[str, xr.DataArray]:
-    """Compute the statistics that user-supplied analyses yield for an output.
+    """Compute the statistics that user-defined analyses yield for an output.
 
     Parameters
     ----------
-    analyses : iterable of OutsideAnalysis
+    analyses : iterable of UserDefinedAnalysis
         In the order of the study.
     sample : Sample
         Of the output. Without a completed run, there are no statistics.
