@@ -14,7 +14,7 @@ import numba
 from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 
-__all__ = ["entry_point", "inlined", "use_widest_vectors"]
+__all__ = ["align_stack", "entry_point", "inlined", "use_widest_vectors"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -32,24 +32,28 @@ def inlined(function: Function) -> Function:
     return cast(Function, numba.njit(function, error_model="numpy", forceinline=True))
 
 
-# Of 512 bits LLVM uses 256 by itself, as wide vectors lower the clock of the first processors that
-# have them. Loops of nothing but arithmetic gain more than that. The bits of results are the same.
-_WIDEST = '"prefer-vector-width"="512"'
+def _with_attribute(attribute: str) -> Callable[[], None]:
+    """Return a function that gives its caller an attribute of LLVM, and does nothing else."""
+
+    def declare(_: Any) -> tuple[Signature, Any]:
+        def add_attribute(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            # The attributes' own `add` refuses those of a target, which only some processors have.
+            set.add(builder.function.attributes, attribute)
+            return context.get_dummy_value()
+
+        return numba.types.void(), add_attribute
+
+    # Numba passes the first argument itself.
+    return cast(Callable[[], None], intrinsic(declare))
 
 
-def _widest_vectors(_: Any) -> tuple[Signature, Any]:
-    """Vectorise the loops of the calling function by the full width of the processor's vectors.
+# Vectorise the loops of the calling function by the full width of the processor's vectors. Of 512
+# bits LLVM uses 256 by itself, as wide vectors lower the clock of the first processors that have
+# them. Loops of nothing but arithmetic gain more than that. The bits of results are the same, and
+# nothing changes on processors without such vectors.
+use_widest_vectors = _with_attribute('"prefer-vector-width"="512"')
 
-    It does nothing on processors without vectors of 512 bits.
-    """
-
-    def add_attribute(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        # The attributes' own `add` refuses those of a target, which only some processors have.
-        set.add(builder.function.attributes, _WIDEST)
-        return context.get_dummy_value()
-
-    return numba.types.void(), add_attribute
-
-
-# Numba passes the first argument itself.
-use_widest_vectors = cast(Callable[[], None], intrinsic(_widest_vectors))
+# Align the stack of the calling function to its vectors. LLVM aligns it to 16 bytes where it needs
+# vectors there only after it has chosen registers; each of them may then lie in two cache lines.
+# It has no effect in a function that is compiled into its caller.
+align_stack = _with_attribute('"stackrealign"')

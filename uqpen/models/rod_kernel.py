@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.models.compiled import inlined, use_widest_vectors
+from uqpen.models.compiled import align_stack, inlined, use_widest_vectors
 from uqpen.models.rod_phases import AT_REST, CAUGHT_UP, GAVE_UP
 from uqpen.models.rod_phases import LANES as _LANES
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
@@ -124,9 +124,28 @@ def _stage(
     start: Start, weights: tuple[float, ...], slopes: tuple[Vector, ...]
 ) -> tuple[Vector, tuple[Vector, ...]]:
     """The state at the next stage of a step, and the slopes so far with those there."""
-    _, _, rod, along = start
     moved = _moved(start, weights, slopes)
-    return moved, (*slopes, _slopes(moved, rod, along))
+    return moved, _with_slopes_at(moved, start, slopes)
+
+
+@inlined
+def _stage_after(
+    other: Vector, start: Start, weights: tuple[float, ...], slopes: tuple[Vector, ...]
+) -> tuple[Vector, tuple[Vector, ...]]:
+    """The same as `_stage`, but the compiler has to compute another state's p before.
+
+    A step is never negative. One that is not a number is never accepted, so `other` changes no
+    result.
+    """
+    p, x, L, z = _moved(start, weights, slopes)
+    moved = (p if start[1] >= 0.0 else other[0], x, L, z)
+    return moved, _with_slopes_at(moved, start, slopes)
+
+
+@inlined
+def _with_slopes_at(moved: Vector, start: Start, slopes: tuple[Vector, ...]) -> tuple[Vector, ...]:
+    _, _, rod, along = start
+    return (*slopes, _slopes(moved, rod, along))
 
 
 @inlined
@@ -184,25 +203,26 @@ def _advance(lanes: FloatArray, tolerance: float) -> int:
     """Try one step in every lane; how many lanes have ended.
 
     Two vectors of lanes take their stages by turns, so that the processor has work from one of
-    them while the other waits for a division.
+    them while the other waits for a division. Each stage waits for p of the one before: LLVM would
+    do the whole step of one vector before that of the other, to keep fewer numbers at a time.
     """
     use_widest_vectors()
     ended = 0
     for lane in range(_HALF):
         one, k = _beginning(lanes, lane)
         two, j = _beginning(lanes, lane + _HALF)
-        _, k = _stage(one, STAGE_2, k)
-        _, j = _stage(two, STAGE_2, j)
-        _, k = _stage(one, STAGE_3, k)
-        _, j = _stage(two, STAGE_3, j)
-        _, k = _stage(one, STAGE_4, k)
-        _, j = _stage(two, STAGE_4, j)
-        _, k = _stage(one, STAGE_5, k)
-        _, j = _stage(two, STAGE_5, j)
-        _, k = _stage(one, STAGE_6, k)
-        _, j = _stage(two, STAGE_6, j)
-        moved, k = _stage(one, SOLUTION, k)
-        other, j = _stage(two, SOLUTION, j)
+        moved, k = _stage(one, STAGE_2, k)
+        other, j = _stage_after(moved, two, STAGE_2, j)
+        moved, k = _stage_after(other, one, STAGE_3, k)
+        other, j = _stage_after(moved, two, STAGE_3, j)
+        moved, k = _stage_after(other, one, STAGE_4, k)
+        other, j = _stage_after(moved, two, STAGE_4, j)
+        moved, k = _stage_after(other, one, STAGE_5, k)
+        other, j = _stage_after(moved, two, STAGE_5, j)
+        moved, k = _stage_after(other, one, STAGE_6, k)
+        other, j = _stage_after(moved, two, STAGE_6, j)
+        moved, k = _stage_after(other, one, SOLUTION, k)
+        other, j = _stage_after(moved, two, SOLUTION, j)
         ended += _accept(lanes, lane, one, moved, k, tolerance)
         ended += _accept(lanes, lane + _HALF, two, other, j, tolerance)
     return ended
@@ -350,5 +370,6 @@ def erode(
     lanes, occupants : address of float64, of int64
         Memory for `BUFFER` and `LANES` numbers.
     """
+    align_stack()
     _integrate(lanes, occupants, rods, runs, tolerance, first_step, ends)
     _land_all(lanes, rods, runs, ends)
