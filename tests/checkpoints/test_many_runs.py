@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +17,7 @@ from uqpen.archive.file_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import make_archive
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.runs_file import read_runs
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
@@ -80,10 +80,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def make(folder: Path, limit: int = LIMIT, **options: Any) -> bytes:
+def make(folder: Path, limit: int = LIMIT, *, fresh: bool = False) -> bytes:
     """Make the archive of the study, and return its bytes."""
     study = uqpen.load_study(folder / "study.toml")
-    make_archive(study, folder / "study.nc", runs_in_memory=limit, reuse=None, **options)
+    resume = ResumeOptions(fresh=fresh, reuse=None)
+    make_archive(study, folder / "study.nc", resume, runs_in_memory=limit)
     return (folder / "study.nc").read_bytes()
 
 

@@ -18,6 +18,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.checkpoints.keep_runs import keep_runs
 from uqpen.checkpoints.point_index import BatchIndex, PointIndex
+from uqpen.checkpoints.run_cost import are_costly
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.status import Status
@@ -150,7 +151,7 @@ def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) ->
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
     assert len(studies.make(STUDY)) == 30
     assert "none of its runs is taken" in studies.told.texts[0]
-    assert studies.told.texts[0].endswith("kept under another name:\n  file model.py has changed")
+    assert studies.told.texts[0].endswith("another model:\n  file model.py has changed")
 
 
 def kept_archives(studies: Studies) -> list[bytes]:
@@ -188,8 +189,9 @@ def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
     studies.make(STUDY)
     assert kept_archives(studies) == [earlier]
     (studies.folder / "model.py").write_text(MODEL)
-    studies.make(STUDY)
-    studies.make(STUDY.replace("seed = 11", "seed = 12"))
+    for text in (STUDY, STUDY.replace("seed = 11", "seed = 12")):
+        (studies.folder / "study.nc.log").unlink()  # so the costs are not known
+        studies.make(text)
     assert kept_archives(studies).count(earlier) == 1
     assert len(kept_archives(studies)) == 2
 
@@ -229,6 +231,31 @@ def test_an_archive_is_kept_without_links(
     earlier = studies.bytes()
     studies.make(STUDY.replace("seed = 11", "seed = 12"))
     assert kept_archives(studies) == [earlier]
+
+
+LOG_LINES = {
+    "one: 30 runs in 59.900 s, 2 of them failed": False,
+    "one: 30 runs in 61.000 s, 0 of them failed": True,
+    "one: 30 runs in 1.000 s, 0 of them failed|two: 9 runs in 59.500 s, 0 of them failed": True,
+    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from folder/study.nc": False,
+    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from other.nc": True,
+    "one: 29 runs were made before|one: 1 runs in 0.100 s, 0 of them failed": True,
+    "nothing of any run": True,
+}
+
+
+@pytest.mark.parametrize(("lines", "expected"), LOG_LINES.items(), ids=str)
+def test_the_log_says_whether_runs_were_costly(tmp_path: Path, lines: str, expected: bool) -> None:
+    log = tmp_path / "study.nc.log"
+    assert are_costly(log, "study.nc")
+    log.write_text("".join(f"2026-11-23T12:00:00.000+00:00 {each}\n" for each in lines.split("|")))
+    assert are_costly(log, "study.nc") == expected
+
+
+def test_an_archive_whose_runs_are_made_again_at_once_is_not_kept(empty: Studies) -> None:
+    empty.make(STUDY)
+    empty.make(STUDY.replace("seed = 11", "seed = 12"))
+    assert kept_archives(empty) == []
 
 
 def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
@@ -374,9 +401,8 @@ def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> N
     # Of the archive that is replaced, also the settings that would keep them are known.
     assert len(empty.make(changed)) == 40
     expected = "one: 30 of its 30 earlier runs are not used; to use all of them: runs = 39"
-    told, kept = empty.told.texts
+    [told] = empty.told.texts
     assert told.startswith(expected)
-    assert ": the earlier archive is kept as study." in kept
 
 
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:

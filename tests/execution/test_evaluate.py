@@ -14,7 +14,7 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.model import POSITIVE, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.execution import Evaluator, Progress, evaluate, join_rounds
+from uqpen.execution import EvaluationOptions, Evaluator, Progress, evaluate, join_rounds
 from uqpen.execution.batch import BatchResult
 from uqpen.models.python_function import PythonFunction
 
@@ -282,7 +282,9 @@ def test_batches_may_be_computed_in_any_order() -> None:
         return [function(batch) for batch in reversed(list(batches))]
 
     plain = evaluate(Evaluator(model(good)), points, {})
-    assert evaluate(Evaluator(model(good)), points, {}, map=backwards).identical(plain)
+    assert evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(map=backwards)).identical(
+        plain
+    )
 
 
 def test_batches_of_a_function_do_not_depend_on_the_number_of_runs() -> None:
@@ -313,7 +315,7 @@ def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs() -> None
 def test_progress_counts_every_run_once() -> None:
     points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
     told = Told()
-    evaluate(Evaluator(model(good)), points, {}, progress=told)
+    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=told))
     assert sum(told.runs) == 1000
     assert told.runs[0] == 1, "the first report must not wait for many slow runs"
 

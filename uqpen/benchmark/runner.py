@@ -14,7 +14,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import first_round
-from uqpen.execution import Evaluator, Map, Progress, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, Map, Progress, evaluate
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -74,8 +74,9 @@ class BenchmarkRunner:
         stream = Stream(self.study.seed, "head_to_head", "timing")
         # In memory, as the time is that of runs alone.
         points = points_in_memory(first_round(MonteCarlo(count), self.study.joint, stream))
+        options = EvaluationOptions(map=self.map)
         # The first time, the model may have to be loaded where it runs.
-        evaluate(evaluator, points, {}, map=self.map)
+        evaluate(evaluator, points, {}, options)
         began = time.perf_counter()
-        evaluate(evaluator, points, {}, map=self.map)
+        evaluate(evaluator, points, {}, options)
         return (time.perf_counter() - began) / count

@@ -34,7 +34,7 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.study.fingerprint import is_user_supplied
+from uqpen.study.fingerprint import is_user_defined
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["ArchivedSources", "archived_sources", "input_columns", "open_intact", "unused_designs"]
@@ -121,7 +121,7 @@ def _sources(
     model = study.models[name].model
     left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
     left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
-    here = {**provenance(), **(of_python_functions() if is_user_supplied(model) else {})}
+    here = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
     then = {key: value for key, value in tree.attrs.items() if key in here}
     others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
     made_with = [f"runs made with {others}"] if others else []

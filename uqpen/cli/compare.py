@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
@@ -53,12 +54,12 @@ def compare(
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
-        from uqpen.cli.screen import show_line
+        from uqpen.cli.console import show_line
         from uqpen.results.benchmark_tables import has_reference
         from uqpen.study.load import load_study
 
@@ -74,13 +75,11 @@ def compare(
     try:
         with executor.open_map() as spread, show_progress() as reporter:
             tree = compare(study, settings, map=spread, progress=reporter)
-        kept = write(tree, here / archive, keeps_earlier=True)
+        write(tree, here / archive)
     except KeyboardInterrupt:
         show_message("interrupted: nothing was written")
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
-    if kept:
-        show_line(f"the earlier archive is kept as {archive.with_name(kept.name)}")
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):

@@ -141,12 +141,13 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the flags `fresh`, `lost_again` and `read_again`, about finished runs."""
+    """Give a command the flags of `ResumeOptions`, about finished runs."""
     fresh = "Make all runs, also those that are finished, and replace the archive in any case."
-    lost_again = "Repeat the finished runs that failed."
+    repeat_failed = "Repeat the finished runs that failed."
     read_again = "Read the kept folders of runs again, in place of making the runs."
     command = click.option("--read-again", is_flag=True, help=read_again)(command)
-    command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
+    repeat_option = click.option("--lost-again", "repeat_failed", is_flag=True, help=repeat_failed)
+    command = repeat_option(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 
 

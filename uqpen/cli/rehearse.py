@@ -131,8 +131,8 @@ def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text
 def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> None:
     from rich.text import Text
 
+    from uqpen.cli.console import show_line, show_table, standard_output
     from uqpen.cli.printable import screen_text
-    from uqpen.cli.screen import show_line, show_table, standard_output
     from uqpen.results.rehearsal_tables import coverage_tables, rehearsal_heading, width_tables
 
     console = standard_output()
@@ -148,7 +148,7 @@ def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> 
 
 
 def _show_sufficient_runs(found: Sequence[SufficientRuns]) -> None:
-    from uqpen.cli.screen import show_plain_tables, standard_output
+    from uqpen.cli.console import show_plain_tables, standard_output
     from uqpen.rehearsal.required_runs import MOST_RUNS
     from uqpen.results.digits import grouped_number
 

@@ -41,7 +41,7 @@ def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) ->
 
     Inputs of a study or a surrogate that are not set are at their medians.
     """
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
 
     if archive := split_surrogate(model):
         _run_surrogate(*archive, given, folder, trust=trust)
@@ -81,7 +81,7 @@ def _run_surrogate(
 ) -> None:
     """Show the predictions of a surrogate, in the units of its study."""
     from uqpen.archive.read import open_archive
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
 

@@ -237,7 +237,7 @@ def _offer(
 
 def _show(server: ModelServer, offers: Sequence[ServedModel]) -> None:
     """Show the address of a server, and the inputs and outputs of its models."""
-    from uqpen.cli.screen import show_line, show_plain_tables, standard_output
+    from uqpen.cli.console import show_line, show_plain_tables, standard_output
 
     console = standard_output()
     for offer, shown in zip(offers, server.offers.values(), strict=True):

@@ -23,6 +23,7 @@ from uqpen.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqpen.checkpoints.resume_options import ResumeOptions
     from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
@@ -90,6 +91,7 @@ def study(
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the study"), loading():
+        from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.screen import show_tables
         from uqpen.study.load import load_study
 
@@ -104,8 +106,7 @@ def study(
         executor,
         show_tables,
         watch_port=watch_port,
-        reuse=[here / other for other in reuse],
-        **resume,
+        resume=ResumeOptions(**resume, reuse=[here / other for other in reuse]),
     )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
@@ -123,17 +124,16 @@ def make_and_show(
     show: Callable[[xr.DataTree], None] = lambda tree: None,
     watch_port: int | None = None,
     receivers: Sequence[Progress] = (),
-    **resume: Any,
+    resume: ResumeOptions | None = None,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
     With a `watch_port`, a page on this machine shows the results meanwhile. `receivers` get the
-    reports of progress, too. `resume` are `fresh`, `lost_again`, `read_again` and `reuse` of
-    `make_archive`.
+    reports of progress, too.
     """
     from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_progress
-    from uqpen.cli.screen import show_line
     from uqpen.core.progress_broadcast import ProgressBroadcast
     from uqpen.results.failed_runs import has_failed_design
 
@@ -143,7 +143,7 @@ def make_and_show(
             if executor.preparation:
                 progress.start_step(executor.preparation)
             with executor.open_map() as spread:
-                tree = make_archive(study, here / archive, map=spread, progress=progress, **resume)
+                tree = make_archive(study, here / archive, resume, map=spread, progress=progress)
     except KeyboardInterrupt as interrupt:
         show_message(": ".join(["interrupted", *map(str, interrupt.args)]))
         return ExitCode.INTERRUPTED

@@ -9,7 +9,7 @@ from uqpen.core.lazy_attributes import lazy_attributes
 if TYPE_CHECKING:
     from uqpen.core.progress import Progress
     from uqpen.execution.batch import Map
-    from uqpen.execution.evaluation import evaluate, evaluate_blocks
+    from uqpen.execution.evaluation import EvaluationOptions, evaluate, evaluate_blocks
     from uqpen.execution.evaluator import Evaluator
     from uqpen.execution.failures import FailurePolicy
     from uqpen.execution.runs import (
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "EvaluationOptions",
     "Evaluator",
     "FailurePolicy",
     "Map",
@@ -40,7 +41,7 @@ __all__ = [
 _HOMES = {
     "uqpen.core.progress": ("Progress",),
     "uqpen.execution.batch": ("Map",),
-    "uqpen.execution.evaluation": ("evaluate", "evaluate_blocks"),
+    "uqpen.execution.evaluation": ("EvaluationOptions", "evaluate", "evaluate_blocks"),
     "uqpen.execution.evaluator": ("Evaluator",),
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.execution.runs": (

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
 from uqpen.core.labels import (
@@ -22,6 +22,9 @@ from uqpen.core.labels import (
     STATUS_COUNTS,
 )
 from uqpen.core.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = [
     "bytes_of_a_run",
@@ -40,6 +43,8 @@ def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = No
     If there are several, each run gets the number of its round as a coordinate. It gets that of
     `numbers` where a model has run only some of a design's rounds.
     """
+    import xarray as xr
+
     if len(rounds) == 1 and numbers is None:
         return rounds[0]
     numbers = range(len(rounds)) if numbers is None else numbers

@@ -1,4 +1,4 @@
-"""Modules of the user's own, and the functions and values in them."""
+"""User-defined modules, and the functions and values in them."""
 
 from __future__ import annotations
 

@@ -285,7 +285,7 @@ class Sample:
     @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
-        if self.sampling is Sampling.USER_SUPPLIED or not self.sampling.is_sample:
+        if self.sampling is Sampling.GIVEN or not self.sampling.is_sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT if self.weights is None else ErrorModel.WEIGHTED

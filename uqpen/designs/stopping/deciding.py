@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Generator, Iterator, Mapping
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.labels import (
     STATUS,
@@ -20,6 +19,9 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.acceptance_claim import AcceptanceClaim
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict
 from uqpen.execution import join_rounds
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["deciding_looks", "deciding_rounds"]
 

@@ -133,7 +133,7 @@ class BlockedSample(Sample):
     @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
-        if self.sampling is Sampling.USER_SUPPLIED:
+        if self.sampling is Sampling.GIVEN:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT

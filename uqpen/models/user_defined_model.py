@@ -39,11 +39,11 @@ from uqpen.models.user_module import load_module
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["OutsideModel"]
+__all__ = ["UserDefinedModel"]
 
 
 @dataclass(frozen=True)
-class OutsideModel(Model):
+class UserDefinedModel(Model):
     """Model whose class is not one of the package's; its failures are data of its runs.
 
     Parameters
@@ -253,11 +253,11 @@ def _settings(model: Model) -> dict[str, Any]:
     return {each.name: getattr(model, each.name) for each in fields if each.init}
 
 
-def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> OutsideModel:
-    return OutsideModel(pickle.loads(model), reference, None, source)
+def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> UserDefinedModel:
+    return UserDefinedModel(pickle.loads(model), reference, None, source)
 
 
-def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> OutsideModel:
+def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> UserDefinedModel:
     """Load the class of a model again, and make the model from its settings."""
     module, attribute, surroundings = load_module(reference, folder, "my_model.py:MyModel")
-    return OutsideModel(getattr(module, attribute)(**settings), reference, surroundings)
+    return UserDefinedModel(getattr(module, attribute)(**settings), reference, surroundings)
