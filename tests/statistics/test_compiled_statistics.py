@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,11 @@ import pytest
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.statistics import kernels, loops
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sensitivity import kernels
 from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup, compiled_pairs
 from uqpen.statistics.sensitivity.correlated_pair import PairOfArrays, standardized
 from uqpen.statistics.sensitivity.correlations import correlations
@@ -115,6 +116,25 @@ def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
     assert len(loops) > 3
     for each in loops:
         assert not {"parallel", "fastmath"} & each.targetoptions.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", kernels.__all__)
+def test_loops_call_no_function_that_their_machine_code_lacks(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a process that finds their machine code needs no compiler."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    loops._loop.__wrapped__(name)
+    (code,) = tmp_path.glob("machine_code.*.o")
+    assert code.stat().st_size > 500  # the hash of no code takes 32 bytes
+
+
+def test_loops_refuse_arrays_that_they_would_misread() -> None:
+    with pytest.raises(TypeError, match="float32"):
+        loops.pair_products(np.ones((9, 2), dtype=np.float32))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="one piece"):
+        loops.pair_products(np.ones((2, 9)).T)
 
 
 def test_small_samples_load_no_compiler() -> None:

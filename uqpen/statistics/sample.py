@@ -32,7 +32,7 @@ from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.error_model import ErrorModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.ordering import MANY, Ordering
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
@@ -243,6 +243,8 @@ class Sample:
     @cached_property
     def sorted_values(self) -> FloatArray:
         """The values, ascending along the runs."""
+        if self.values.ndim == 1 and self.size >= MANY:
+            return self.values[self.ordering.order]
         return np.sort(self.values, axis=-1)
 
     @cached_property
