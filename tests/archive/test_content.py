@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from hashed_trees import with_hashes
 
-from uqpen.archive.content import group_hashes, recorded_hashes, with_hashes
+from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import read_as_written
 

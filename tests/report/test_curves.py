@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
+from hashed_trees import with_hashes
 from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.archive.content import with_hashes
 from uqpen.archive.estimates import estimate_array, pack
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts

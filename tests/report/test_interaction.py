@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
+from hashed_trees import with_hashes
 from playwright.sync_api import Browser, Page
 
 import uqpen
-from uqpen.archive.content import with_hashes
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from hashed_trees import with_hashes
 
-from uqpen.archive.content import with_hashes
 from uqpen.report.anchors import block_anchors
 from uqpen.report.blocks import (
     Axis,

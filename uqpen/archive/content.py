@@ -16,7 +16,7 @@ from uqpen.archive.file_variables import value_blocks
 from uqpen.core.arrays import raw_bytes
 from uqpen.core.labels import CONTENT
 
-__all__ = ["group_hashes", "hash_record", "recorded_hashes", "with_hashes"]
+__all__ = ["group_hashes", "hash_record", "recorded_hashes"]
 
 
 def group_hashes(tree: xr.DataTree) -> dict[str, str]:
@@ -33,13 +33,6 @@ def hash_record(tree: xr.DataTree) -> dict[str, str]:
     """Return the hashes of a tree's groups, in the form of sha256sum, as a root attribute."""
     lines = (f"{digest}  {path}" for path, digest in group_hashes(tree).items())
     return {CONTENT: "\n".join(lines)}
-
-
-def with_hashes(tree: xr.DataTree) -> xr.DataTree:
-    """Return a copy of the tree with `hash_record`."""
-    copy = tree.copy()
-    copy.attrs = {**tree.attrs, **hash_record(tree)}
-    return copy
 
 
 def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:

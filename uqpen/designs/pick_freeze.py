@@ -21,7 +21,7 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, ROUND
 
-__all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "BlockPart"]
+__all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "PickFreezePart"]
 
 
 MATRIX_A, MATRIX_B = 0, 1
@@ -31,7 +31,7 @@ _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 
 @dataclass(frozen=True)
-class BlockPart:
+class PickFreezePart:
     """Part of a block: one of its points.
 
     Parameters
@@ -93,12 +93,12 @@ class BlockLayout:
         return tuple(combinations(range(self.dimension), 2)) if self.second_order else ()
 
     @cached_property
-    def parts(self) -> dict[int, BlockPart]:
+    def parts(self) -> dict[int, PickFreezePart]:
         """All parts by their matrix; those that others share inputs with come before them."""
-        drawn = [BlockPart(MATRIX_A, MATRIX_A), BlockPart(MATRIX_B, MATRIX_B)]
+        drawn = [PickFreezePart(MATRIX_A, MATRIX_A), PickFreezePart(MATRIX_B, MATRIX_B)]
         each = range(self.dimension)
         if self.second_order:
-            drawn += [BlockPart(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
+            drawn += [PickFreezePart(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
         sharing = [
             *(self.part_sharing_one(i) for i in each),
             *(self.part_sharing_others(i) for i in each),
@@ -106,20 +106,20 @@ class BlockLayout:
         ]
         return {part.matrix: part for part in [*drawn, *sharing]}
 
-    def part_sharing_one(self, i: int) -> BlockPart:
+    def part_sharing_one(self, i: int) -> PickFreezePart:
         """Return the part that shares input `i` alone with B."""
-        return BlockPart(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
+        return PickFreezePart(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
 
-    def part_sharing_others(self, i: int) -> BlockPart:
+    def part_sharing_others(self, i: int) -> PickFreezePart:
         """Return the part that shares all inputs but `i` with A."""
         others = tuple(j for j in range(self.dimension) if j != i)
-        return BlockPart(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
+        return PickFreezePart(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
 
-    def part_sharing_pair(self, number: int) -> BlockPart:
+    def part_sharing_pair(self, number: int) -> PickFreezePart:
         """Return the part that shares a pair of inputs with BA_i, where i is the first of them."""
         i, j = self.pairs[number]
         anchor = 2 + self.dimension + i
-        return BlockPart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
+        return PickFreezePart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
         """Return the points of the first round, shape (block, matrix, input), from A and B."""

@@ -19,7 +19,7 @@ from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.extension import Extension
-from uqpen.designs.pick_freeze import BlockLayout, BlockPart
+from uqpen.designs.pick_freeze import BlockLayout, PickFreezePart
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.designs.replicated import nested_replicates, uneven_replicates
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
@@ -181,7 +181,7 @@ class _Redraws:
             self._settled[number] = self._proposed[number] & (reached != Status.INADMISSIBLE)
             self._dropped |= self._settled[number] & (reached != Status.OK)
 
-    def _may_be_proposed(self, part: BlockPart) -> BoolArray:
+    def _may_be_proposed(self, part: PickFreezePart) -> BoolArray:
         if part.anchor is None:
             return np.ones(self._dropped.shape, dtype=np.bool_)
         return self._settled[part.anchor].copy()
@@ -213,7 +213,9 @@ class _Redraws:
             unit[inside] = drawn[places[inside]]
         return unit
 
-    def _shared_points(self, part: BlockPart, blocks: IntArray, fresh: FloatArray) -> FloatArray:
+    def _shared_points(
+        self, part: PickFreezePart, blocks: IntArray, fresh: FloatArray
+    ) -> FloatArray:
         """Return new points with a part's shared inputs; the first rest is from A or B."""
         if part.anchor is None:
             return fresh

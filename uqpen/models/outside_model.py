@@ -27,7 +27,12 @@ from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_code import end_forked_child, error_text, restore_streams
+from uqpen.models.user_code import (
+    end_forked_child,
+    error_text,
+    pickle_by_value,
+    restore_streams,
+)
 from uqpen.models.user_module import load_module
 
 if TYPE_CHECKING:
@@ -130,7 +135,7 @@ class OutsideModel(Model):
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.surroundings is None:
-            return _unpickle, (_pickle_by_value(self.model), self.reference, self.source)
+            return _unpickle, (pickle_by_value(self.model), self.reference, self.source)
         # Another process loads the class itself: its modules cannot be sent.
         return _restore, (self.surroundings.folder, self.reference, _settings(self.model))
 
@@ -242,20 +247,6 @@ def _settings(model: Model) -> dict[str, Any]:
     """Return the settings of a model whose class is a dataclass; none of another class."""
     fields = getattr(model, "__dataclass_fields__", {}).values()
     return {each.name: getattr(model, each.name) for each in fields if each.init}
-
-
-def _pickle_by_value(model: Model) -> bytes:
-    """Pickle a model whose class may be defined in a notebook or inside a function.
-
-    Only processes that this one has started read it, from the pipe to them.
-    """
-    import cloudpickle
-
-    try:
-        return bytes(cloudpickle.dumps(model))
-    except Exception as error:  # a foreign object can raise anything while it is pickled
-        message = f"the model cannot be sent to another process: {error_text(error)}"
-        raise ModelError(message) from None
 
 
 def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> OutsideModel:

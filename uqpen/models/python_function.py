@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import os
 import pickle
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
-from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
@@ -27,10 +25,16 @@ from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import FieldSources, UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_code import end_forked_child, error_text, restore_streams
+from uqpen.models.user_code import (
+    check_signature,
+    end_forked_child,
+    error_text,
+    pickle_by_value,
+    restore_streams,
+)
 from uqpen.models.user_module import load_function
 
-__all__ = ["PythonFunction", "check_signature"]
+__all__ = ["PythonFunction", "check_inputs"]
 
 
 class _FailedRun(NamedTuple):
@@ -129,7 +133,7 @@ class PythonFunction(Model):
         declared = (self.name, self.inputs, self.outputs, self.units, self.vectorized)
         fields = FieldSources(self.fields.grids)
         if self.surroundings is None:
-            function = _pickle_by_value(self.function)
+            function = pickle_by_value(self.function)
             limits = self.enforced_limits
             return _unpickle, (function, *declared, None, limits, self.source, fields)
         return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
@@ -180,26 +184,6 @@ class PythonFunction(Model):
         return answer
 
 
-def _pickle_by_value(function: Callable[..., Any]) -> bytes:
-    """Pickle a function that may be defined in a notebook or inside another function.
-
-    Only processes that this one has started read it, from the pipe to them.
-
-    Raises
-    ------
-    ModelError
-        If it refers to something that exists in this process only.
-    """
-    import cloudpickle
-
-    try:
-        return bytes(cloudpickle.dumps(function))
-    except Exception as error:  # a foreign object can raise anything while it is pickled
-        raise ModelError(
-            f"the model cannot be sent to another process: {error_text(error)}"
-        ) from None
-
-
 def _unpickle(function: bytes, *declared: Any) -> PythonFunction:
     """Restore a model from its pickled function and its declaration."""
     return PythonFunction(pickle.loads(function), *declared)
@@ -221,14 +205,7 @@ def _restore(
     return PythonFunction(function, *declared, fields=fields)
 
 
-def check_signature(function: Callable[..., Any], names: list[str]) -> None:
-    """Check that a function takes these keywords; ModelError gives its signature if it does not."""
-    try:
-        signature = inspect.signature(function)
-    except ValueError:  # some compiled functions have none; the first run will show it
-        return
-    try:
-        signature.bind(**dict.fromkeys(names, 0.0))
-    except TypeError as error:
-        label = getattr(function, "__name__", "the function")
-        raise ModelError(f"{label}{signature} cannot take the inputs: {error}") from None
+def check_inputs(function: Callable[..., Any], inputs: Iterable[Input]) -> None:
+    """Check that a function takes the inputs by name; ModelError gives its signature if not."""
+    keywords = {variable.name: 0.0 for variable in inputs}
+    check_signature(function, " cannot take the inputs", keywords=keywords)

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
+from uqpen.core.errors import ModelError
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.models.reasons import one_line
 
-__all__ = ["end_forked_child", "error_text", "restore_streams"]
+__all__ = [
+    "check_signature",
+    "end_forked_child",
+    "error_text",
+    "pickle_by_value",
+    "restore_streams",
+]
 
 
 def end_forked_child(process: int, error: BaseException | None = None) -> None:
@@ -51,3 +60,46 @@ def restore_streams() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = streams
+
+
+def check_signature(
+    function: Callable[..., Any],
+    refusal: str,
+    positional: Sequence[object] = (),
+    keywords: Mapping[str, object] | None = None,
+) -> None:
+    """Check that a function takes these arguments; nothing is called.
+
+    Raises
+    ------
+    ModelError
+        If it does not: its signature, the refusal, and what is wrong with the arguments.
+    """
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # some compiled functions have none; the first call will show it
+        return
+    try:
+        signature.bind(*positional, **(keywords or {}))
+    except TypeError as error:
+        label = getattr(function, "__name__", "the function")
+        raise ModelError(f"{label}{signature}{refusal}: {error}") from None
+
+
+def pickle_by_value(value: object) -> bytes:
+    """Pickle a function or model that may be defined in a notebook or inside another function.
+
+    Only processes that this one has started read it, from the pipe to them.
+
+    Raises
+    ------
+    ModelError
+        If it refers to something that exists in this process only.
+    """
+    import cloudpickle
+
+    try:
+        return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # an object can raise anything while it is pickled
+        message = f"the model cannot be sent to another process: {error_text(error)}"
+        raise ModelError(message) from None

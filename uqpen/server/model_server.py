@@ -11,7 +11,6 @@ import json
 import re
 import socket
 import socketserver
-import sys
 import threading
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -19,6 +18,7 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any, Protocol
 
 from uqpen.models.umbridge_client import PROTOCOL
+from uqpen.server.client_errors import IgnoresDisconnections
 from uqpen.server.run_budget import RunBudget
 from uqpen.server.served_model import RefusedError, only_vector
 
@@ -62,7 +62,7 @@ class Offer(Protocol):
         """Return the output vectors of one run; a `RefusedError` says that it failed."""
 
 
-class ModelServer(socketserver.ThreadingTCPServer):
+class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
     """A UM-Bridge server.
 
     Parameters
@@ -141,11 +141,6 @@ class ModelServer(socketserver.ThreadingTCPServer):
         with self._count_lock:
             self._connections -= 1
         super().shutdown_request(request)
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error in uqpen with its traceback; ignore a client that disconnects."""
-        if not isinstance(sys.exception(), OSError):
-            super().handle_error(request, client_address)
 
     def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
         """Return the response to a request; a `RefusedError` stands for an error."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,6 +10,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
+
+from uqpen.server.client_errors import IgnoresDisconnections
 
 __all__ = ["WatchServer", "serve_watch_page"]
 
@@ -36,7 +37,7 @@ _HEADERS = {
 }
 
 
-class WatchServer(ThreadingHTTPServer):
+class WatchServer(IgnoresDisconnections, ThreadingHTTPServer):
     """A server of one page, which only this machine reaches, and which changes nothing.
 
     Parameters
@@ -58,11 +59,6 @@ class WatchServer(ThreadingHTTPServer):
     def url(self) -> str:
         """Address of the page."""
         return f"http://{_HOST}:{self.server_port}/"
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error in uqpen with its traceback; ignore a client that disconnects."""
-        if not isinstance(sys.exception(), OSError):
-            super().handle_error(request, client_address)
 
 
 @contextmanager

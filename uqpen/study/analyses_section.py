@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.lookup import choices, installed_members, load_installed
+from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.study.table_reader import TableReader
@@ -18,6 +18,9 @@ ANALYSES_KEY = "analyses"
 
 # The entry points with which installed packages add analyses.
 _GROUP = "uqpen.analyses"
+
+# Stand-ins of its arguments, a sample and a quantity of interest.
+_ARGUMENTS = (None, None)
 
 
 def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
@@ -49,7 +52,7 @@ def _load_analysis(root: TableReader, reference: str) -> OutsideAnalysis:
     if not root.trust:
         return OutsideAnalysis(reference, _refuse)
     function, surroundings = load_function(reference, root.folder)
-    _check_call(function)
+    check_signature(function, "", _ARGUMENTS)
     return OutsideAnalysis(reference, function, surroundings)
 
 
@@ -61,22 +64,9 @@ def _installed_function(name: str) -> Callable[..., Any]:
     function: Callable[..., Any] = load_installed(_GROUP, name)
     if not callable(function):
         raise ModelError(f'"{name}" is an object of class {type(function).__name__}')
-    _check_call(function)
+    check_signature(function, "", _ARGUMENTS)
     return function
 
 
 def _refuse(*arguments: object) -> Iterator[Any]:
     raise ModelError("analyses of the user's own are not executed without --trust")
-
-
-def _check_call(function: Callable[..., Any]) -> None:
-    """Refuse a function that does not take a sample and a quantity."""
-    try:
-        signature = inspect.signature(function)
-    except ValueError:  # some compiled functions have none; the first call will tell
-        return
-    try:
-        signature.bind(None, None)
-    except TypeError as error:
-        label = getattr(function, "__name__", "the function")
-        raise ModelError(f"{label}{signature}: {error}") from None

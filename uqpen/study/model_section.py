@@ -17,7 +17,7 @@ from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
-from uqpen.models.python_function import PythonFunction, check_signature
+from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_module import find_function, load_module, module_coordinates
 from uqpen.study.field_table import refuse_grids
@@ -122,7 +122,7 @@ def read_function(table: TableReader) -> Model | None:
     inputs, outputs, units, fields = variables
     try:
         function, surroundings = code.function()
-        check_signature(function, [variable.name for variable in inputs])
+        check_inputs(function, inputs)
     except ModelError as error:
         expected = "a function that can be called with the model's inputs"
         table.add_problem("python", str(error), expected)

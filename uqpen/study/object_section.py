@@ -9,7 +9,7 @@ from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
 from uqpen.models.function_source import FunctionSource, function_source
 from uqpen.models.outside_model import OutsideModel
-from uqpen.models.python_function import PythonFunction, check_signature
+from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.model_section import (
     check_function_grids,
@@ -65,7 +65,7 @@ def read_object(table: TableReader) -> Model | None:
     else:
         source = function_source(function)
         try:
-            check_signature(function, [variable.name for variable in inputs])
+            check_inputs(function, inputs)
         except ModelError as error:
             expected = "a function that can be called with the model's inputs"
             table.add_problem((), str(error), expected)

@@ -80,7 +80,7 @@ class GaussianProcessFit(OutputFit):
         The deviation contains the noise. Where the logarithm was fitted, the mean is the median of
         the output, as its own mean would hang on the tail of the process.
         """
-        scaled = self._scaled(points)
+        scaled = self.scaled_coordinates(points)
         kernel = correlations(scaled, self.points, self.smoothness)
         terms = self._terms(scaled)
         mean = self._mean(kernel, terms)
@@ -91,7 +91,7 @@ class GaussianProcessFit(OutputFit):
 
     def predict_mean(self, points: FloatArray) -> FloatArray:
         """Predict without the deviations, which take far longer; see `OutputFit.predict_mean`."""
-        scaled = self._scaled(points)
+        scaled = self.scaled_coordinates(points)
         kernel = correlations(scaled, self.points, self.smoothness)
         mean = self._mean(kernel, self._terms(scaled))
         return np.exp(mean) if self.of_logarithm else mean
@@ -102,7 +102,8 @@ class GaussianProcessFit(OutputFit):
         yield Diagnostic("nugget", self.nugget, "nugget")
         yield Diagnostic("std_factor", self.std_factor, "factor of std")
 
-    def _scaled(self, points: FloatArray) -> FloatArray:
+    def scaled_coordinates(self, points: FloatArray) -> FloatArray:
+        """Return the coordinates of points in units of `lengths`, as `points` has them."""
         inputs = StandardisedInputs(self.input_is_logarithm, self.input_location, self.input_scale)
         return inputs.coordinates(points) / self.lengths
 

@@ -13,9 +13,9 @@ from uqpen.archive.read import read_group
 from uqpen.core.labels import METHODS, SINGLE
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
+    benchmark_output_heading,
     entries_by_output,
     method_keys,
-    output_heading,
     reference_run_counts,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
@@ -168,7 +168,7 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
     best = [(entry.label, entry.single_set_standings[-1][0].split()) for entry in found]
     texts = [f"{label}: {join_names(names)}" for label, names in best if names]
     return Chart(
-        title=f"Who leads in {output_heading(tree, output)}",
+        title=f"Who leads in {benchmark_output_heading(tree, output)}",
         summary=f"Nearest to the reference at {grouped_number(budgets[-1])} runs: "
         f"{'; '.join(texts) or 'none'}. The other numbers of runs are in the sentences below.",
         x=Axis("runs", ends, ticks=ticks),
@@ -209,4 +209,6 @@ def _verdict_blocks(tree: xr.DataTree) -> Iterator[Block]:
         line = f"{entry.label}: {'; '.join(comparison.verdicts)}."
         lines.setdefault(entry.output, []).append(line)
     for output, found in lines.items():
-        yield Remarks(f"In words: {output_heading(tree, output)}", tuple(found), is_folded=True)
+        yield Remarks(
+            f"In words: {benchmark_output_heading(tree, output)}", tuple(found), is_folded=True
+        )

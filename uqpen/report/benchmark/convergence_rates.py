@@ -20,9 +20,9 @@ from uqpen.report.benchmark.row_charts import (
 )
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
+    benchmark_output_heading,
     entries_by_output,
     method_keys,
-    output_heading,
     variants,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts
@@ -73,7 +73,7 @@ def _slope_chart(
     if (np.isfinite(slopes[..., 0]) & ~has_interval).any():
         notes.append("Hollow: no interval, as few of the repeats decide an error on the line.")
     return Chart(
-        title=f"Slopes of {output_heading(tree, output)}{variant_text(tree, variant)}",
+        title=f"Slopes of {benchmark_output_heading(tree, output)}{variant_text(tree, variant)}",
         summary="; ".join(_steepest_sentences(found, methods, slopes)),
         x=Axis("slope of log error over log runs", (lower, upper)),
         y=Axis("", rows=tuple(entry.label for entry in found)),

@@ -20,9 +20,9 @@ from uqpen.report.benchmark.row_charts import (
 )
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
+    benchmark_output_heading,
     entries_by_output,
     method_keys,
-    output_heading,
     variants,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts
@@ -104,7 +104,7 @@ def _coverage_chart(
         vertical_line(100 * level, "quiet", "dash"),
     )
     return Chart(
-        title=f"Intervals of {output_heading(tree, output)}{variant_text(tree, variant)}",
+        title=f"Intervals of {benchmark_output_heading(tree, output)}{variant_text(tree, variant)}",
         summary=f"The coverage is between {lowest} and {highest}; it should be "
         f"{percent_text(level)}.",
         x=Axis("coverage [%]", (min(78.0, 100 * known.min()) - 2, 102)),

@@ -13,9 +13,9 @@ from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
+    benchmark_output_heading,
     budget_axis,
     method_keys,
-    output_heading,
     reference_error,
     variants,
 )
@@ -73,7 +73,7 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
     if not charts:
         return
     for output, found in charts.items():
-        yield Heading(output_heading(tree, output))
+        yield Heading(benchmark_output_heading(tree, output))
         yield Charts(
             tuple(found), keys=(*method_keys(benchmark_methods(tree, variant)), *_keys(found))
         )

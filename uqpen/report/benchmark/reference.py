@@ -13,9 +13,9 @@ from uqpen.archive.read import read_group
 from uqpen.core.labels import BUDGET, INTERVAL, METHODS
 from uqpen.core.units import scale
 from uqpen.report.benchmark.section_elements import (
+    benchmark_output_heading,
     entries_by_output,
     indent_labels,
-    output_heading,
     reference_error,
     reference_run_counts,
 )
@@ -66,7 +66,7 @@ def reference(tree: xr.DataTree) -> Iterator[Block]:
 
 def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> OutputTable:
     columns = ["value", "its own error", "errors are relative to", "method of its interval"]
-    table = OutputTable(f"Reference of {output_heading(tree, output)}", columns)
+    table = OutputTable(f"Reference of {benchmark_output_heading(tree, output)}", columns)
     for entry in found:
         truth = entry.reference
         value = entry.reference_text if math.isfinite(truth.values[0]) else NOTHING

@@ -28,11 +28,11 @@ from uqpen.results.texts import title_with_name
 
 __all__ = [
     "MOST_CHARTS",
+    "benchmark_output_heading",
     "budget_axis",
     "entries_by_output",
     "indent_labels",
     "method_keys",
-    "output_heading",
     "reference_error",
     "reference_run_counts",
     "variants",
@@ -61,7 +61,7 @@ def entries_by_output(tree: xr.DataTree) -> dict[str, list[BenchmarkEntry]]:
     return found
 
 
-def output_heading(tree: xr.DataTree, output: str) -> str:
+def benchmark_output_heading(tree: xr.DataTree, output: str) -> str:
     """Return an output's title as a heading has it."""
     return title_with_name(output_title(tree, output), output)
 

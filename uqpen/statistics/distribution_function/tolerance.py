@@ -163,34 +163,53 @@ def _stacked(
     yield name, array
 
 
+class _Limit(NamedTuple):
+    """One-sided tolerance limit of a sample: the quantile it bounds, and which runs are inside it.
+
+    The bounds follow from the number of blocks that the limit takes.
+    """
+
+    quantile: float
+    inside: tuple[BoolArray, BoolArray]
+    bounds: Callable[[float], tuple[float, float]]
+    too_few_runs: str  # with a placeholder for the fewest
+
+
 def _upper_limit(sample: Sample, content: float) -> Estimate:
     """Estimate a quantile with a one-sided upper bound."""
     value = float(sample_quantile(sample, content))
-    if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(value, reason)
     inside = sample.values <= value, sample.values < value
-    for needed in _blocks(sample, content, inside, content):
-        if needed.blocks <= sample.size:
-            upper = float(order_statistic(sample, needed.blocks))
-            method = texts.ONE_SIDED.format(method=needed.method)
-            return Estimate(value, math.nan, upper, method, needed.label)
-    fewest = runs_needed(content, sample.level)
-    return Estimate.without_bounds(value, texts.UPPER_BOUND_NEEDS.format(runs=fewest))
+
+    def bounds(blocks: float) -> tuple[float, float]:
+        return math.nan, float(order_statistic(sample, blocks))
+
+    limit = _Limit(value, inside, bounds, texts.UPPER_BOUND_NEEDS)
+    return _one_sided(sample, content, limit)
 
 
 def _lower_limit(sample: Sample, content: float) -> Estimate:
     """Estimate a quantile with a one-sided lower bound."""
     value = float(sample_quantile(sample, 1 - content))
-    if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(value, reason)
     inside = sample.values >= value, sample.values > value
-    for needed in _blocks(sample, content, inside, content):
+
+    def bounds(blocks: float) -> tuple[float, float]:
+        return float(order_statistic(sample, sample.size + 1 - blocks)), math.nan
+
+    limit = _Limit(value, inside, bounds, texts.LOWER_BOUND_NEEDS)
+    return _one_sided(sample, content, limit)
+
+
+def _one_sided(sample: Sample, content: float, limit: _Limit) -> Estimate:
+    """Estimate the quantile of a limit, with its bound if there are enough runs."""
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(limit.quantile, reason)
+    for needed in _blocks(sample, content, limit.inside, content):
         if needed.blocks <= sample.size:
-            lower = float(order_statistic(sample, sample.size + 1 - needed.blocks))
+            lower, upper = limit.bounds(needed.blocks)
             method = texts.ONE_SIDED.format(method=needed.method)
-            return Estimate(value, lower, math.nan, method, needed.label)
+            return Estimate(limit.quantile, lower, upper, method, needed.label)
     fewest = runs_needed(content, sample.level)
-    return Estimate.without_bounds(value, texts.LOWER_BOUND_NEEDS.format(runs=fewest))
+    return Estimate.without_bounds(limit.quantile, limit.too_few_runs.format(runs=fewest))
 
 
 def _interval(sample: Sample, content: float) -> Estimate:

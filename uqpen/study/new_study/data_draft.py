@@ -15,7 +15,7 @@ from uqpen.models.data.columns import DataColumn, DataFile
 from uqpen.models.data.data_file import read_data_file
 from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_results
 from uqpen.study.data_section import OTHER_COLUMNS
-from uqpen.study.new_study.draft import FILL_IN, line, surrogate_lines
+from uqpen.study.new_study.draft import FILL_IN, head_lines, line, surrogate_lines
 
 __all__ = ["DataDraft", "data_draft"]
 
@@ -58,16 +58,9 @@ class DataDraft:
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
+        head = head_lines(file, Path(self.reference).stem, "which columns are outputs, units")
         parts = [*self._model(), *self._inputs(), *self._outputs(), *self._design()]
-        return "\n".join([*self._head(file), *parts, *surrogate_lines("runs")]) + "\n"
-
-    def _head(self, file: str) -> Iterator[str]:
-        yield f"# Lines with {FILL_IN} need what only you know: which columns are outputs, units."
-        yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
-        yield ""
-        yield f"title = {toml_text(Path(self.reference).stem)}"
-        yield line("seed = 1", "of all random numbers")
-        yield ""
+        return "\n".join([*head, *parts, *surrogate_lines("runs")]) + "\n"
 
     def _model(self) -> Iterator[str]:
         yield "[model]"

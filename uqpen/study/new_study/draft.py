@@ -9,7 +9,15 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.units import DIMENSIONLESS
 
-__all__ = ["FILL_IN", "Draft", "DraftInput", "check_names", "line", "surrogate_lines"]
+__all__ = [
+    "FILL_IN",
+    "Draft",
+    "DraftInput",
+    "check_names",
+    "head_lines",
+    "line",
+    "surrogate_lines",
+]
 
 FILL_IN = "FILL IN"
 # Width of an input that nothing is known of, relative to its nominal value.
@@ -68,15 +76,8 @@ class Draft:
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
-        return "\n".join([*self._head(file), *self._model(), *self._inputs(), *self._rest()]) + "\n"
-
-    def _head(self, file: str) -> Iterator[str]:
-        yield f"# Lines with {FILL_IN} need what only you know: units, how uncertain inputs are."
-        yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
-        yield ""
-        yield f"title = {toml_text(self.title)}"
-        yield line("seed = 1", "of all random numbers")
-        yield ""
+        head = head_lines(file, self.title, "units, how uncertain inputs are")
+        return "\n".join([*head, *self._model(), *self._inputs(), *self._rest()]) + "\n"
 
     def _model(self) -> Iterator[str]:
         yield "[model]"
@@ -141,6 +142,16 @@ def _distribution(variable: DraftInput) -> str:
         key: f'"{end:.6g} {variable.unit}"' if known else f"{end:.6g}" for key, end in ends.items()
     }
     return f"{{ uniform = {{ lower = {texts['lower']}, upper = {texts['upper']} }} }}"
+
+
+def head_lines(file: str, title: str, unknown: str) -> Iterator[str]:
+    """Yield the first lines of a study file: what to fill in and to call, its title, its seed."""
+    yield f"# Lines with {FILL_IN} need what only you know: {unknown}."
+    yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
+    yield ""
+    yield f"title = {toml_text(title)}"
+    yield line("seed = 1", "of all random numbers")
+    yield ""
 
 
 def surrogate_lines(design: str) -> Iterator[str]:

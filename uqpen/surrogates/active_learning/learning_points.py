@@ -24,7 +24,6 @@ from uqpen.surrogates.active_learning.limit_state_surrogate import (
 from uqpen.surrogates.active_learning.surrogate_states import SurrogateStates
 from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.matern import correlations
-from uqpen.surrogates.standardised_inputs import StandardisedInputs
 
 __all__ = ["EXPECTED_FEASIBILITY", "U_FUNCTION", "LearningCriterion", "choose_batch"]
 
@@ -119,14 +118,14 @@ class _Candidates:
     def __init__(self, fit: GaussianProcessFit, inputs: FloatArray, without: FloatArray) -> None:
         self._fit = fit
         self.means, self._deviations = mean_and_deviation(fit, inputs)
-        self._points, self._runs = _scaled(fit, inputs), fit.points
+        self._points, self._runs = fit.scaled_coordinates(inputs), fit.points
         among = correlations(fit.points, fit.points, fit.smoothness)
         among[np.diag_indices_from(among)] += fit.nugget
         self._factor = linalg.cholesky(among, lower=True)
         self._rows = self._solved(self._points)
         self._left = self._variances(self._points, self._rows)
         self._first = self._left.copy()
-        for point in _scaled(fit, without):
+        for point in fit.scaled_coordinates(without):
             self._add(point)
 
     @property
@@ -181,12 +180,6 @@ def _combined(
     surest = np.where(suffices, each, np.inf).min(axis=0)
     found: FloatArray = np.where(suffices.any(axis=0), surest, each.max(axis=0))
     return found
-
-
-def _scaled(fit: GaussianProcessFit, inputs: FloatArray) -> FloatArray:
-    """Return the coordinates of inputs in which the correlations of a process are the same."""
-    standardised = StandardisedInputs(fit.input_is_logarithm, fit.input_location, fit.input_scale)
-    return standardised.coordinates(inputs) / fit.lengths
 
 
 def _expected_feasibility(standardised: FloatArray) -> FloatArray:
