@@ -66,12 +66,12 @@ def test_residuals_in_bins_are_those_of_arrays(name: str, halved: bool) -> None:
     for column in range(3):
         bins = RegressionBins.from_sample(sample, column, halved=halved)
         arrays = ResidualVariance(bins, values)
-        loops = CompiledVariance.about(
+        found = CompiledVariance.about(
             SortedBins.from_sample(sample, column, halved=halved), values
         )
-        assert loops.variance == pytest.approx(arrays.variance, rel=1e-13)
-        assert loops.pair_noise == pytest.approx(arrays.pair_noise, rel=1e-13)
-        np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-13)
+        assert found.variance == pytest.approx(arrays.variance, rel=1e-13)
+        assert found.pair_noise == pytest.approx(arrays.pair_noise, rel=1e-13)
+        np.testing.assert_allclose(found.influence, arrays.influence, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("ties", [0, 5])
@@ -89,9 +89,9 @@ def test_correlations_of_sums_are_those_of_arrays(ties: int, is_ranked: bool) ->
     weights = np.array([[1.0, -0.3, 0.0, 0.0], [-0.2, 0.0, 0.0, 1.0]])
     own = orderings if is_ranked else []
     arrays = PairOfArrays(weights, columns, own)
-    (loops,) = compiled_pairs(columns, [weights], ColumnGroup.of(own))
-    assert loops.value == pytest.approx(arrays.value, rel=1e-13)
-    np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-12)
+    (found,) = compiled_pairs(columns, [weights], ColumnGroup.of(own))
+    assert found.value == pytest.approx(arrays.value, rel=1e-13)
+    np.testing.assert_allclose(found.influence, arrays.influence, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -102,19 +102,19 @@ def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.Monkey
 
     arrays = found()
     monkeypatch.setattr("uqpen.statistics.input_columns._MANY", 1)
-    for statistic, loops in found().items():
+    for statistic, by_loops in found().items():
         np.testing.assert_allclose(
-            loops.values, arrays[statistic].values, rtol=1e-10, atol=1e-12, err_msg=statistic
+            by_loops.values, arrays[statistic].values, rtol=1e-10, atol=1e-12, err_msg=statistic
         )
         for text in ("interval", "interval_label", "note"):
-            assert loops[text].values.tolist() == arrays[statistic][text].values.tolist()
+            assert by_loops[text].values.tolist() == arrays[statistic][text].values.tolist()
 
 
 def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
     """No processor and no number of threads changes a bit, as nothing is reordered or shared."""
-    loops = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
-    assert len(loops) > 3
-    for each in loops:
+    inner = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
+    assert len(inner) > 3
+    for each in inner:
         assert not {"parallel", "fastmath"} & each.targetoptions.keys()
 
 

@@ -426,6 +426,6 @@ def _sort_by_digit(
         total += count
     shift, mask = np.uint64(fewest + digit * width), np.uint64((1 << width) - 1)
     for r in range(runs):
-        bucket = first + np.int64((words[r] >> shift) & mask)
-        other[counts[bucket]] = words[r]
-        counts[bucket] += 1
+        mine = first + np.int64((words[r] >> shift) & mask)
+        other[counts[mine]] = words[r]
+        counts[mine] += 1

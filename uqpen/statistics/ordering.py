@@ -83,7 +83,7 @@ class Ordering:
     def mean_ranks(self) -> FloatArray:
         """Ranks from 1; equal values share the mean of theirs."""
         if self.is_above is None:
-            return self.level + 1.0
+            return np.add(self.level, 1.0, dtype=np.float64)
         count = np.bincount(self.level)
         ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[self.level]
         return ranks
