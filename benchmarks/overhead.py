@@ -23,7 +23,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.core.model import Model
-from uqpen.execution import Evaluator, Map, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, Map, evaluate
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
@@ -93,7 +93,7 @@ def _overhead(model: Model, runs: int, spread: Map, *, vectorized: bool) -> floa
         if vectorized
         else (lambda: [function(a, b) for a, b in zip(x.tolist(), y.tolist(), strict=True)])
     )
-    whole = _seconds(lambda: evaluate(Evaluator(model), points, {}, map=spread))
+    whole = _seconds(lambda: evaluate(Evaluator(model), points, {}, EvaluationOptions(map=spread)))
     return (whole - bare) / runs
 
 

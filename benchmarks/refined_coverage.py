@@ -42,7 +42,8 @@ from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import corrected_probability
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.refinement.placement import place
-from uqpen.surrogates.refinement.predicted_errors import RefinedOutput, predicted_errors
+from uqpen.surrogates.refinement.predicted_errors import predicted_errors
+from uqpen.surrogates.refinement.refinement import RefinedOutput
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

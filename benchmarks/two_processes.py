@@ -100,7 +100,7 @@ def _spent(model: Model, runs: int, workers: int) -> Spent:
     import numpy as np
     import xarray as xr
 
-    from uqpen.execution import Evaluator, evaluate
+    from uqpen.execution import EvaluationOptions, Evaluator, evaluate
     from uqpen.execution.processes import processes
 
     rng = np.random.default_rng(1)
@@ -108,7 +108,7 @@ def _spent(model: Model, runs: int, workers: int) -> Spent:
     points = xr.Dataset(draws, {"run": np.arange(runs)})
     began, own, busy = time.monotonic(), time.process_time(), _busy_time()
     with processes(workers) if workers > 1 else nullcontext(map) as spread:
-        found = evaluate(Evaluator(model), points, {}, map=spread)
+        found = evaluate(Evaluator(model), points, {}, EvaluationOptions(map=spread))
     clock = time.monotonic() - began
     own = time.process_time() - own + float(found["processor"].sum())
     others = max(0.0, _busy_time() - busy - own) / clock

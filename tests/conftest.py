@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
 import importlib
 import json
@@ -22,6 +23,7 @@ from hypothesis import settings
 
 import uqpen
 from uqpen.cli.main import main
+from uqpen.core.processors import processors
 from uqpen.study.load import parse_study
 from uqpen.study.study import ValidatedStudy
 
@@ -38,11 +40,29 @@ settings.register_profile("fixed", derandomize=True, deadline=None, max_examples
 settings.load_profile("fixed")
 
 
-# One process of the tests compiles what all of them use, while another waits for a cluster. If all
-# of them began with studies, each would compile the same.
+def pytest_xdist_auto_num_workers() -> int | None:
+    """One process more than there are processors, as some tests wait for other processes."""
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None  # what a user says there
+    return processors() + 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect the tests without a search for garbage: nearly all that is made is kept."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+# One process of the tests compiles what all of them use, while others wait for a cluster or for
+# processes. If all of them began with studies, each would compile the same.
 FIRST = {
     Path(__file__).parent / "archive" / "test_archive.py",
     Path(__file__).parent / "execution" / "test_cluster.py",
+    Path(__file__).parent / "execution" / "test_processes.py",
 }
 
 

@@ -1,4 +1,4 @@
-"""The contract tests that members of a family from outside the package can be held to."""
+"""The contract tests that user-defined members of a family can be held to."""
 
 from __future__ import annotations
 

@@ -10,11 +10,13 @@ import uqpen
 
 # Each takes 10 to 300 ms of a processor to load.
 HEAVY = (
-    *("chaospy", "distributed", "jinja2", "matplotlib", "netCDF4", "numba", "pandas", "rich"),
+    *("chaospy", "distributed", "jinja2", "matplotlib", "multiprocessing", "netCDF4", "numba"),
+    *("pandas", "rich"),
     *("SALib", "scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.ndimage"),
     *("scipy.optimize", "scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats", "xarray"),
 )
-TABLES = {"numpy", "pandas", "rich", "xarray"}
+# xarray loads what it may need of multiprocessing.
+TABLES = {"multiprocessing", "pandas", "rich", "xarray"}
 
 # xarray loads Dask with half of SciPy wherever it is installed, which a plain installation is not.
 PROBE = f"""
@@ -40,6 +42,12 @@ x3 = "0 ± 1"
 [designs.plain]
 kind = "monte-carlo"
 runs = 64
+"""
+
+EXPANSION = """\
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "plain"
 """
 
 ROD = """\
@@ -74,6 +82,7 @@ def loaded(folder: Path, *arguments: str) -> set[str]:
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("imports")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    (folder / "expansion.toml").write_text(STUDY + EXPANSION, encoding="utf-8")
     allowed = {*TABLES, "netCDF4", "scipy.special"}
     assert loaded(folder, "study", "study.toml", "-o", "archive.nc") <= allowed
     return folder / "archive.nc"
@@ -83,11 +92,12 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("arguments", "allowed"),
     [
         (("--help",), set()),
-        (("check", "study.toml"), {*TABLES, "scipy.special"}),
+        (("check", "study.toml"), {"rich", "scipy.special"}),
+        (("check", "expansion.toml"), {"rich", "scipy.special"}),
         (("show", "archive.nc"), {*TABLES, "netCDF4"}),
         (("report", "archive.nc"), {*TABLES, "jinja2", "netCDF4", "scipy.special"}),
     ],
-    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_a_command_loads_what_it_needs(
     archive: Path, arguments: tuple[str, ...], allowed: set[str]

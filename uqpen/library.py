@@ -9,6 +9,7 @@ from typing import Any
 
 from uqpen import workflow
 from uqpen.checkpoints import make_archive as checkpoints
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
@@ -80,9 +81,12 @@ def make_archive(
     study, workers, map, progress
         As in `run`.
     path : str or Path
-        The archive to write; its folder is made if there is none.
+        The archive to write; its folder is made if there is none. If one is there whose runs took
+        more than a minute, and this one does not have them, it is kept beside it under another
+        name.
     fresh : bool
-        True to make all runs, also those that an earlier call has made.
+        True to make all runs, also those that an earlier call has made, and to replace the archive
+        whatever runs it has.
     lost_again : bool
         True to make again those finished runs that failed.
     read_again : bool
@@ -105,12 +109,9 @@ def make_archive(
         tree = checkpoints.make_archive(
             study,
             path,
+            ResumeOptions(fresh, lost_again, read_again, reuse),
             map=spread,
             progress=reporter,
-            fresh=fresh,
-            lost_again=lost_again,
-            read_again=read_again,
-            reuse=reuse,
         )
         return Archive.of(tree)
 

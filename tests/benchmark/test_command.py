@@ -12,6 +12,8 @@ from typing import Any
 import netCDF4
 import pytest
 
+from uqpen.checkpoints.lock import lock_archive
+
 pytestmark = pytest.mark.slow
 
 STUDY = """\
@@ -92,6 +94,12 @@ class TestCompare:
         assert complaint in done.err
         assert "Traceback" not in done.err
         assert "runs, of which" not in done.err
+
+    def test_two_at_once_do_not_make_the_same_archive(self, uqpen: Command) -> None:
+        with lock_archive(Path("one.nc").absolute()):
+            done = uqpen("compare", "small.toml", *SHORT, "-o", "one.nc")
+        assert done.code == 2
+        assert "another process is making it right now" in done.err
 
     def test_several_models_are_refused(self, uqpen: Command) -> None:
         models = '[models.one]\nuse = "ishigami"\n[models.two]\nuse = "ishigami"'

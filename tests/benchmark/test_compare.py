@@ -13,6 +13,7 @@ import uqpen
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.core.errors import SettingsError
+from uqpen.execution.runs_in_file import runs_in_file
 from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
@@ -64,6 +65,15 @@ def statistic(
     function: str, budgets: tuple[int, ...], more: str = "", *, name: str = "mean"
 ) -> xr.Dataset:
     return comparison(function, budgets, more)[f"/benchmark/y/{name}"].to_dataset()
+
+
+def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path: Path) -> None:
+    settings = BenchmarkSettings((64, 128), repeats=10, reference=512)
+    with runs_in_file(tmp_path / "runs", runs_in_memory=100) as checkpoint:
+        found = compare(study("additive"), settings, checkpoint=checkpoint)
+        assert (tmp_path / "runs").exists()
+    assert not (tmp_path / "runs").exists()
+    assert found.identical(compare(study("additive"), settings))
 
 
 class TestWinners:

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import uqpen
 from uqpen.archive.write import write
 from uqpen.checkpoints.make_archive import make_archive
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.cli.export import export
 from uqpen.cli.report import report
 from uqpen.cli.show import show
@@ -70,9 +71,15 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def make(folder: Path, text: str, name: str = "study.nc", **options: Any) -> bytes:
+def make(
+    folder: Path,
+    text: str,
+    name: str = "study.nc",
+    resume: ResumeOptions | None = None,
+    **options: Any,
+) -> bytes:
     study = parse_study(text, folder=folder)
-    make_archive(study, folder / name, **{"reuse": None, **options})
+    make_archive(study, folder / name, resume or ResumeOptions(reuse=None), **options)
     return (folder / name).read_bytes()
 
 
@@ -152,7 +159,7 @@ class TestReaders:
         text = STUDY.partition("[designs.other]")[0]
         make(made, text, "one.nc")
         with pytest.raises(CheckpointError, match="one: the archive has only their statistics"):
-            make(made, text, "new.nc", reuse=[made / "one.nc"])
+            make(made, text, "new.nc", ResumeOptions(reuse=[made / "one.nc"]))
 
 
 class TestMistakes:

@@ -188,7 +188,7 @@ def test_a_fresh_start_makes_all_runs_again(of_two: Path, whole_of_two: bytes) -
     assert calls(of_two) == 50 + 70
 
 
-@pytest.mark.filterwarnings("ignore:other. 40 of its 40 earlier runs are not kept")
+@pytest.mark.filterwarnings("ignore:other. 40 of its 40 earlier runs are not used")
 def test_an_archive_stays_until_the_next_one_is_complete(of_two: Path, whole_of_two: bytes) -> None:
     make(of_two)
     change(of_two, "seed = 11", "seed = 12")
@@ -518,7 +518,7 @@ def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
     assert calls(folder) == 30
 
 
-def _interrupted(*arguments: object) -> None:
+def _interrupted(*arguments: object, **options: object) -> None:
     raise KeyboardInterrupt
 
 

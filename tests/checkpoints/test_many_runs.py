@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,9 +17,11 @@ from uqpen.archive.file_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import make_archive
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.runs_file import read_runs
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
+from uqpen.core.labels import FAILED_RUN
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.execution import Map, Progress
@@ -80,10 +81,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def make(folder: Path, limit: int = LIMIT, **options: Any) -> bytes:
+def make(folder: Path, limit: int = LIMIT, *, fresh: bool = False) -> bytes:
     """Make the archive of the study, and return its bytes."""
     study = uqpen.load_study(folder / "study.toml")
-    make_archive(study, folder / "study.nc", runs_in_memory=limit, reuse=None, **options)
+    resume = ResumeOptions(fresh=fresh, reuse=None)
+    make_archive(study, folder / "study.nc", resume, runs_in_memory=limit)
     return (folder / "study.nc").read_bytes()
 
 
@@ -234,6 +236,51 @@ def test_a_model_without_known_versions_keeps_runs_for_one_start_alone(
     again = Interrupted()
     assert_same(runs(folder, progress=again), expected)
     assert (again.restored, again.made) == ([], 4_500)
+
+
+ROUNDS = """\
+until = { z = { mean = "1e-6 m" } }
+at_most = 8_192
+"""
+
+
+@pytest.fixture
+def rounds_folder(folder: Path) -> Path:
+    """Rounds of 512, 512, 1 024, 2 048 and 4 096 runs: the last two go by blocks."""
+    (folder / "study.toml").write_text(STUDY.replace("runs = 4_500\n", ROUNDS))
+    return folder
+
+
+def test_later_rounds_go_by_blocks_and_are_those_in_memory(rounds_folder: Path) -> None:
+    found = runs(rounds_folder)
+    assert not is_in_memory(found.variables["z"])
+    assert len({*found["round"].values.tolist()}) == 5
+    (rounds_folder / "parts").rename(rounds_folder / "other")
+    whole = runs(rounds_folder, limit=10**6)
+    assert whole.sizes[FAILED_RUN] > 5
+    assert_same(found, whole)
+    rng = np.random.default_rng(3)
+    for part in (slice(900, 5_200), slice(None, None, -7), rng.permutation(8_192)[:300], 4_100):
+        for name in ("run", "round", "x", "z", "status"):
+            values = found.variables[name][part].values
+            np.testing.assert_array_equal(values, whole.variables[name][part].values)
+    block = LoadedDataset(found).read(2_000, 5_000)
+    assert_same(block, LoadedDataset(whole).read(2_000, 5_000)[[*block.variables]])
+
+
+def test_an_archive_of_rounds_by_blocks_has_the_bytes_of_one_from_memory(
+    rounds_folder: Path,
+) -> None:
+    by_blocks = make(rounds_folder)
+    assert make(rounds_folder, limit=10**6, fresh=True) == by_blocks
+
+
+def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder: Path) -> None:
+    killed_after(rounds_folder, 9)  # in the last round; the file of the one before is still open
+    again = Interrupted()
+    found = runs(rounds_folder, progress=again)
+    assert again.restored[-2:] == [2_048, 2 * BLOCK]
+    assert_same(found, runs(rounds_folder))
 
 
 @pytest.mark.parametrize("design", [SobolSequence(runs=2**18), Halton(runs=200_001, replicates=3)])

@@ -54,33 +54,33 @@ def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
         (
             MONTE_CARLO + "runs = 30",
             MONTE_CARLO + "runs = 10",
-            "d: 20 of its 30 earlier runs are not kept",
+            "d: 20 of its 30 earlier runs are not used",
         ),
         (
             HYPERCUBES + "runs = 40",
             HYPERCUBES + "runs = 60",
-            "d: 40 of its 40 earlier runs are not kept; to keep all of them: runs = 60, "
+            "d: 40 of its 40 earlier runs are not used; to use all of them: runs = 60, "
             "replicates = 15 (replicates of 4 points)",
         ),
         (
             HYPERCUBES + "runs = 40",
             MONTE_CARLO + "runs = 60",
-            "d: its 40 earlier runs are not kept: it is of another kind",
+            "d: its 40 earlier runs are not used: it is of another kind",
         ),
         (
             MONTE_CARLO + "runs = 30",
             MONTE_CARLO.replace("d]", "e]") + "runs = 30",
-            "d: its 30 earlier runs are not kept: the study has no design of this name",
+            "d: its 30 earlier runs are not used: the study has no design of this name",
         ),
         (
             '[designs.d]\nkind = "full-factorial"\nlevels = 2',
             '[designs.d]\nkind = "full-factorial"\nlevels = 3',
-            "d: it is not known how many of its 8 earlier runs it keeps",
+            "d: it is not known how many of its 8 earlier runs it uses",
         ),
         (
             MONTE_CARLO + "until = { y = { mean = 9 } }\nat_most = 4096",
             MONTE_CARLO + "runs = 100",
-            "d: 412 of its 512 earlier runs are not kept",
+            "d: 412 of its 512 earlier runs are not used",
         ),
     ],
 )
@@ -105,7 +105,7 @@ def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
     archive = uqpen.run(uqpen.parse_study(earlier, folder=tmp_path))
     study = uqpen.parse_study(now, folder=tmp_path)
     (tmp_path / "mine.py").write_text("raise RuntimeError('executed')\n", encoding="utf-8")
-    text = "d: it is not known how many of its 20 earlier runs it keeps"
+    text = "d: it is not known how many of its 20 earlier runs it uses"
     assert told(archive, study) == [text]
 
 
@@ -114,5 +114,5 @@ def test_it_is_told_before_the_archive_is_replaced(tmp_path: Path) -> None:
     for runs in (40, 60):
         uqpen.make_archive(parse(f"{HYPERCUBES}runs = {runs}"), path, progress=progress)
     told_of = [text for text in progress.texts if text.startswith("d: ")]
-    assert [text[:40] for text in told_of] == ["d: 40 of its 40 earlier runs are not kep"]
+    assert [text[:40] for text in told_of] == ["d: 40 of its 40 earlier runs are not use"]
     assert "d: 40 of its 40" in (tmp_path / "study.nc.log").read_text(encoding="utf-8")

@@ -18,6 +18,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.checkpoints.keep_runs import keep_runs
 from uqpen.checkpoints.point_index import BatchIndex, PointIndex
+from uqpen.checkpoints.run_cost import are_costly
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.status import Status
@@ -150,7 +151,111 @@ def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) ->
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
     assert len(studies.make(STUDY)) == 30
     assert "none of its runs is taken" in studies.told.texts[0]
-    assert studies.told.texts[0].endswith("replaces it:\n  file model.py has changed")
+    assert studies.told.texts[0].endswith("another model:\n  file model.py has changed")
+
+
+def kept_archives(studies: Studies) -> list[bytes]:
+    """The archives that were kept under another name."""
+    return [path.read_bytes() for path in sorted(studies.folder.glob("study.*.nc"))]
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('kind = "monte-carlo"', 'kind = "latin-hypercube"'),
+        ("runs = 30", "runs = 29"),
+        ("seed = 11", "seed = 12"),
+        ('x = "0 ± 1"', 'x = "0 ± 2"'),
+        ("[designs.one]", "[designs.one]\nkeep = 'statistics'"),
+        ("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]'),
+        ('x = "0 ± 1"', 'x = "1"'),
+    ],
+)
+def test_an_archive_is_kept_whose_runs_the_new_one_lacks(
+    studies: Studies, before: str, after: str
+) -> None:
+    earlier = studies.bytes()
+    studies.make(STUDY.replace(before, after))
+    assert kept_archives(studies) == [earlier]
+    assert ": the earlier archive is kept as study." in studies.told.texts[-1]
+    [kept] = studies.folder.glob("study.*.nc")
+    assert studies.make(STUDY, "back.nc", reuse=[kept]) == []
+    assert studies.bytes("back.nc") == earlier
+
+
+def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
+    earlier = studies.bytes()
+    (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
+    studies.make(STUDY)
+    assert kept_archives(studies) == [earlier]
+    (studies.folder / "model.py").write_text(MODEL)
+    for text in (STUDY, STUDY.replace("seed = 11", "seed = 12")):
+        (studies.folder / "study.nc.log").unlink()  # so the costs are not known
+        studies.make(text)
+    assert kept_archives(studies).count(earlier) == 1
+    assert len(kept_archives(studies)) == 2
+
+
+def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
+    tree = open_archive(studies.folder / "study.nc")
+    tree["runs/one"]["z"].values[0] = 0.5
+    write_tree(tree, studies.folder / "study.nc")
+    edited = studies.bytes()
+    studies.make(STUDY)
+    assert kept_archives(studies) == [edited]
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (STUDY.replace("runs = 30", "runs = 40"), {}),
+        (STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]"), {}),
+        (STUDY, {"lost_again": True}),
+        (STUDY.replace("seed = 11", "seed = 12"), {"fresh": True}),
+    ],
+)
+def test_no_archive_is_kept_where_nothing_is_lost_or_it_is_asked(
+    studies: Studies, text: str, options: dict[str, Any]
+) -> None:
+    studies.make(text, **options)
+    assert kept_archives(studies) == []
+
+
+def test_an_archive_is_kept_without_links(
+    studies: Studies, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(Path, "hardlink_to", refuse)
+    earlier = studies.bytes()
+    studies.make(STUDY.replace("seed = 11", "seed = 12"))
+    assert kept_archives(studies) == [earlier]
+
+
+LOG_LINES = {
+    "one: 30 runs in 59.900 s, 2 of them failed": False,
+    "one: 30 runs in 61.000 s, 0 of them failed": True,
+    "one: 30 runs in 1.000 s, 0 of them failed|two: 9 runs in 59.500 s, 0 of them failed": True,
+    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from folder/study.nc": False,
+    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from other.nc": True,
+    "one: 29 runs were made before|one: 1 runs in 0.100 s, 0 of them failed": True,
+    "nothing of any run": True,
+}
+
+
+@pytest.mark.parametrize(("lines", "expected"), LOG_LINES.items(), ids=str)
+def test_the_log_says_whether_runs_were_costly(tmp_path: Path, lines: str, expected: bool) -> None:
+    log = tmp_path / "study.nc.log"
+    assert are_costly(log, "study.nc")
+    log.write_text("".join(f"2026-11-23T12:00:00.000+00:00 {each}\n" for each in lines.split("|")))
+    assert are_costly(log, "study.nc") == expected
+
+
+def test_an_archive_whose_runs_are_made_again_at_once_is_not_kept(empty: Studies) -> None:
+    empty.make(STUDY)
+    empty.make(STUDY.replace("seed = 11", "seed = 12"))
+    assert kept_archives(empty) == []
 
 
 def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
@@ -295,8 +400,9 @@ def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> N
     assert empty.told.texts == [expected]
     # Of the archive that is replaced, also the settings that would keep them are known.
     assert len(empty.make(changed)) == 40
-    expected = "one: 30 of its 30 earlier runs are not kept; to keep all of them: runs = 39"
-    assert [text[: len(expected)] for text in empty.told.texts] == [expected]
+    expected = "one: 30 of its 30 earlier runs are not used; to use all of them: runs = 39"
+    [told] = empty.told.texts
+    assert told.startswith(expected)
 
 
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:

@@ -17,6 +17,9 @@ from typing import Any
 import netCDF4
 import pytest
 
+from uqpen.archive.netcdf import write_tree
+from uqpen.archive.read import open_archive
+
 pytestmark = pytest.mark.slow
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -437,6 +440,62 @@ class TestProcess:
             process.stdout.close()
             assert process.stderr.read() == b""
             assert process.wait() == 0
+
+    @pytest.mark.parametrize("workers", ["1", "2"])
+    def test_a_study_does_not_depend_on_who_reads_its_output(
+        self, tmp_path: Path, workers: str
+    ) -> None:
+        (tmp_path / "slow.py").write_text("def f(x):\n    print('x' * 999)\n    return {'y': x}")
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "300"))
+        for name, reader in (("heard.nc", subprocess.DEVNULL), ("unheard.nc", subprocess.PIPE)):
+            arguments = ("study", "slow.toml", "-o", name, "--workers", workers)
+            with subprocess.Popen(
+                self.command(*arguments),
+                cwd=tmp_path,
+                stdout=reader,
+                stderr=subprocess.STDOUT,
+            ) as process:
+                if process.stdout is not None:
+                    process.stdout.close()
+                assert process.wait() == 0
+        assert (tmp_path / "heard.nc").read_bytes() == (tmp_path / "unheard.nc").read_bytes()
+
+    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path: Path) -> None:
+        (tmp_path / "small.toml").write_text(SMALL)
+        assert subprocess.run(
+            self.command("study", "small.toml", "-o", "small.nc"),
+            cwd=tmp_path,
+            capture_output=True,
+            check=True,
+        )
+        tree = open_archive(tmp_path / "small.nc")
+        tree["runs/monte_carlo"]["y"].values[0] += 1.0
+        write_tree(tree, tmp_path / "edited.nc")
+        for name, code in (("small.nc", 0), ("edited.nc", 4)):
+            with subprocess.Popen(
+                self.command("verify", name), cwd=tmp_path, stdout=subprocess.PIPE
+            ) as process:
+                assert process.stdout is not None
+                process.stdout.close()
+                assert process.wait() == code
+
+    @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has it")
+    def test_a_full_disk_below_the_output_costs_no_archive(self, tmp_path: Path) -> None:
+        (tmp_path / "small.toml").write_text(SMALL)
+        for arguments in (("study", "small.toml"), ("show", "archives/small.nc")):
+            with Path("/dev/full").open("w") as full:
+                done = subprocess.run(
+                    self.command(*arguments),
+                    cwd=tmp_path,
+                    stdout=full,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                    check=False,
+                )
+            assert done.returncode == 2
+            message = "standard output cannot be written: No space left on device"
+            assert done.stderr.splitlines()[-1] == message
+            assert (tmp_path / "archives" / "small.nc").is_file()
 
     def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path: Path) -> None:
         (tmp_path / "small.toml").write_text(SMALL)

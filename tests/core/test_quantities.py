@@ -88,6 +88,14 @@ def test_a_difference_of_temperatures_has_no_offset() -> None:
     assert parse_quantity("5 degC", "K", difference=True).value == 5.0
 
 
+def test_the_minus_of_typesetting_is_read_as_that_of_the_keyboard() -> None:
+    assert parse_quantity("−5 mm", "m").value == -0.005
+    assert parse_quantity("2e−3 m", "m").value == 0.002
+    spread = parse_spread("(−2 ± 1) m", "m")
+    assert spread is not None
+    assert (spread.mean, spread.std) == (-2, 1)
+
+
 @pytest.mark.parametrize("sign", ["±", "+/-", "+-"])
 def test_a_spread_is_a_mean_and_a_standard_deviation(sign: str) -> None:
     spread = parse_spread(f"(2.5 {sign} 0.05) g/cm^3", "kg m-3")

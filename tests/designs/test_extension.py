@@ -158,34 +158,34 @@ def test_a_larger_design_keeps_what_was_drawn_again(
         (
             LatinHypercube(300, 10),
             LatinHypercube(200, 10),
-            "200 of its 200 earlier runs are not kept; to keep all of them: runs = 300, "
+            "200 of its 200 earlier runs are not used; to use all of them: runs = 300, "
             "replicates = 15 (replicates of 20 points)",
         ),
         (
             SobolSequence(1024, 32),
             SobolSequence(1024, 16),
-            "512 of its 1024 earlier runs are not kept; to keep all of them: runs = 2048, "
+            "512 of its 1024 earlier runs are not used; to use all of them: runs = 2048, "
             "replicates = 32 (no fewer replicates than 16, of 64 points each)",
         ),
         (
             Saltelli(64, 8),
             Saltelli(32, 2, second_order=True),
-            "128 of its 192 earlier runs are not kept; to keep all of them: base = 128, "
+            "128 of its 192 earlier runs are not used; to use all of them: base = 128, "
             "replicates = 8, second_order = true (no fewer replicates than 2, of 16 points each)",
         ),
         (
             Morris(20, 6),
             Morris(10),
-            "30 of its 30 earlier runs are not kept; to keep all of them: trajectories = 20, "
+            "30 of its 30 earlier runs are not used; to use all of them: trajectories = 20, "
             "levels = 4 (the same levels)",
         ),
         (
             LatinHypercube(40, 4),
             LatinHypercube(20, 2, "random-cd"),
-            "20 of its 20 earlier runs are not kept; to keep all of them: runs = 40, "
+            "20 of its 20 earlier runs are not used; to use all of them: runs = 40, "
             'replicates = 4, optimization = "random-cd" (replicates of 10 points)',
         ),
-        (MonteCarlo(500), MonteCarlo(2000), "1500 of its 2000 earlier runs are not kept"),
+        (MonteCarlo(500), MonteCarlo(2000), "1500 of its 2000 earlier runs are not used"),
         (MonteCarlo(2000), MonteCarlo(500), ""),
         (
             MonteCarlo(until=Precision({"y": {"mean": 0.1}}), at_most=4096),
@@ -196,12 +196,12 @@ def test_a_larger_design_keeps_what_was_drawn_again(
         (
             FullFactorial(8),
             FullFactorial(7),
-            "it is not known how many of its 49 earlier runs it keeps",
+            "it is not known how many of its 49 earlier runs it uses",
         ),
         (
             MonteCarlo(10),
             SobolSequence(64),
-            "it is not known how many of its 64 earlier runs it keeps",
+            "it is not known how many of its 64 earlier runs it uses",
         ),
     ],
     ids=str,

@@ -22,7 +22,14 @@ from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.execution import Evaluator, FailurePolicy, Progress, evaluate, evaluate_blocks
+from uqpen.execution import (
+    EvaluationOptions,
+    Evaluator,
+    FailurePolicy,
+    Progress,
+    evaluate,
+    evaluate_blocks,
+)
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.models.python_function import PythonFunction
@@ -89,11 +96,11 @@ def test_blocks_have_their_size_and_stand_in_order() -> None:
 @pytest.mark.parametrize("map", [map, backwards])
 def test_joined_blocks_are_the_runs_of_points_in_memory(plain: xr.Dataset, map: Any) -> None:
     assert {Status.OK, Status.INADMISSIBLE, Status.FAILED} == set(plain["status"].values)
-    blocks = evaluate_blocks(Evaluator(Square()), drawn(), {}, map=map)
+    blocks = evaluate_blocks(Evaluator(Square()), drawn(), {}, EvaluationOptions(map=map))
     found = join_blocks(blocks, RUNS)
     assert found.identical(plain)
     assert list(found.variables) == list(plain.variables), "an archive keeps the order"
-    assert evaluate(Evaluator(Square()), drawn(), {}, map=map).identical(plain)
+    assert evaluate(Evaluator(Square()), drawn(), {}, EvaluationOptions(map=map)).identical(plain)
 
 
 def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain: xr.Dataset) -> None:
@@ -112,7 +119,9 @@ def test_batches_of_any_kind_keep_their_results(
     whole = evaluate(Evaluator(function(vectorized)), points, {})
     small_blocks(size)
     assert evaluate(Evaluator(function(vectorized)), points, {}).identical(whole)
-    assert evaluate(Evaluator(function(vectorized)), points, {}, map=backwards).identical(whole)
+    assert evaluate(
+        Evaluator(function(vectorized)), points, {}, EvaluationOptions(map=backwards)
+    ).identical(whole)
 
 
 def test_batches_begin_where_they_do_without_blocks(small_blocks: Callable[[int], None]) -> None:
@@ -124,7 +133,7 @@ def test_batches_begin_where_they_do_without_blocks(small_blocks: Callable[[int]
             yield work(batch)
 
     small_blocks(1_500)
-    evaluate(Evaluator(function(True)), drawn(4_500), {}, map=noting)
+    evaluate(Evaluator(function(True)), drawn(4_500), {}, EvaluationOptions(map=noting))
     assert batches == [(0, 1024), (1024, 1024), (2048, 1024), (3072, 1024), (4096, 404)]
 
 
@@ -138,7 +147,7 @@ def test_no_batch_waits_for_the_end_of_a_block(small_blocks: Callable[[int], Non
 
     builtin_map = map
     small_blocks(1_024)
-    evaluate(Evaluator(function(True)), drawn(4_500), {}, map=eager)
+    evaluate(Evaluator(function(True)), drawn(4_500), {}, EvaluationOptions(map=eager))
     assert ahead == [4_096], "one call takes the batches of all blocks, before any has a result"
 
 
@@ -147,17 +156,17 @@ def test_a_map_that_leaves_out_runs_is_refused() -> None:
         return (work(batch) for batch in list(batches)[1:])
 
     with pytest.raises(WorkerError, match="no result of 1024 runs"):
-        evaluate(Evaluator(function(True)), drawn(4_500), {}, map=forgetful)
+        evaluate(Evaluator(function(True)), drawn(4_500), {}, EvaluationOptions(map=forgetful))
 
 
 def test_too_many_failed_are_those_of_the_whole_round(small_blocks: Callable[[int], None]) -> None:
     points = xr.Dataset({"x": (RUN, np.repeat([9.5, 1.0], [1_024, 9_000]))})
     policy = FailurePolicy(at_most=0.11)
     small_blocks(1_024)
-    evaluate(Evaluator(Square()), points, {}, failures=policy)
+    evaluate(Evaluator(Square()), points, {}, EvaluationOptions(failures=policy))
     policy = FailurePolicy(at_most=0.10)
     with pytest.raises(TooManyFailedError, match="1024 of 10024 runs"):
-        evaluate(Evaluator(Square()), points, {}, failures=policy)
+        evaluate(Evaluator(Square()), points, {}, EvaluationOptions(failures=policy))
 
 
 class Kept(Checkpoint):
@@ -214,9 +223,7 @@ def test_whole_blocks_that_were_made_before_are_not_piled_up(
         Evaluator(function(True)),
         LoadedDataset(points),
         {},
-        map=map,
-        checkpoint=kept,
-        progress=told,
+        EvaluationOptions(map=map, checkpoint=kept, progress=told),
     )
     drawn_at_each = [(len(kept.restored), block.sizes[RUN]) for block in blocks]
     assert told.before == [9_299]
@@ -224,7 +231,7 @@ def test_whole_blocks_that_were_made_before_are_not_piled_up(
     assert kept.saved == ([0, 9_216] if map is not backwards else [512, 0, 9_608, 9_216])
     assert all(read - number <= 2 for number, (read, _) in enumerate(drawn_at_each))
     kept = Kept([restored(x, 1, 9_300)])
-    again = evaluate(Evaluator(function(True)), points, {}, checkpoint=kept)
+    again = evaluate(Evaluator(function(True)), points, {}, EvaluationOptions(checkpoint=kept))
     assert again.identical(whole)
 
 
@@ -236,11 +243,15 @@ def test_all_runs_of_a_scalar_function_may_have_been_made_before(
     kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])
     told = Counted()
     points = xr.Dataset({"x": (RUN, x)})
-    found = evaluate(Evaluator(function(False)), points, {}, checkpoint=kept, progress=told)
+    found = evaluate(
+        Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept, progress=told)
+    )
     assert np.array_equal(found["y"].values, x**2)
     assert told.runs == 100
     kept = Kept([restored(x, 0, 3_000)])
-    assert evaluate(Evaluator(function(False)), points, {}, checkpoint=kept).identical(found)
+    assert evaluate(
+        Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept)
+    ).identical(found)
 
 
 def test_memory_is_that_of_a_few_blocks() -> None:

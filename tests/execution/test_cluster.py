@@ -205,7 +205,7 @@ def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed: Path, two: Cl
     status = runs["status"].values
     assert {run: Status(status[run]) for run in np.flatnonzero(status).tolist()} == lost
     assert runs["lost_reason"].values.tolist() == [
-        "ValueError: one that raises",
+        'ValueError: one that raises (model.py, line 5: raise ValueError("one that raises"))',
         "y is nan",
         "took longer than 4 s",
         "the run ended its process: Killed",

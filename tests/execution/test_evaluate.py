@@ -14,7 +14,7 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.model import POSITIVE, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.execution import Evaluator, Progress, evaluate, join_rounds
+from uqpen.execution import EvaluationOptions, Evaluator, Progress, evaluate, join_rounds
 from uqpen.execution.batch import BatchResult
 from uqpen.models.python_function import PythonFunction
 
@@ -119,9 +119,17 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
 @pytest.mark.parametrize(
     ("returned", "reason"),
     [
-        (3.0, "returned float, not a mapping of outputs"),
-        (None, "returned NoneType, not a mapping of outputs"),
-        ({"z": 1.0}, 'returned no "w"'),
+        (
+            3.0,
+            'returned float, not a mapping of outputs; expected return {"z": z, "w": w}',
+        ),
+        (
+            None,
+            'returned NoneType, not a mapping of outputs; expected return {"z": z, "w": w}',
+        ),
+        ({}, 'returned no "z"'),
+        ({"z": 1.0, 3: 2.0}, 'returned no "w", but "z", "3"'),
+        (dict.fromkeys("zabcd", 1.0), 'returned no "w", but "z", "a", "b", "c", …'),
         ({"z": 1.0, "w": "3.0"}, 'returned a "w" of text in place of numbers'),
         ({"z": 1.0, "w": b"3.0"}, 'returned a "w" of bytes in place of numbers'),
         ({"z": 1.0, "w": 1j}, 'returned a "w" of complex numbers in place of numbers'),
@@ -134,13 +142,30 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
             {"z": 1.0, "w": np.datetime64("2000-01-01")},
             'returned a "w" of dates in place of numbers',
         ),
-        ({"z": 1.0, "w": [1.0, 2.0]}, 'returned a "w" of shape (2,), not ()'),
+        (
+            {"z": 1.0, "w": [1.0, 2.0]},
+            'returned a "w" of shape (2,), not (); expected one number; an output with several is '
+            "declared with along",
+        ),
+        (
+            {"z": 1.0, "w": [[1.0]]},
+            'returned a "w" of shape (1, 1), not (); expected one number, such as w.item()',
+        ),
     ],
 )
 def test_an_answer_that_makes_no_sense_is_a_failed_run(returned: object, reason: str) -> None:
     runs = runs_of(lambda x, y: returned, [1.0])
     assert runs["status"].values.tolist() == [Status.FAILED]
     assert reasons(runs) == {0: reason}
+
+
+def test_a_vectorised_answer_without_runs_is_told_with_what_to_return() -> None:
+    runs = runs_of(lambda x, y: {"z": 1.0, "w": y}, [1.0, 2.0], vectorized=True)
+    expected = 'returned a "z" of shape (), not (1,); expected an array with a number for each run'
+    assert set(reasons(runs).values()) == {expected}
+    runs = runs_of(lambda x, y: x, [1.0, 2.0], vectorized=True)
+    expected = 'returned ndarray, not a mapping of outputs; expected return {"z": z, "w": w} with '
+    assert set(reasons(runs).values()) == {f"{expected}arrays along the runs"}
 
 
 def test_a_masked_value_is_not_finite() -> None:
@@ -257,7 +282,9 @@ def test_batches_may_be_computed_in_any_order() -> None:
         return [function(batch) for batch in reversed(list(batches))]
 
     plain = evaluate(Evaluator(model(good)), points, {})
-    assert evaluate(Evaluator(model(good)), points, {}, map=backwards).identical(plain)
+    assert evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(map=backwards)).identical(
+        plain
+    )
 
 
 def test_batches_of_a_function_do_not_depend_on_the_number_of_runs() -> None:
@@ -288,7 +315,7 @@ def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs() -> None
 def test_progress_counts_every_run_once() -> None:
     points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
     told = Told()
-    evaluate(Evaluator(model(good)), points, {}, progress=told)
+    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=told))
     assert sum(told.runs) == 1000
     assert told.runs[0] == 1, "the first report must not wait for many slow runs"
 

@@ -13,7 +13,7 @@ from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension, Input, Output
 from uqpen.core.status import Status
-from uqpen.execution import Evaluator, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, evaluate
 from uqpen.execution.processes import processes
 from uqpen.models.python_function import PythonFunction
 from uqpen.reductions import REDUCTIONS
@@ -160,6 +160,8 @@ def test_workers_give_the_same_bytes(options: dict[str, bool]) -> None:
     alone = made(function, ENDING, runs=40, **options)
     points = xr.Dataset({"x": (RUN, np.arange(40.0))}, {RUN: np.arange(40)})
     with processes(2) as pool:
-        together = evaluate(Evaluator(model(function, ENDING, **options)), points, {}, map=pool)
+        together = evaluate(
+            Evaluator(model(function, ENDING, **options)), points, {}, EvaluationOptions(map=pool)
+        )
     xr.testing.assert_identical(alone, together)
     assert alone["curve"].values.tobytes() == together["curve"].values.tobytes()

@@ -185,4 +185,3 @@ def test_the_command_shows_a_failed_trial_at_once_and_logs_it(
     assert int(kept[1]) >= 10
     log = (tmp_path / "study.nc.log").read_text()
     assert "some: the trial run has failed: ValueError: no convergence at " in log
-    assert max(map(len, done.err.splitlines())) <= 80

@@ -22,7 +22,7 @@ from uqpen.cli.main import main
 from uqpen.core.errors import ModelError, SettingsError
 from uqpen.core.model import Input, Output
 from uqpen.core.status import Status
-from uqpen.execution import Evaluator, Map, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, Map, evaluate
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
@@ -126,14 +126,14 @@ def f(x):
 """
     model = uqpen.parse_study(study(tmp_path, source), folder=tmp_path).model
     with processes(1) as one:
-        runs = evaluate(Evaluator(model), points(0.0), {}, map=one)
+        runs = evaluate(Evaluator(model), points(0.0), {}, EvaluationOptions(map=one))
     assert runs["y"].values.tolist() == [0.0]
 
 
 def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
     text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
     model = uqpen.parse_study(text, folder=tmp_path).model
-    runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, map=two)
+    runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, EvaluationOptions(map=two))
     assert runs["y"].values.tolist() == [0.3, 0, 0.1, 0]
 
 
@@ -257,7 +257,7 @@ def f(x):
     text = study(tmp_path, source, models=f"[model]\n{MODEL}vectorized = true")
     model = uqpen.parse_study(text, folder=tmp_path).model
     x = np.tile([*np.linspace(-3, 2, 59), 2.7, *np.linspace(-3, 2, 59), 3.0], 2)
-    runs = evaluate(Evaluator(model), points(*x), {}, map=two)
+    runs = evaluate(Evaluator(model), points(*x), {}, EvaluationOptions(map=two))
     assert (runs["status"].values == np.where(x > 2.5, Status.CRASHED, Status.OK)).all()
     assert (runs["y"].values[x < 2.5] == 2 * x[x < 2.5]).all()
     ends = ["exit code 3", "Killed"] * 2
@@ -290,7 +290,7 @@ def test_a_function_that_exists_in_this_process_only_is_refused(two: Map) -> Non
     units = {"x": "1", "y": "1"}
     model = PythonFunction(locked, "mine", (Input("x", "1"),), (Output("y", "1"),), units)
     with pytest.raises(ModelError, match="cannot be sent to another process"):
-        evaluate(Evaluator(model), points(1.0), {}, map=two)
+        evaluate(Evaluator(model), points(1.0), {}, EvaluationOptions(map=two))
 
 
 def test_there_is_at_least_one_worker() -> None:
@@ -407,7 +407,7 @@ def test_imports_are_no_part_of_the_time_of_a_run(tmp_path: Path, workers: int) 
     model = uqpen.parse_study(text, folder=tmp_path).model
     x = np.array([0.25, 0.5, 2.0, 0.75, 1.0])
     with processes(workers) as pool:
-        runs = evaluate(Evaluator(model), points(*x), {}, map=pool)
+        runs = evaluate(Evaluator(model), points(*x), {}, EvaluationOptions(map=pool))
     lost = x > 1.5
     assert (runs["status"].values == np.where(lost, Status.TIMED_OUT, Status.OK)).all()
     assert runs["lost_reason"].values.tolist() == ["took longer than 1 s"]

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
-import subprocess
-import sys
 from pathlib import Path
 from unittest import mock
 
@@ -440,26 +437,3 @@ def test_velocity_is_the_rate_of_depth_while_eroding_and_while_rigid(course):
     expected = np.interp(middle, course.time, course.nose_velocity)
     # Second differences over steps of 46 µm, away from the ends, where u changes steeply.
     np.testing.assert_allclose(rate[50:-100], expected[50:-100], rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_works_where_nothing_can_be_cached(tmp_path):
-    """An installation that is read only, run by a user without a directory to write to."""
-    code = (
-        "import numpy as np; from uqpen.models.eroding_rod import penetrate;"
-        f"rod = {NOMINAL!r};"
-        "print(penetrate(**{n: np.array([v]) for n, v in rod.items()}).depth[0])"
-    )
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(sys.path),
-        "NUMBA_CACHE_DIR": os.devnull,
-        # The only place Numba may then try is that of notebooks, which a program is not.
-        "NUMBA_CACHE_LOCATOR_CLASSES": "IPythonCacheLocator",
-        # Whether it compiles is the point, and not how well.
-        "NUMBA_OPT": "0",
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, check=True
-    )
-    assert float(done.stdout) == pytest.approx(one()[0], rel=PROMISED)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -78,3 +81,50 @@ def test_nothing_need_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     (folder / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "file"))
     assert Compiler(halve).result() == [0.5, 1.0, 2.0]
+
+
+# Both ways that functions are compiled, as the rod's model and the statistics have theirs.
+UNCACHED = """\
+import ctypes
+from functools import partial
+import numpy as np
+from uqpen.core.compiled import compiled
+from uqpen.models.compiled import entry_point
+from uqpen.models.machine_code import load_or_compile
+
+def halve(values, count):
+    for i in range(count):
+        values[i] *= 0.5
+
+values = np.array([1.0, 2.0, 4.0])
+compile_function = partial(entry_point, halve, "void(CPointer(float64), int64)")
+types = (ctypes.c_void_p, ctypes.c_int64)
+load_or_compile("source", lambda cache: compile_function(cache=cache), types)(
+    values.ctypes.data, values.size
+)
+compiled(halve)(values, values.size)
+print(*values)
+"""
+
+
+@pytest.mark.slow
+def test_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
+    """An installation that is read only, run by a user without a directory to write to."""
+    (tmp_path / "uncached.py").write_text(UNCACHED)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "NUMBA_CACHE_DIR": os.devnull,
+        # The only place Numba may then try is that of notebooks, which a program is not.
+        "NUMBA_CACHE_LOCATOR_CLASSES": "IPythonCacheLocator",
+    }
+    done = subprocess.run(
+        [sys.executable, "uncached.py"],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "0.25 0.5 1.0\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["uncached.py"]

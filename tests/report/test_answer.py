@@ -138,7 +138,8 @@ def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.Dat
     (block,) = answer(ArchiveView(archives["lost"], ""))
     assert block == Text(
         "No run completed, so there are no estimates. All 120 runs failed. The reason: "
-        "“ValueError: too heavy” (failed, 120 runs). Mend the model, raise its time limit, or "
+        '“ValueError: too heavy (beam.py, line 4: raise ValueError("too heavy"))” '
+        "(failed, 120 runs). Mend the model, raise its time limit, or "
         "change the inputs to values that it allows; then run the study again. The archive has "
         "the inputs of every failed run, so you can try a single one."
     )

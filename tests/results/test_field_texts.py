@@ -15,6 +15,7 @@ from uqpen.cli.run import run
 from uqpen.cli.show import show
 from uqpen.figures.page import available
 from uqpen.report.page import report_page
+from uqpen.results.curve_tables import curve_tables, place_option
 from uqpen.results.digits import estimate_text
 from uqpen.results.field_tables import field_tables
 from uqpen.results.field_texts import field_lines
@@ -119,6 +120,49 @@ def test_fields_along_the_same_dimensions_share_a_table(mixed: xr.DataTree) -> N
     assert label == "sheet [cm]"
     assert smallest.startswith(estimate_text(*y["mean"].values.tolist()))
     assert largest == "4"
+
+
+CURVE = """\
+seed = 3
+[model]
+python = "curve.py:simulate"
+inputs = { x = "1" }
+[model.dimensions]
+time = { unit = "day", from = 0, to = 10, size = 11 }
+[model.outputs]
+z = { unit = "cm", along = ["time"] }
+[inputs]
+x = { uniform = { lower = 0, upper = 1 } }
+[designs.mc]
+kind = "monte-carlo"
+runs = 50
+"""
+
+
+def test_a_curve_has_a_table_at_five_places(tmp_path: Path) -> None:
+    code = "def simulate(x):\n    return {'z': [x * time for time in range(11)]}\n"
+    (tmp_path / "curve.py").write_text(code)
+    tree = uqpen.run(uqpen.parse_study(CURVE, folder=tmp_path))
+    (table,) = curve_tables(tree)
+    assert table.title == "z [cm] along time, by mc"
+    assert table.columns == ["mean", "5 % quantile", "median", "95 % quantile"]
+    days = [0, 2, 5, 7, 10]
+    assert [place for place, _ in table.rows] == [f"time = {day} day" for day in days]
+    mean = 100 * tree["statistics/mc/z"]["mean"].values
+    for day, (_, cells) in zip(days[1:], table.rows[1:], strict=True):
+        assert cells[0].startswith(estimate_text(*mean[day].tolist()))
+    cut, _ = select_output(tree, "z", ["time=2 day"])
+    assert [*curve_tables(cut)] == []
+    uqpen.write(tree, tmp_path / "study.nc")
+    shown = CliRunner().invoke(show, [str(tmp_path / "study.nc")]).output
+    assert "\nz [cm] along time, by mc\n" in shown
+    command = 'uqpen show ARCHIVE --output z --at "time=10 day"'
+    assert f"\nall statistics at any place:\n  {command}\n" in shown
+
+
+def test_a_field_with_several_dimensions_has_no_table_of_places(mixed: xr.DataTree) -> None:
+    assert [*curve_tables(mixed)] == []
+    assert place_option(mixed).endswith('--output sheet --at "time=4 day" --at "level=2"')
 
 
 def test_a_field_without_a_mean_has_a_row(mixed: xr.DataTree) -> None:

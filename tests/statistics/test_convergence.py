@@ -188,7 +188,7 @@ def test_there_are_sixteen_parts_at_the_most() -> None:
             "its points are one stratified set, of which no part is a stratified set",
         ),
         (
-            Sampling.USER_SUPPLIED,
+            Sampling.GIVEN,
             100,
             0,
             "its points are not declared independent, so no part is known to be like the whole",

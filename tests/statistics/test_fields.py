@@ -13,9 +13,9 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import analyze
 from uqpen.statistics.model_differences import model_differences
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 CURVE = Output("curve", "1", dims=(Dimension("time", "s", values=(0.0, 1.0, 2.0)),))
 QUANTITIES = [QuantityOfInterest(output, "1") for output in (CURVE, Output("y", "1"))]
@@ -48,14 +48,16 @@ def test_a_statistic_has_the_dimensions_of_its_field_first(runs: xr.Dataset) -> 
     assert {"mean", "quantile", "cdf", "first_order"} <= found["y"].keys()
 
 
-def test_analyses_from_outside_take_scalars_only(runs: xr.Dataset) -> None:
+def test_user_defined_analyses_take_scalars_only(runs: xr.Dataset) -> None:
     seen = []
 
     def note(sample: Sample, quantity: QuantityOfInterest) -> list[tuple[str, xr.DataArray]]:
         seen.append(quantity.output.name)
         return []
 
-    analyze.analyze(runs, QUANTITIES, only=(), outside=[OutsideAnalysis("note.py:note", note)])
+    analyze.analyze(
+        runs, QUANTITIES, only=(), user_defined=[UserDefinedAnalysis("note.py:note", note)]
+    )
     assert seen == ["y"]
 
 

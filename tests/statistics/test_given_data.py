@@ -200,7 +200,7 @@ def test_equal_values_of_an_input_are_no_neighbours_in_others() -> None:
     sample = replace(
         drawn(MonteCarlo(runs=1000), 0),
         columns=InputColumns.from_matrix(NAMES, points),
-        sampling=Sampling.USER_SUPPLIED,
+        sampling=Sampling.GIVEN,
     )
     array = indices(of(lambda x: x[:, 0], sample))
     assert abs(array.values[1, 0]) < 0.1

@@ -59,7 +59,7 @@ def test_of_replicates_only_complete_ones_are_used(replicates: list[int], used: 
     ("sampling", "reason"),
     [
         (Sampling.PICK_FREEZE, "a part of them is no sample"),
-        (Sampling.USER_SUPPLIED, "not declared independent"),
+        (Sampling.GIVEN, "not declared independent"),
         (Sampling.QUADRATURE, "not a sample"),
         (Sampling.TRAJECTORIES, "not a sample"),
         (Sampling.ONE_AT_A_TIME, "not a sample"),
@@ -74,7 +74,7 @@ def test_other_designs_say_why_a_part_of_them_has_no_estimates(
     assert reason in sample.reason
 
 
-@pytest.mark.parametrize("sampling", [Sampling.USER_SUPPLIED, Sampling.STRATIFIED])
+@pytest.mark.parametrize("sampling", [Sampling.GIVEN, Sampling.STRATIFIED])
 def test_a_whole_sample_is_used_whatever_its_parts_are(sampling: Sampling) -> None:
     sample = sample_so_far(runs_of([*range(5)], sampling), is_complete=True)
     assert sample.runs is not None

@@ -53,7 +53,7 @@ _DESIGNS = {
     "weighted": (Sampling.INDEPENDENT, {WEIGHT: lambda random, runs: random.gamma(2, size=runs)}),
     "replicates": (Sampling.STRATIFIED, {REPLICATE: lambda random, runs: np.arange(runs) % 5}),
     "hypercube": (Sampling.STRATIFIED, {}),
-    "given": (Sampling.USER_SUPPLIED, {}),
+    "given": (Sampling.GIVEN, {}),
 }
 
 

@@ -18,8 +18,8 @@ from uqpen.core.labels import FAILED_RUN, RUN, SAMPLING, WEIGHT
 from uqpen.execution import status_counts
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES
 from uqpen.statistics.analyze import analyze, analyze_failures
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 pytestmark = pytest.mark.processor
 
@@ -116,7 +116,7 @@ def loaded(archive: Path, design: str) -> xr.Dataset:
 
 
 def width(sample: Sample, quantity: Any) -> Any:
-    """An analysis from outside, which takes all points."""
+    """A user-defined analysis, which takes all points."""
     from uqpen.statistics.estimate import Estimate
 
     spread = float(np.ptp(sample.points[sample.used], axis=0).sum())
@@ -129,10 +129,10 @@ def test_estimates_are_those_of_runs_in_memory_to_the_bit(
     archive: Path, handle: RunsInFile, design: str
 ) -> None:
     quantities = uqpen.parse_study(STUDY).quantities_of_interest
-    outside = [OutsideAnalysis("width.py:width", width)]
+    user_defined = [UserDefinedAnalysis("width.py:width", width)]
     runs = loaded(archive, design)
-    here = analyze(runs, quantities, outside=outside)["y"]
-    there = analyze(handle, quantities, outside=outside)["y"]
+    here = analyze(runs, quantities, user_defined=user_defined)["y"]
+    there = analyze(handle, quantities, user_defined=user_defined)["y"]
     assert here.keys() == there.keys()
     assert here.keys() >= ({"mu"} if design == "morris" else {"mean"})
     for name, array in here.items():

@@ -28,9 +28,9 @@ from uqpen.results.output_tables import statistics_tables
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.testing import check_design, example_joint_distribution
 
 Y = QuantityOfInterest(
@@ -176,17 +176,17 @@ def test_missing_runs_widen_a_weighted_probability() -> None:
     assert set(np.ravel(found["larger"].coords[NOTE])) == {texts.NOT_WEIGHTED}
 
 
-def test_an_outside_analysis_declares_that_it_takes_weights() -> None:
+def test_a_user_defined_analysis_declares_that_it_takes_weights() -> None:
     def spread(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
         estimate = Estimate.without_bounds(sample.mean(np.abs(sample.values)), "")
         yield "mean_size", estimate.to_array(units="m", long_name="mean size")
 
-    analysis = OutsideAnalysis("a.py:spread", spread)
-    unaware = analyze(importance_runs(1), [Y], outside=[analysis])["y"]["mean_size"]
+    analysis = UserDefinedAnalysis("a.py:spread", spread)
+    unaware = analyze(importance_runs(1), [Y], user_defined=[analysis])["y"]["mean_size"]
     assert np.isnan(unaware).all()
     assert interval_text(unaware, NOTE) == texts.NOT_WEIGHTED
     spread.takes_weights = True  # type: ignore[attr-defined]
-    aware = analyze(importance_runs(1), [Y], outside=[analysis])["y"]["mean_size"]
+    aware = analyze(importance_runs(1), [Y], user_defined=[analysis])["y"]["mean_size"]
     assert float(aware[0]) == pytest.approx(np.sqrt(2 / np.pi), abs=0.1)
 
 
@@ -201,7 +201,7 @@ def study_with(design: object, folder: Path) -> uqpen.Study:
     )
 
 
-def test_an_outside_design_samples_a_rare_event(tmp_path: Path) -> None:
+def test_a_user_defined_design_samples_a_rare_event(tmp_path: Path) -> None:
     check_design(DefensiveShift(4000, 1.0))
     study = study_with(DefensiveShift(2000, 3.0), tmp_path)
     uqpen.make_archive(study, tmp_path / "rare.nc")

@@ -256,7 +256,7 @@ class TestGrids:
         assert results.reasons == {0: 'returned 3 values of "y" at 2 of "t"'}
         (folder / "model.py").write_text(MODEL.replace(', "t": TIMES', ""))
         results = parsed(folder, SOURCES[0], further).model.evaluate({"x": np.array([1.0])})
-        assert results.reasons == {0: 'returned no "t"'}
+        assert results.reasons == {0: 'returned no "t", but "y", "z"'}
 
 
 @pytest.mark.parametrize("time", [SOURCES[0], SOURCES[-1]])

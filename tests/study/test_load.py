@@ -333,7 +333,15 @@ def test_every_missing_input_is_told() -> None:
     ("text", "line", "told"),
     [
         ("title = \n", 1, "Invalid value"),
-        ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in quotes, such as "5 mm"'),
+        ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in straight quotes, such as "5 mm"'),
+        ("seed = 1\nx = { lower = 0 m }\n", 2, "a comma or } behind each value; a text stands in"),
+        ("seed = 1\nx = 5 mm\n", 2, "one value; a text stands in straight quotes"),
+        ("seed = 1\nξ = 5\n", 2, 'in quotes, such as "ξ" = 1'),
+        ("seed: 1\n", 1, "expected  [table], or key = value"),
+        (f"seed = 1\nruns = {'1' * 4301}\n", 2, "found     a number of over 4300 digits"),
+        ("seed = 1\nx = [1]\nseed = 2\n", 3, "found     seed, which is there already"),
+        ("[a.b]\n[ a . b ] # again\n", 2, "found     [ a . b ], which is there already"),
+        ("x = { a = 1, a = 2 }\n", 1, "found     Duplicate inline table key 'a'"),
         ('seed = 1\nload = "4 m\n', 2, "a quote at the end of the text"),
         ('title = "a"\ntitle = "b"\n', 2, "every key and table once"),
         ("[a]\n[a]\n", 2, "every key and table once"),
@@ -518,9 +526,12 @@ class TestPythonModel:
             ("def simulate(rod_length): pass", "cannot take the inputs"),
             ("def simulate(rod_length, speed, mass): pass", "cannot take the inputs"),
             ("import absent_module_of_mine", "No module named"),
-            ("x = 1\ny = 1 / 0\n", "failed at line 2: ZeroDivisionError"),
-            ("def broken(:\n", "failed at line 1: SyntaxError"),
-            ("import sys\nsys.exit(0)\n", "failed at line 2: SystemExit: 0"),
+            (
+                "x = 1\ny = 1 / 0\n",
+                "failed: ZeroDivisionError: division by zero (mine.py, line 2: y = 1 / 0)",
+            ),
+            ("def broken(:\n", "failed: SyntaxError: invalid syntax (mine.py, line 1)"),
+            ("import sys\nsys.exit(0)\n", "failed: SystemExit: 0 (mine.py, line 2: sys.exit(0))"),
         ],
     )
     def test_a_function_that_cannot_be_used_is_told(

@@ -34,7 +34,7 @@ class LevelFit(OutputFit):
 
 @dataclass(frozen=True)
 class Level(OutputSurrogate):
-    """A surrogate from outside the package, with a standard deviation of 2 mm."""
+    """A user-defined surrogate, with a standard deviation of 2 mm."""
 
     output_fit = LevelFit
 

@@ -91,7 +91,7 @@ class LineFit(OutputFit):
 
 @dataclass(frozen=True)
 class Line(OutputSurrogate):
-    """A surrogate of a user's own: a plane, with a standard deviation."""
+    """A user-defined surrogate: a plane, with a standard deviation."""
 
     output_fit = LineFit
     least: float = 0.0

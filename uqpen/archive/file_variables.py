@@ -15,7 +15,7 @@ from xarray.core import indexing
 from uqpen.core.blocks import block_ranges
 from uqpen.core.streams import BLOCK
 
-__all__ = ["CodedTexts", "OpenFile", "is_in_memory", "lazy_dataset", "value_blocks"]
+__all__ = ["CodedTexts", "LazyValues", "OpenFile", "is_in_memory", "lazy_dataset", "value_blocks"]
 
 _Key = tuple[Any, ...]
 
@@ -37,7 +37,7 @@ class OpenFile:
         return xr.Variable(stored.dimensions, indexing.LazilyIndexedArray(values), own)
 
 
-class _LazyValues(BackendArray):
+class LazyValues(BackendArray):
     """Values that xarray asks for by whole numbers, slices and arrays of numbers."""
 
     shape: tuple[int, ...]
@@ -52,7 +52,7 @@ class _LazyValues(BackendArray):
         raise NotImplementedError
 
 
-class _FileValues(_LazyValues):
+class _FileValues(LazyValues):
     def __init__(self, file: OpenFile, stored: Any) -> None:
         self._file = file  # or it would be closed
         self._stored = stored
@@ -78,7 +78,7 @@ class _FileValues(_LazyValues):
         return values
 
 
-class CodedTexts(_LazyValues):
+class CodedTexts(LazyValues):
     """Texts, many of them alike, kept as numbers.
 
     Parameters

@@ -37,6 +37,7 @@ class GrowingRuns:
     def __init__(self, path: Path, size: int) -> None:
         self.path, self._size = path, size
         self._root: netCDF4.Dataset | None = None
+        self._is_writable = False
 
     def write(self, start: int, block: xr.Dataset) -> None:
         """Write the runs of a block, given the number of its first one.
@@ -49,7 +50,7 @@ class GrowingRuns:
         if not self.path.exists():
             self._define(block)
         try:
-            root = self._opened("a")
+            root = self._opened(to_write=True)
             for name, values in _along_run(block).items():
                 root.variables[name][start : start + block.sizes[RUN]] = values
             root.sync()  # the library keeps the last values of a variable for a while
@@ -59,7 +60,7 @@ class GrowingRuns:
     def is_readable(self) -> bool:
         """Return True if the file is there, and the library can open it."""
         try:
-            return self.path.exists() and bool(self._opened("a").variables)
+            return self.path.exists() and bool(self._opened().variables)
         except (OSError, RuntimeError):
             return False
 
@@ -72,7 +73,7 @@ class GrowingRuns:
             If the library cannot read them.
         """
         return {
-            name: np.asarray(each[start:stop]) for name, each in self._opened("a").variables.items()
+            name: np.asarray(each[start:stop]) for name, each in self._opened().variables.items()
         }
 
     def bring_to_disk(self) -> None:
@@ -83,7 +84,7 @@ class GrowingRuns:
     def close(self) -> None:
         """Close the file."""
         if self._root is not None:
-            root, self._root = self._root, None
+            root, self._root, self._is_writable = self._root, None, False
             with contextlib.suppress(RuntimeError):
                 root.close()
 
@@ -124,12 +125,20 @@ class GrowingRuns:
                 root.createVariable(name, values.dtype, dims, fill_value=False)
         temporary.replace(self.path)
 
-    def _opened(self, mode: Any) -> netCDF4.Dataset:
+    def _opened(self, *, to_write: bool = False) -> netCDF4.Dataset:
+        """Return the open file, to read it only as long as nothing is written.
+
+        The library would not open a file for writing that is still read, as it is after an
+        interruption in a notebook.
+        """
+        if to_write and not self._is_writable:
+            self.close()
         if self._root is None:
             import netCDF4
 
-            self._root = netCDF4.Dataset(self.path, mode)
+            self._root = netCDF4.Dataset(self.path, "a" if to_write else "r")
             self._root.set_auto_maskandscale(False)
+            self._is_writable = to_write
         return self._root
 
 

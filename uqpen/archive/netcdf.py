@@ -75,18 +75,26 @@ def read_groups(root: netCDF4.Dataset, runs_in_memory: int = RUNS_IN_MEMORY) -> 
         own = {key: variable.getncattr(key) for key in variable.ncattrs()}
         return xr.Variable(variable.dimensions, np.asarray(variable[...]), own)
 
-    return xr.DataTree.from_dict(dict(_read_groups(root, "/", read)))
+    tree = xr.DataTree(_read_dataset(root, "/", read))
+    _read_groups(tree, root, read)
+    return tree
 
 
 # Reads a variable of the group at a path.
 _Reader = Callable[[str, Any], xr.Variable]
 
 
-def _read_groups(group: Any, path: str, read: _Reader) -> Iterator[tuple[str, xr.Dataset]]:
-    """Yield a group's dataset, and those of the groups in it."""
-    yield path, _read_dataset(group, path, read)
-    for name, child in group.groups.items():
-        yield from _read_groups(child, f"{path.rstrip('/')}/{name}", read)
+def _read_groups(node: xr.DataTree, group: Any, read: _Reader) -> None:
+    """Give a node the groups in its group as children, each with its own.
+
+    From the root on, as `DataTree.from_dict` does, which copies each dataset once more.
+    """
+    node.children = {
+        name: xr.DataTree(_read_dataset(child, child.path, read))
+        for name, child in group.groups.items()
+    }
+    for name, child in node.children.items():
+        _read_groups(child, group.groups[name], read)
 
 
 def _read_dataset(group: Any, path: str, read: _Reader) -> xr.Dataset:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.labels import MODELS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["group_names", "model_trees", "read_group"]
 
@@ -25,6 +28,8 @@ def read_group(tree: xr.DataTree, *path: str) -> xr.Dataset:
     """Return the dataset of a group; an empty one where the archive has none."""
     for name in path:
         if name not in tree.children:
+            import xarray as xr
+
             return xr.Dataset()
         tree = tree.children[name]
     return tree.to_dataset(inherit=False)

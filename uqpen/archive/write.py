@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import filecmp
 import glob
+import hashlib
 import os
+import shutil
 from pathlib import Path
 
 import xarray as xr
@@ -15,6 +18,9 @@ from uqpen.archive.read import is_archive
 from uqpen.core.errors import ArchiveError
 
 __all__ = ["prepare_destination", "write"]
+
+# Digits of a hash in the name of an archive that is kept.
+_DIGITS = 8
 
 
 def prepare_destination(path: Path) -> None:
@@ -43,21 +49,39 @@ def prepare_destination(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def write(tree: xr.DataTree, path: Path) -> None:
+def write(tree: xr.DataTree, path: Path, *, keeps_earlier: bool = False) -> Path | None:
     """Write a study's tree as one NetCDF file, with the hashes of its groups.
 
     The file is written under a temporary name next to `path`, flushed to the disk and then renamed
     in one step. Until then an existing file remains.
 
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    path : Path
+        Its file.
+    keeps_earlier : bool
+        Whether another archive at `path` is kept beside it, under a name with a part of its hash.
+
+    Returns
+    -------
+    Path or None
+        The archive that is kept; None where there was none, or one of the same bytes.
+
     Raises
     ------
     ArchiveError
-        If it cannot be written, for example to a full disk. No temporary file remains.
+        If it cannot be written, for example to a full disk. No temporary file remains, and an
+        earlier archive is where it was.
     """
     temporary = _temporary_path(path)
+    kept = None
     try:
         write_tree(tree, temporary, hash_record(tree))
         append_checksum(temporary)
+        if keeps_earlier and path.exists() and not filecmp.cmp(temporary, path, shallow=False):
+            kept = _keep(path)
         temporary.replace(os.path.realpath(path))
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.
@@ -67,6 +91,25 @@ def write(tree: xr.DataTree, path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be written: {reason}") from error
     finally:
         temporary.unlink(missing_ok=True)
+    return kept
+
+
+def _keep(path: Path) -> Path:
+    """Give an archive a second name, which its content determines; return it."""
+    with path.open("rb") as stream:
+        digits = hashlib.file_digest(stream, "sha256").hexdigest()[:_DIGITS]
+    kept = path.with_name(f"{path.stem}.{digits}{path.suffix}")
+    if not kept.exists():
+        try:
+            kept.hardlink_to(os.path.realpath(path))
+        except OSError:  # some file systems have no links
+            copy = _temporary_path(kept)
+            try:
+                shutil.copyfile(path, copy)
+                copy.replace(kept)
+            finally:
+                copy.unlink(missing_ok=True)
+    return kept
 
 
 def _temporary_path(path: Path) -> Path:

@@ -15,6 +15,7 @@ from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Map
+from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["BenchmarkProgress", "check_study", "compare"]
@@ -39,6 +40,7 @@ def compare(
     *,
     map: Map = map,
     progress: BenchmarkProgress | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> xr.DataTree:
     """Run the methods of a study at equal budgets and compare their estimates with a reference.
 
@@ -52,6 +54,9 @@ def compare(
         Like the built-in; it makes the batches of runs. It cannot change a result.
     progress : BenchmarkProgress, optional
         Receives reports of progress.
+    checkpoint : Checkpoint, optional
+        Has the runs of one design after the other, each until it is analysed. Without it, they are
+        in memory.
 
     Returns
     -------
@@ -69,7 +74,7 @@ def compare(
     methods = study_methods(study, settings.budgets)
     progress.start_preparation(study.model.name)
     study.model.prepare()
-    runner = BenchmarkRunner(study, map, progress)
+    runner = BenchmarkRunner(study, map, progress, checkpoint or Checkpoint())
     runs, replicates = settings.reference_design(vectorized=study.model.vectorized)
     each = sum(method.cost(budget).runs for method in methods for budget in settings.budgets)
     total = runs + each * settings.repeats

@@ -14,7 +14,8 @@ from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import first_round
-from uqpen.execution import Evaluator, Map, Progress, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, Map, Progress, evaluate
+from uqpen.execution.checkpoint import Checkpoint
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -32,11 +33,15 @@ _TIMED_VECTORIZED, _TIMED = 4096, 1
 
 @dataclass(frozen=True)
 class BenchmarkRunner:
-    """Runs and analyses of the single model of a study; the map makes batches of runs."""
+    """Runs and analyses of the single model of a study.
+
+    The map makes batches of runs. The checkpoint has the runs of a round until they are analysed.
+    """
 
     study: ValidatedStudy
     map: Map
     progress: Progress
+    checkpoint: Checkpoint
 
     @property
     def quantities(self) -> tuple[QuantityOfInterest, ...]:
@@ -46,7 +51,14 @@ class BenchmarkRunner:
 
     def run_design(self, design: Design, stream: Stream) -> xr.Dataset:
         """Make the runs of a design, in all its rounds."""
-        runs = run_design(self.study, design, stream, map=self.map, progress=self.progress)
+        runs = run_design(
+            self.study,
+            design,
+            stream,
+            map=self.map,
+            progress=self.progress,
+            round_checkpoint=lambda model, number: self.checkpoint,
+        )
         return runs[ONLY_MODEL]
 
     def estimates(self, runs: xr.Dataset) -> Estimates:
@@ -74,8 +86,9 @@ class BenchmarkRunner:
         stream = Stream(self.study.seed, "head_to_head", "timing")
         # In memory, as the time is that of runs alone.
         points = points_in_memory(first_round(MonteCarlo(count), self.study.joint, stream))
+        options = EvaluationOptions(map=self.map)
         # The first time, the model may have to be loaded where it runs.
-        evaluate(evaluator, points, {}, map=self.map)
+        evaluate(evaluator, points, {}, options)
         began = time.perf_counter()
-        evaluate(evaluator, points, {}, map=self.map)
+        evaluate(evaluator, points, {}, options)
         return (time.perf_counter() - began) / count

@@ -34,10 +34,10 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.study.fingerprint import is_user_supplied
+from uqpen.study.fingerprint import is_user_defined
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ArchivedSources", "archived_sources", "open_intact", "unused_designs"]
+__all__ = ["ArchivedSources", "archived_sources", "input_columns", "open_intact", "unused_designs"]
 
 
 class ArchivedSources(NamedTuple):
@@ -121,7 +121,7 @@ def _sources(
     model = study.models[name].model
     left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
     left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
-    here = {**provenance(), **(of_python_functions() if is_user_supplied(model) else {})}
+    here = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
     then = {key: value for key, value in tree.attrs.items() if key in here}
     others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
     made_with = [f"runs made with {others}"] if others else []
@@ -159,12 +159,7 @@ def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
 
 def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
-    size = runs.sizes[RUN]
-    inputs = {
-        variable.name: np.broadcast_to(runs.variables[variable.name].values, size)
-        for variable in model.inputs
-        if variable.name in runs
-    }
+    inputs = input_columns(runs, model)
     if not all(_has_output(runs, output) for output in model.outputs):
         return
     outputs = {output.name: _values(runs, output) for output in model.outputs}
@@ -174,11 +169,21 @@ def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterato
         failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
         reasons |= {run: str(reason) for run, reason in failed if run in reasons}
     whole = Results(outputs, status, reasons, imported)
-    number = runs[ROUND].values if ROUND in runs else np.zeros(size)
+    number = runs[ROUND].values if ROUND in runs else np.zeros(runs.sizes[RUN])
     for each in np.unique(number):
         at = np.flatnonzero(number == each)
         own = {name: values[at] for name, values in inputs.items()}
         yield FinishedRuns(np.arange(len(at)), own, select_results(whole, at))
+
+
+def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
+    """Return the inputs of a model that archived runs have, each a value a run."""
+    size = runs.sizes[RUN]
+    return {
+        variable.name: np.broadcast_to(runs.variables[variable.name].values, size)
+        for variable in model.inputs
+        if variable.name in runs
+    }
 
 
 def _has_output(runs: xr.Dataset, output: Output) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
@@ -76,7 +77,7 @@ class CheckpointFolder:
     progress : Progress
         Receives reports of damaged parts.
     runs_in_memory : int
-        A first round of more runs goes by blocks.
+        A round that would make more runs of a design in memory goes by blocks.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class CheckpointFolder:
         self.folder = folder
         self.runs_in_memory = runs_in_memory
         self.runs = 0
+        self.joined = Counter[Path]()
         self._fingerprints = fingerprints
         self._progress = progress
         self._open: list[RoundCheckpoint] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import xarray as xr
 
@@ -17,7 +18,10 @@ from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.replaced_designs import runs_not_kept
+from uqpen.checkpoints.replaced_runs import lacks_runs
+from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.run_cost import are_costly
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
     open_named,
@@ -31,8 +35,8 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
-from uqpen.study.outside_members import own_objects
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.workflow import Checkpoints, run
 
 __all__ = ["make_archive"]
@@ -41,12 +45,9 @@ __all__ = ["make_archive"]
 def make_archive(
     study: ValidatedStudy,
     path: str | Path,
+    resume: ResumeOptions | None = None,
     *,
     map: Map = map,
-    fresh: bool = False,
-    lost_again: bool = False,
-    read_again: bool = False,
-    reuse: Sequence[str | Path] | None = (),
     progress: Progress | None = None,
     runs_in_memory: int = RUNS_IN_MEMORY,
 ) -> xr.DataTree:
@@ -63,18 +64,12 @@ def make_archive(
     study : ValidatedStudy
         The result of `load_study`.
     path : str or Path
-        The archive; one that is there is replaced when this one is complete.
+        The archive; one that is there is replaced when this one is complete. If it has costly runs
+        that this one does not have, it is kept beside it, with a part of its hash in the name.
+    resume : ResumeOptions, optional
+        Use of finished runs; by default, all are taken.
     map : callable
         Like the built-in; it makes batches of runs. It cannot change a result.
-    fresh : bool
-        Whether all checkpointed runs are removed, and all runs made.
-    lost_again : bool
-        Whether the missing ones among the finished runs are made again.
-    read_again : bool
-        Whether the outputs of runs whose folders are kept are read from these, without a run. If
-        finished runs have no folder, this needs `fresh`.
-    reuse : sequence of str or Path, or None
-        Further archives whose runs may be taken; None for no archive, not even that at `path`.
     progress : Progress, optional
         Receives progress reports.
     runs_in_memory : int
@@ -83,41 +78,35 @@ def make_archive(
     Raises
     ------
     ArchiveError
-        If the archive or its checkpoint cannot be written, another process is making it, or one of
-        `reuse` cannot be read.
+        If the archive or its checkpoint cannot be written, another process is making it, or an
+        archive to take runs from cannot be read.
     CheckpointError
-        If there are checkpointed runs that this study would not make, or an archive of `reuse` has
-        runs of other models only; it states the changes.
+        If there are checkpointed runs that this study would not make, or an archive to take runs
+        from has runs of other models only; it states the changes.
     StudyError
         If folders are to be read again, and no model keeps any.
     """
     path = Path(path).absolute()
+    resume = resume or ResumeOptions()
     prepare_destination(path)
     title = f"{study.name}: study {study.sha256[:16]}"
+    log = _sibling_path(path, "log")
+    is_worth_keeping = not resume.fresh and are_costly(log, path.name)
     with (
         lock_archive(path),
-        Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
+        Journal(log, title, progress or Progress()) as journal,
     ):
-        takes_archives = reuse is not None and not fresh
-        named = open_named(reuse or (), path) if takes_archives else []
-        replaced = open_replaced(path, journal) if takes_archives else None
-        if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
+        earlier = _open_archives(path, resume, journal)
+        replaced = earlier.replaced
+        if replaced and _is_complete(study, replaced.tree, resume):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
         kept = _checkpoint_folder(study, path, journal, runs_in_memory)
-        if read_again:
-            study = reading_again(study, kept, repeats_others=fresh)
-        _discard_runs(kept, every=fresh, failed=lost_again)
-        archives = [replaced, *named] if replaced else named
-        sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
-        reused = ReusedRuns(study, sources, journal)
-        for archive in archives:
-            for name, reason in unused_designs(archive.tree).items():
-                journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
-        not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
-        for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
-            journal.inform(f"{name}: {text}")
+        if resume.read_again:
+            study = reading_again(study, kept, repeats_others=resume.fresh)
+        _discard_runs(kept, resume)
+        reused = _reused_runs(study, kept, earlier, journal, resume)
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
             own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
@@ -128,20 +117,42 @@ def make_archive(
             if record := reused.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
-            _write(tree, path, kept)
+            loses = is_worth_keeping and _loses_runs(study, tree, replaced)
+            copy = _write(tree, path, kept, keeps_earlier=loses)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
+        if copy:
+            journal.inform(f"{path.name}: the earlier archive is kept as {copy.name}")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
     return tree
 
 
+class _EarlierArchives(NamedTuple):
+    """Archives whose runs may be taken: the one that is replaced, if any, and those named."""
+
+    replaced: EarlierArchive | None
+    named: Sequence[EarlierArchive]
+
+    @property
+    def all(self) -> list[EarlierArchive]:
+        return [self.replaced, *self.named] if self.replaced else [*self.named]
+
+
+def _open_archives(path: Path, resume: ResumeOptions, journal: Journal) -> _EarlierArchives:
+    """Open the archives whose runs may be taken."""
+    if not resume.takes_archived_runs:
+        return _EarlierArchives(None, [])
+    named = open_named(resume.reuse or (), path)
+    return _EarlierArchives(open_replaced(path, journal), named)
+
+
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     """Warn of a model whose versions `Model.identity` cannot distinguish; its runs are not kept."""
     unknown = [(variant.model.unknown_dependency, "the model") for variant in study.models.values()]
-    unknown += [(f"{name} is a Python object", "it") for name in own_objects(study.text)]
+    unknown += [(f"{name} is a Python object", "it") for name in user_defined_objects(study.text)]
     for reason, what in unknown:
         if reason:
             journal.warn(
@@ -151,9 +162,9 @@ def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     return any(reason for reason, _ in unknown)
 
 
-def _is_complete(study: ValidatedStudy, tree: xr.DataTree, *, lost_again: bool) -> bool:
+def _is_complete(study: ValidatedStudy, tree: xr.DataTree, resume: ResumeOptions) -> bool:
     """Check that an archive has all that a study would make."""
-    return is_unchanged(study, tree) and not (lost_again and has_missing_runs(tree))
+    return is_unchanged(study, tree) and not (resume.repeat_failed and has_missing_runs(tree))
 
 
 def _checkpoint_folder(
@@ -171,34 +182,56 @@ def _checkpoint_folder(
     return kept
 
 
-def _discard_runs(kept: CheckpointFolder, *, every: bool, failed: bool) -> None:
+def _discard_runs(kept: CheckpointFolder, resume: ResumeOptions) -> None:
     """Remove the finished runs that are to be made again; check that the others are of use."""
-    if every:
+    if resume.fresh:
         kept.remove_all()
     kept.check_compatibility()
-    if failed:
+    if resume.repeat_failed:
         kept.discard_failed()
 
 
-def _run_sources(
+def _reused_runs(
     study: ValidatedStudy,
     kept: CheckpointFolder,
-    archives: Sequence[EarlierArchive],
+    earlier: _EarlierArchives,
     journal: Journal,
-    *,
-    lost_again: bool,
-) -> dict[str, list[RunSource]]:
-    """Return the earlier runs that the study may take, by the name of a model."""
-    archived = sources_of_archives(study, archives, journal)
-    found: dict[str, list[RunSource]] = {}
-    for name, variant in study.models.items():
-        sources = archived[name]
-        if not variant.model.unknown_dependency:
-            sources = [*kept.set_aside_sources(name, model_fingerprint(study, name)), *sources]
-        if lost_again:
-            sources = [*filter(None, (each.without_statuses(FAILED) for each in sources))]
-        found[name] = sources
-    return found
+    resume: ResumeOptions,
+) -> ReusedRuns:
+    """Return the earlier runs that a study may take, and report those that it cannot take."""
+    archived = sources_of_archives(study, earlier.all, journal)
+    sources = {
+        name: _model_sources(study, name, kept, archived[name], resume) for name in study.models
+    }
+    reused = ReusedRuns(study, sources, journal)
+    for archive in earlier.all:
+        for name, reason in unused_designs(archive.tree).items():
+            journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
+    not_kept = runs_not_kept(study, earlier.replaced.tree) if earlier.replaced else {}
+    for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
+        journal.inform(f"{name}: {text}")
+    return reused
+
+
+def _model_sources(
+    study: ValidatedStudy,
+    model: str,
+    kept: CheckpointFolder,
+    archived: Sequence[RunSource],
+    resume: ResumeOptions,
+) -> list[RunSource]:
+    """Return the earlier runs that a model of a study may take; those set aside come first."""
+    sources = [*archived]
+    if not study.models[model].model.unknown_dependency:
+        sources = [*kept.set_aside_sources(model, model_fingerprint(study, model)), *sources]
+    if not resume.repeat_failed:
+        return sources
+    return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
+
+
+def _loses_runs(study: ValidatedStudy, tree: xr.DataTree, replaced: EarlierArchive | None) -> bool:
+    """Check whether the archive that is replaced has runs that the new one lacks, or may have."""
+    return replaced is None or lacks_runs(study, tree, replaced.tree)
 
 
 def _kept_text(kept: CheckpointFolder) -> str:
@@ -228,10 +261,12 @@ def _run_study(
         raise
 
 
-def _write(tree: xr.DataTree, path: Path, kept: CheckpointFolder) -> None:
+def _write(
+    tree: xr.DataTree, path: Path, kept: CheckpointFolder, *, keeps_earlier: bool
+) -> Path | None:
     """Write the archive; if that fails, keep its runs."""
     try:
-        write(tree, path)
+        return write(tree, path, keeps_earlier=keeps_earlier)
     except ArchiveError as error:
         kept.save()
         message = f"all {kept.runs} runs are kept; the same command continues from there"

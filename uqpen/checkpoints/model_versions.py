@@ -16,9 +16,9 @@ from uqpen.checkpoints.earlier_runs import depends_on_batch
 from uqpen.checkpoints.fingerprint_file import fingerprint_changes
 from uqpen.core.errors import ArchiveError
 from uqpen.core.model import Model
-from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.fingerprint import flatten_tables
 from uqpen.study.study import ValidatedStudy
 
@@ -110,8 +110,8 @@ def _unknown_version(model: Model) -> str:
 
 
 def _folder(model: Model) -> ModelFolder | None:
-    """Return the folder of a model of the user's own, whose modules it may import in its runs."""
-    return model.surroundings if isinstance(model, PythonFunction | OutsideModel) else None
+    """Return the folder of a user-defined model, whose modules it may import in its runs."""
+    return model.surroundings if isinstance(model, PythonFunction | UserDefinedModel) else None
 
 
 def _archived_identity(tree: xr.DataTree, name: str) -> dict[str, str]:

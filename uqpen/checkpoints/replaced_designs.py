@@ -76,9 +76,9 @@ def _text(
     if before == now:
         return ""
     if now is None:
-        return f"its {runs} earlier runs are not kept: the study has no design of this name"
+        return f"its {runs} earlier runs are not used: the study has no design of this name"
     if before.get("kind") != now.get("kind"):
-        return f"its {runs} earlier runs are not kept: it is of another kind"
+        return f"its {runs} earlier runs are not used: it is of another kind"
     design = study.designs[name]
     if earlier is None or isinstance(earlier, UnloadedDesign):
         return Extension(None).text(runs, design.run_count(study.joint))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
+from itertools import chain
 from pathlib import Path
 from typing import Protocol
 
@@ -33,11 +35,13 @@ _WORTH_A_PART = 10.0
 class RoundStore(Protocol):
     """Store that a checkpoint of a round belongs to.
 
-    `runs` is the number of kept runs in it. Rounds of more than `runs_in_memory` go by blocks.
+    `runs` is the number of kept runs in it. A round goes by blocks if it would make more than
+    `runs_in_memory` in memory. `joined` is their number so far, by the folder of a design.
     """
 
     runs: int
     runs_in_memory: int
+    joined: Counter[Path]
 
     def writing(self) -> AbstractContextManager[None]:
         """Return an error of the disk as one that states its consequences for the runs."""
@@ -79,7 +83,7 @@ class RoundCheckpoint(Checkpoint):
 
     def prepare(self, runs: int) -> int:
         ranges: list[tuple[int, int]] = []
-        if self._goes_by_blocks(runs):
+        if self._are_too_many(runs):
             self._blocks = BlockStore(self._folder, self._round, runs)
             ranges += self._blocks.ranges
             self._store.runs += covered_count(ranges)
@@ -148,21 +152,28 @@ class RoundCheckpoint(Checkpoint):
         return written
 
     def collect(self, blocks: Iterable[xr.Dataset], runs: int) -> xr.Dataset:
-        if not self._goes_by_blocks(runs):
-            joined = join_blocks(blocks, runs)
+        coming = iter(blocks)
+        first = next(coming)  # before it, nothing is prepared
+        if self._blocks is None:
+            joined = join_blocks(chain([first], coming), runs)
             # Many runs are safe before they are analysed, and not in memory a second time.
             if self._unwritten >= BLOCK:
                 self._store.save()
             return joined
-        for block in blocks:
-            assert self._blocks is not None  # since the first block is there
+        for block in chain([first], coming):
             self._keep(self._blocks, block)
-        assert self._blocks is not None
         return self._blocks.dataset()
 
-    def _goes_by_blocks(self, runs: int) -> bool:
-        # Later rounds follow from the runs before, so these are in memory.
-        return runs > self._store.runs_in_memory and not self._round
+    def _are_too_many(self, runs: int) -> bool:
+        """Return True if runs would be too many beside those of earlier rounds in memory.
+
+        A round of one block or less costs more as a file than it takes in memory.
+        """
+        joined, most = self._store.joined, self._store.runs_in_memory
+        if runs > BLOCK and joined[self._folder] + runs > most:
+            return True
+        joined[self._folder] += runs
+        return False
 
     def _keep(self, store: BlockStore, block: xr.Dataset) -> None:
         """Move a whole block to the file of blocks, and remove its parts."""

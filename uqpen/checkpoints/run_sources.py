@@ -103,8 +103,8 @@ def sources_of_archives(
             )
         else:
             journal.inform(
-                f"{archive.place}: none of its runs is taken, as they are of another model; the "
-                f"complete study replaces it:\n{list_changes(changes)}"
+                f"{archive.place}: none of its runs is taken, as they are of another model:\n"
+                f"{list_changes(changes)}"
             )
     return found
 

@@ -15,8 +15,8 @@ from uqpen.core.lookup import class_version
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
 from uqpen.study.fingerprint import point_classes
-from uqpen.study.outside_members import object_surrogates, own_objects
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.user_defined_members import object_surrogates, user_defined_objects
 from uqpen.workflow.root_attributes import level_attribute, root_attributes
 
 __all__ = ["has_missing_runs", "is_unchanged"]
@@ -61,7 +61,7 @@ def has_missing_runs(tree: xr.DataTree) -> bool:
 
 def _is_identified(study: ValidatedStudy) -> bool:
     """Check that an archive states the version of all that a study consists of."""
-    if own_objects(study.text) or object_surrogates(tomllib.loads(study.text)):
+    if user_defined_objects(study.text) or object_surrogates(tomllib.loads(study.text)):
         return False
     classes = [cls for design in study.designs for _, cls in point_classes(study, design)]
     classes += map(type, study.surrogates.values())

@@ -14,9 +14,9 @@ from rich.progress import Progress as Bar
 from rich.text import Text
 
 from uqpen.benchmark.compare import BenchmarkProgress
+from uqpen.cli.console import show_table, standard_output
 from uqpen.cli.options import is_quiet
 from uqpen.cli.printable import screen_text
-from uqpen.cli.screen import show_table, standard_output
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text

@@ -32,8 +32,8 @@ def check(file: Path, is_tried: bool) -> ExitCode:
     With --try, the exit code is 3 if the run fails.
     """
     with loading():
+        from uqpen.cli.console import plain_table, standard_output
         from uqpen.cli.printable import printable
-        from uqpen.cli.screen import plain_table, standard_output
         from uqpen.study.load import load_study
         from uqpen.study.summary import (
             design_rows,

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
@@ -52,12 +54,14 @@ def compare(
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
+        from uqpen.checkpoints.lock import lock_archive
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
-        from uqpen.cli.screen import show_line
+        from uqpen.cli.console import show_line
+        from uqpen.execution.runs_in_file import runs_in_file
         from uqpen.results.benchmark_tables import has_reference
         from uqpen.study.load import load_study
 
@@ -69,19 +73,23 @@ def compare(
         study = load_study(file)
     check_study(study, settings)
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
-    prepare_destination(here / archive)
+    path = here / archive
+    prepare_destination(path)
     try:
-        with executor.open_map() as spread, show_progress() as reporter:
-            tree = compare(study, settings, map=spread, progress=reporter)
-        write(tree, here / archive)
+        with lock_archive(path), runs_in_file(path.with_name(f"{path.name}.runs")) as checkpoint:
+            with executor.open_map() as spread, show_progress() as reporter:
+                tree = compare(
+                    study, settings, map=spread, progress=reporter, checkpoint=checkpoint
+                )
+            write(tree, path)
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was written", err=True)
+        show_message("interrupted: nothing was written")
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
-        click.echo("all runs of the reference failed", err=True)
+        show_message("all runs of the reference failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH
 
 __all__ = ["export"]
@@ -57,5 +58,5 @@ def export(
         text = f"{archive}: the runs of {', '.join(designs)} are not in it, only their statistics"
         if not has_runs(tree):
             raise ExportError(text)
-        click.echo(text, err=True)
+        show_message(text)
     write_table(run_table_parts(tree, si=si), kind, file)

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH
 
 __all__ = ["figure"]
@@ -34,11 +35,12 @@ def figure(
     A figure of your own is a function in a file: my_figure.py:my_figure. Without NAME, or with
     --list, this lists the figures of ARCHIVE.
     """
-    from uqpen.archive.read import open_archive
-    from uqpen.cli.printable import printable
-    from uqpen.figures.figure_file import figure_format
-    from uqpen.figures.page import available
-    from uqpen.figures.page import figure as drawn
+    with loading():
+        from uqpen.archive.read import open_archive
+        from uqpen.cli.printable import printable
+        from uqpen.figures.figure_file import figure_format
+        from uqpen.figures.page import available
+        from uqpen.figures.page import figure as drawn
 
     if is_list or not names:
         for known, shows in available(open_archive(archive)).items():

@@ -1,4 +1,4 @@
-"""``uqpen init``: a first study file of a model of the user's own, or of a data file."""
+"""``uqpen init``: a first study file of a user-defined model, or of a data file."""
 
 from __future__ import annotations
 

@@ -11,10 +11,12 @@ import click
 
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.printable import SPELLED_OUT, printable
+from uqpen.cli.messages import show_message
+from uqpen.cli.printable import SPELLED_OUT
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import record_interrupts
 from uqpen.core.lookup import nearest, resolve
+from uqpen.core.output_streams import lasting_streams, stream_error
 
 __all__ = ["COMPLETION", "main", "uqpen"]
 
@@ -60,19 +62,14 @@ def uqpen() -> None:
 
 def main() -> None:
     """Run the command line, and leave with its exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal that lacks a character gets something like it, not a traceback.
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors=SPELLED_OUT)
-    if COMPLETION in os.environ:
-        uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
-    try:
+    # A terminal that lacks a character gets something like it, not a traceback.
+    with lasting_streams(errors=SPELLED_OUT):
+        if COMPLETION in os.environ:
+            uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
         code = _run(sys.argv[1:])
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; do not complain while closing it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = ExitCode.DONE
+        if error := stream_error():
+            show_message(f"standard output cannot be written: {error}")
+            code = code or ExitCode.MISTAKE
     sys.exit(code)
 
 
@@ -81,24 +78,26 @@ def _run(arguments: list[str]) -> int:
     try:
         Path.cwd()
     except OSError:
-        click.echo("the current folder does not exist any more", err=True)
+        show_message("the current folder does not exist any more")
         return ExitCode.MISTAKE
     try:
-        # Not the group's own `main`, which takes a closed pipe for an error.
+        # Not the group's own `main`, which ends the program itself.
         with record_interrupts(), uqpen.make_context("uqpen", arguments) as context:
             return uqpen.invoke(context) or ExitCode.DONE
     except click.exceptions.Exit as left:
         return left.exit_code
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(file=shown)
+        show_message(shown.getvalue().rstrip())
         return ExitCode.MISTAKE
     except UqpenError as error:
-        click.echo(printable(str(error)), err=True)
+        show_message(str(error))
         are_too_many = isinstance(error, TooManyFailedError)
         return ExitCode.TOO_MANY_FAILED if are_too_many else ExitCode.MISTAKE
     except MemoryError:
-        click.echo("this computer does not have enough memory for this number of runs", err=True)
+        show_message("this computer does not have enough memory for this number of runs")
         return ExitCode.MISTAKE
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
+        show_message("interrupted")
         return ExitCode.INTERRUPTED

@@ -22,10 +22,10 @@ def models(name: str | None) -> None:
 
     Of a model, these are its inputs, outputs, units, settings and defaults.
     """
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.lookup import installed_packages, resolve
     from uqpen.models import MODELS
-    from uqpen.study.outside_members import MODEL
+    from uqpen.study.user_defined_members import MODEL
 
     if name in MODELS:
         _show_model(resolve(MODELS[name])())
@@ -59,7 +59,7 @@ def _installed_model(name: str, installed: Collection[str]) -> Model:
     from uqpen.models import MODELS
     from uqpen.models.user_code import error_text
     from uqpen.study.model_variables import find_variable_faults
-    from uqpen.study.outside_members import MODEL, load_class
+    from uqpen.study.user_defined_members import MODEL, load_class
 
     if name not in installed:
         raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')
@@ -67,7 +67,7 @@ def _installed_model(name: str, installed: Collection[str]) -> Model:
     try:
         model: Model = cls()
         faults = list(find_variable_faults(model))
-    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
         raise ModelError(f'"{name}" without settings: {error_text(error)}') from None
     if faults:
         found, expected = faults[0]
@@ -83,7 +83,7 @@ def _paragraphs(model: type[Model]) -> list[str]:
 
 
 def _show_model(model: Model) -> None:
-    from uqpen.cli.screen import show_plain_tables, standard_output
+    from uqpen.cli.console import show_plain_tables, standard_output
     from uqpen.core.setting_fields import declared_settings
 
     console = standard_output()

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from uqpen.cli.messages import show_message
+
 if TYPE_CHECKING:
     from uqpen.execution import Map
 
@@ -50,20 +52,16 @@ class ExecutorOptions(NamedTuple):
         if self.scheduler is not None:
             from uqpen.execution.cluster import cluster
 
-            return cluster(self.scheduler, _report)
+            return cluster(self.scheduler, show_message)
         if self.slurm_jobs is not None:
             from uqpen.execution.slurm import slurm
 
-            return slurm(self.slurm_jobs, self.sbatch, _report)
+            return slurm(self.slurm_jobs, self.sbatch, show_message)
         if self.workers == 1:
             return nullcontext(map)
         from uqpen.execution.processes import processes
 
         return processes(self.workers)
-
-
-def _report(text: str) -> None:
-    click.echo(text, err=True)
 
 
 def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -143,12 +141,13 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the flags `fresh`, `lost_again` and `read_again`, about finished runs."""
-    fresh = "Make all runs, also those that are finished."
-    lost_again = "Repeat the finished runs that failed."
+    """Give a command the flags of `ResumeOptions`, about finished runs."""
+    fresh = "Make all runs, also those that are finished, and replace the archive in any case."
+    repeat_failed = "Repeat the finished runs that failed."
     read_again = "Read the kept folders of runs again, in place of making the runs."
     command = click.option("--read-again", is_flag=True, help=read_again)(command)
-    command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
+    repeat_option = click.option("--lost-again", "repeat_failed", is_flag=True, help=repeat_failed)
+    command = repeat_option(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
@@ -52,14 +53,14 @@ def plan(
 
     The pilot's archive is kept: the study itself can reuse its runs.
     """
+    from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_step
-    from uqpen.cli.screen import show_line
     from uqpen.cli.study import make_and_show
     from uqpen.core.progress_record import ProgressRecord
     from uqpen.designs.keep import RUNS
 
     here = Path.cwd()
-    with show_step("reading the study"):
+    with show_step("reading the study"), loading():
         from uqpen.study.load import load_study
         from uqpen.study.pilot import pilot_study
 
@@ -98,7 +99,7 @@ def _show_required_runs(
     import shutil
 
     from uqpen.archive.read import open_archive, read_group
-    from uqpen.cli.screen import plain_table, show_line, standard_output
+    from uqpen.cli.console import plain_table, show_line, standard_output
     from uqpen.core.labels import MODELS, RUNS
     from uqpen.core.limits import RUNS_IN_MEMORY
     from uqpen.core.streams import Stream

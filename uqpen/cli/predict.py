@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
 
@@ -42,7 +43,6 @@ def predict(
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.prediction_table import prediction_parts
-    from uqpen.cli.printable import printable
     from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.columns import read_columns
     from uqpen.core.errors import UnknownNameError
@@ -57,10 +57,10 @@ def predict(
     columns = read_columns(points).columns
     taken = [column for column in columns if column.name in known]
     if ignored := [column.name for column in columns if column.name not in known]:
-        click.echo(printable(f"columns that are no input: {', '.join(ignored)}"), err=True)
+        show_message(f"columns that are no input: {', '.join(ignored)}")
     values, text = _checked_values(found, taken, points)
     if text:
-        click.echo(printable(text), err=True)
+        show_message(text)
     if is_dataset and file is not None:
         del columns, taken  # of many points, their numbers take as much as the values
         _write_dataset(found.predict(values), file)

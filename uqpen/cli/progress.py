@@ -14,6 +14,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from uqpen.cli.messages import wrapped_message
 from uqpen.cli.options import is_quiet
 from uqpen.cli.printable import printable
 from uqpen.core.progress import Progress
@@ -122,7 +123,7 @@ class _Warnings(ProgressRecord):
             self._print(f"and {len(self._warnings) - _MOST_WARNINGS} more warnings")
 
     def _print(self, text: str) -> None:
-        self._console.print(Text(printable(text)), soft_wrap=True)
+        self._console.print(Text(wrapped_message(text)), soft_wrap=True)
 
 
 class _Announced(_Warnings):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
@@ -101,7 +102,7 @@ def rehearse(
             is_whole = False
     _show(findings, found, as_text=as_text)
     if not is_whole:
-        click.echo(f"interrupted: this is the result of {_repeats_text(findings)}", err=True)
+        show_message(f"interrupted: this is the result of {_repeats_text(findings)}")
         return ExitCode.INTERRUPTED
     return ExitCode.DONE
 
@@ -130,8 +131,8 @@ def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text
 def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> None:
     from rich.text import Text
 
+    from uqpen.cli.console import show_line, show_table, standard_output
     from uqpen.cli.printable import screen_text
-    from uqpen.cli.screen import show_line, show_table, standard_output
     from uqpen.results.rehearsal_tables import coverage_tables, rehearsal_heading, width_tables
 
     console = standard_output()
@@ -147,7 +148,7 @@ def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> 
 
 
 def _show_sufficient_runs(found: Sequence[SufficientRuns]) -> None:
-    from uqpen.cli.screen import show_plain_tables, standard_output
+    from uqpen.cli.console import show_plain_tables, standard_output
     from uqpen.rehearsal.required_runs import MOST_RUNS
     from uqpen.results.digits import grouped_number
 

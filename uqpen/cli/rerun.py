@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -19,7 +21,6 @@ from uqpen.cli.options import (
     resume_options,
     trust_option,
 )
-from uqpen.cli.printable import printable
 
 __all__ = ["rerun"]
 
@@ -53,25 +54,27 @@ def rerun(
     here = Path.cwd()
     copy = copy or archive.with_name(f"{archive.stem}_rerun.nc")
     # Shown before the imports, which take longer than the reading.
-    with show_step("reading the archive"):
+    with show_step("reading the archive"), loading():
         from uqpen.archive.read import open_archive
-        from uqpen.cli.screen import show_line
-        from uqpen.verification.archived_study import refuse_external_names
+        from uqpen.checkpoints.resume_options import ResumeOptions
+        from uqpen.cli.console import show_line
+        from uqpen.verification.archived_study import refuse_user_defined_names
         from uqpen.verification.restored_study import restored_study, with_kept_folders
 
         tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
-    refuse_external_names(tree, archive, trust=trust)
+    refuse_user_defined_names(tree, archive, trust=trust)
     folder = folder and folder.absolute()
     with restored_study(tree, folder, trust=trust) as restored:
         for line in restored.different_files:
-            click.echo(printable(f"not the archive's file: {line}"), err=True)
+            show_message(f"not the archive's file: {line}")
         study = restored.study
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
             study = with_kept_folders(study, here / copy.with_name(f"{copy.stem}_runs"))
-        code = make_and_show(study, here, copy, executor, reuse=None, **resume)
+        options = ResumeOptions(**resume, reuse=None)
+        code = make_and_show(study, here, copy, executor, resume=options)
     if code is not ExitCode.INTERRUPTED:
         show_line("compare: " + shlex.join(["uqpen", "diff", str(archive), str(copy)]))
     return code

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import folder_option, trust_option
 from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
 
@@ -40,7 +41,7 @@ def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) ->
 
     Inputs of a study or a surrogate that are not set are at their medians.
     """
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
 
     if archive := split_surrogate(model):
         _run_surrogate(*archive, given, folder, trust=trust)
@@ -80,8 +81,7 @@ def _run_surrogate(
 ) -> None:
     """Show the predictions of a surrogate, in the units of its study."""
     from uqpen.archive.read import open_archive
-    from uqpen.cli.printable import printable
-    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
 
@@ -102,7 +102,7 @@ def _run_surrogate(
             rows.append((std, f"{deviation:.3g}", shown))
     standard_output().print(plain_table(["output", "value", "unit"], rows))
     if text := found.extrapolation_text(predicted[EXTRAPOLATED]):
-        click.echo(printable(text), err=True)
+        show_message(text)
 
 
 def _medians(

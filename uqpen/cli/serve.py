@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import split_surrogate
 
@@ -100,7 +101,7 @@ def serve(
             try:
                 server.serve_forever()
             except KeyboardInterrupt:
-                click.echo("stopped", err=True)
+                show_message("stopped")
 
 
 def hidden_offers(model: str, offers: Sequence[ServedModel]) -> list[HiddenModel]:
@@ -236,7 +237,7 @@ def _offer(
 
 def _show(server: ModelServer, offers: Sequence[ServedModel]) -> None:
     """Show the address of a server, and the inputs and outputs of its models."""
-    from uqpen.cli.screen import show_line, show_plain_tables, standard_output
+    from uqpen.cli.console import show_line, show_plain_tables, standard_output
 
     console = standard_output()
     for offer, shown in zip(offers, server.offers.values(), strict=True):

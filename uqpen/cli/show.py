@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH
 from uqpen.cli.printable import printable_json
 
@@ -43,7 +44,7 @@ def show(
             raise click.UsageError("--output is for the archive of a study")
         tree, places = resolve("uqpen.results.output_selection:select_output")(tree, output, at)
         for remark in filter(None, (place.remark for place in places)):
-            click.echo(remark, err=True)
+            show_message(remark)
     if as_text:
         function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")

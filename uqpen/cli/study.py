@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -22,6 +23,7 @@ from uqpen.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqpen.checkpoints.resume_options import ResumeOptions
     from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
@@ -89,12 +91,13 @@ def study(
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the study"), loading():
+        from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.screen import show_tables
         from uqpen.study.load import load_study
 
         loaded = load_study(file)
     for line in loaded.plan:
-        click.echo(f"planned: {line}", err=True)
+        show_message(f"planned: {line}")
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(
         loaded,
@@ -103,8 +106,7 @@ def study(
         executor,
         show_tables,
         watch_port=watch_port,
-        reuse=[here / other for other in reuse],
-        **resume,
+        resume=ResumeOptions(**resume, reuse=[here / other for other in reuse]),
     )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
@@ -122,17 +124,16 @@ def make_and_show(
     show: Callable[[xr.DataTree], None] = lambda tree: None,
     watch_port: int | None = None,
     receivers: Sequence[Progress] = (),
-    **resume: Any,
+    resume: ResumeOptions | None = None,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
     With a `watch_port`, a page on this machine shows the results meanwhile. `receivers` get the
-    reports of progress, too. `resume` are `fresh`, `lost_again`, `read_again` and `reuse` of
-    `make_archive`.
+    reports of progress, too.
     """
     from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_progress
-    from uqpen.cli.screen import show_line
     from uqpen.core.progress_broadcast import ProgressBroadcast
     from uqpen.results.failed_runs import has_failed_design
 
@@ -142,14 +143,14 @@ def make_and_show(
             if executor.preparation:
                 progress.start_step(executor.preparation)
             with executor.open_map() as spread:
-                tree = make_archive(study, here / archive, map=spread, progress=progress, **resume)
+                tree = make_archive(study, here / archive, resume, map=spread, progress=progress)
     except KeyboardInterrupt as interrupt:
-        click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+        show_message(": ".join(["interrupted", *map(str, interrupt.args)]))
         return ExitCode.INTERRUPTED
     show(tree)
     show_line(f"archive: {archive}")
     if has_failed_design(tree):
-        click.echo("all runs of a design failed", err=True)
+        show_message("all runs of a design failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 
@@ -171,5 +172,5 @@ def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Sequence[Progr
         except OSError as error:
             message = f"--watch: cannot listen at port {port}: {error.strerror or error}"
             raise click.UsageError(message) from None
-        click.echo(f"watch: {server.url} shows the results so far, until the study ends", err=True)
+        show_message(f"watch: {server.url} shows the results so far, until the study ends")
         yield (running,)

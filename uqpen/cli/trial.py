@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from uqpen.checkpoints.keep_runs import keep_runs
+from uqpen.cli.console import plain_table, show_line, standard_output
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.cli.screen import plain_table, show_line, standard_output
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Output
 from uqpen.core.status import STATUS_TEXT, Status

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
+from uqpen.cli.console import standard_output
 from uqpen.cli.printable import screen_text
-from uqpen.cli.screen import standard_output
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.diff import DiffSection
 

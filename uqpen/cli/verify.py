@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.loading import loading
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -56,9 +57,10 @@ def verify(
     with show_progress() as reporter:
         # Shown before the imports, which take seconds.
         reporter.start_step("reading the archive")
-        from uqpen.cli.verification_screen import show_check
-        from uqpen.verification.check_result import CheckOutcome
-        from uqpen.verification.verify import verify
+        with loading():
+            from uqpen.cli.verification_screen import show_check
+            from uqpen.verification.check_result import CheckOutcome
+            from uqpen.verification.verify import verify
 
         with executor.open_map() as spread:
             results = list(

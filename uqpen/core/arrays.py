@@ -74,7 +74,7 @@ def floats(value: object) -> FloatArray:
         if "inhomogeneous" in str(error):
             raise ValueError("lists of different lengths") from None
         raise
-    except Exception as error:  # an object from outside may raise anything when it is read
+    except Exception as error:  # a user-defined object may raise anything when it is read
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
 
 

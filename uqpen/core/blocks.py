@@ -7,14 +7,16 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
 from uqpen.core.streams import BLOCK
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = [
     "BlockedDataset",
@@ -116,7 +118,7 @@ class LoadedDataset(BlockedRuns):
     @classmethod
     def of(cls, runs: xr.Dataset | BlockedRuns) -> BlockedRuns:
         """Return a handle to runs, and a handle itself unchanged."""
-        return cls(runs) if isinstance(runs, xr.Dataset) else runs
+        return runs if isinstance(runs, BlockedRuns) else cls(runs)
 
     @property
     def size(self) -> int:
@@ -196,6 +198,8 @@ def _filled(column: _AlongRun, start: int, values: _AlongRun) -> _AlongRun:
 
 def _with_values(template: xr.Dataset, values: dict[str, _AlongRun]) -> xr.Dataset:
     """Return a dataset like another one, in the same order, with other values of some variables."""
+    import xarray as xr
+
     variables = {
         str(name): (each.dims, values.get(str(name), each.values), each.attrs)
         for name, each in template.variables.items()

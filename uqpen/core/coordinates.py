@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 from uqpen.core.variables import Dimension
 
@@ -14,6 +17,8 @@ __all__ = ["field_coordinates"]
 
 def field_coordinates(dims: Iterable[Dimension]) -> dict[str, xr.Variable]:
     """Return the coordinates of fields by dimension, with units and names."""
+    import xarray as xr
+
     return {
         each.name: xr.Variable(each.name, np.array(each.values), each.attributes) for each in dims
     }

@@ -105,7 +105,7 @@ def load_installed(group: str, name: str) -> Any:
     package = point.dist.name if point.dist else point.value.partition(".")[0].partition(":")[0]
     try:
         return point.load()
-    except (Exception, SystemExit) as error:  # a foreign package can raise anything when imported
+    except (Exception, SystemExit) as error:  # an import can raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ModelError(
             f'the installed package "{package}", which provides "{name}", cannot be loaded: '

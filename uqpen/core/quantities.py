@@ -25,6 +25,8 @@ from uqpen.core.units import (
 __all__ = ["Quantity", "Spread", "parse_any_dimension", "parse_quantity", "parse_spread"]
 
 _NUMBER = re.compile(NUMBER)
+# The minus of typesetting, as uqpen shows numbers itself, beside the one of the keyboard.
+_MINUS = "\N{MINUS SIGN}"
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?[0-9]+),([0-9]+)(.*)\Z", re.DOTALL)
 
@@ -103,7 +105,7 @@ def parse_spread(text: str, like: str) -> Spread | None:
     _refuse_length(text)
     if not _PLUS_MINUS.search(text):
         return None
-    inner, unit = _ungroup(text)
+    inner, unit = _ungroup(text.replace(_MINUS, "-"))
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
@@ -127,7 +129,7 @@ def _split(text: str, like: str) -> tuple[float, str]:
     """Split the text of a quantity into number and unit."""
     _refuse_length(text)
     _refuse_comma(text)
-    plain = text.strip()
+    plain = text.strip().replace(_MINUS, "-")
     match = _NUMBER.match(plain)
     if match is None:
         raise QuantityError(toml_text(text), describe(like))

@@ -77,7 +77,7 @@ class DataDesign(Design):
     def sampling(self) -> Sampling:
         if self.independent or self.follows == _INDEPENDENT:
             return Sampling.INDEPENDENT
-        return Sampling.STRATIFIED if self.follows else Sampling.USER_SUPPLIED
+        return Sampling.STRATIFIED if self.follows else Sampling.GIVEN
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         columns = self.columns(joint)
@@ -97,7 +97,7 @@ class DataDesign(Design):
 
     def samples_inputs(self, joint: JointDistribution) -> bool:
         random = {entry.variable.name for entry in joint.random}
-        return self.sampling is not Sampling.USER_SUPPLIED and set(self._data.points) <= random
+        return self.sampling is not Sampling.GIVEN and set(self._data.points) <= random
 
     @property
     def replicate_count(self) -> int:

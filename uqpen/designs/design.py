@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
@@ -23,9 +23,9 @@ from uqpen.distributions.joint_distribution import JointDistribution
 __all__ = ["Design", "ModelRounds", "Rounds"]
 
 # It yields the points of a round, and is sent what became of them.
-Rounds = Generator[Points, Feedback, None]
+Rounds: TypeAlias = "Generator[Points, Feedback, None]"
 # The same of a design that may leave a round to some of the models.
-ModelRounds = Generator[Points | Round, Feedback, None]
+ModelRounds: TypeAlias = "Generator[Points | Round, Feedback, None]"
 
 
 class Design(ABC):

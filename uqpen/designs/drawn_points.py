@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.blocks import BlockedDataset
 from uqpen.core.labels import RUN
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["DrawnPoints", "Points", "points_in_memory"]
 
@@ -56,9 +58,9 @@ class DrawnPoints(BlockedDataset):
 
 
 # Points of a round, as a design yields them.
-Points = xr.Dataset | DrawnPoints
+Points: TypeAlias = "xr.Dataset | DrawnPoints"
 
 
 def points_in_memory(points: Points) -> xr.Dataset:
     """Return the points of a round as one dataset."""
-    return points if isinstance(points, xr.Dataset) else points.dataset()
+    return points.dataset() if isinstance(points, DrawnPoints) else points

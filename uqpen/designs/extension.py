@@ -30,7 +30,7 @@ class Extension:
     reason: str = ""
 
     def text(self, earlier_runs: int, runs: int) -> str:
-        """Return what becomes of earlier runs that are not kept; empty if all are.
+        """Return what becomes of earlier runs that are not used; empty if all are.
 
         Parameters
         ----------
@@ -38,11 +38,11 @@ class Extension:
             Number of runs of the earlier design, and of the new one.
         """
         if self.kept is None:
-            return f"it is not known how many of its {earlier_runs} earlier runs it keeps"
+            return f"it is not known how many of its {earlier_runs} earlier runs it uses"
         if self.kept >= earlier_runs:
             return ""
-        text = f"{earlier_runs - self.kept} of its {earlier_runs} earlier runs are not kept"
+        text = f"{earlier_runs - self.kept} of its {earlier_runs} earlier runs are not used"
         if self.kept == runs or not self.nearest:
             return text
         settings = ", ".join(f"{name} = {toml_text(value)}" for name, value in self.nearest.items())
-        return f"{text}; to keep all of them: {settings} ({self.reason})"
+        return f"{text}; to use all of them: {settings} ({self.reason})"

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
-
-import numpy as np
-import numpy.typing as npt
-import xarray as xr
+from typing import TYPE_CHECKING, Protocol
 
 from uqpen.core.labels import STATUS
 from uqpen.execution import worst_status_runs
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    import xarray as xr
 
 __all__ = ["Estimates", "Feedback"]
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, toml_text
@@ -26,6 +25,9 @@ from uqpen.designs.stopping.deciding import deciding_rounds
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["MonteCarlo", "independent_points"]
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import MOVED_BY, MOVED_INPUT, RUN
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["add_move_coordinates", "moved_input_numbers"]
 

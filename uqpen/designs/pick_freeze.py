@@ -13,13 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, ROUND
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "PickFreezePart"]
 

@@ -6,11 +6,10 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -25,6 +24,9 @@ from uqpen.designs.keep import keep_problems
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule
 from uqpen.distributions.joint_distribution import JointDistribution
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_replicates"]
 

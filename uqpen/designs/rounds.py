@@ -1,4 +1,4 @@
-"""Rounds of a design: its points, their runs, and a clear error where a user's own design fails."""
+"""Rounds of a design: its points, their runs, and a clear error where a design fails."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def draw_rounds(
     Raises
     ------
     StudyError
-        If a design from outside the package raises an error, or yields anything but points. The
+        If a user-defined design raises an error, or yields anything but points. The
         first block of a round is checked at once, another one when it is drawn.
     """
     rounds = design.rounds(joint, stream)
@@ -154,7 +154,7 @@ class _PointsCheck:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Report any error of a design from outside the package as one of the study."""
+        """Report any error of a user-defined design as one of the study."""
         try:
             yield
         except (StopIteration, UqpenError):
@@ -212,7 +212,7 @@ def _weight_fault(points: xr.Dataset, sampling: Sampling) -> str:
     """Return what is wrong with the weights of points; empty where nothing is."""
     if WEIGHT not in points.coords:
         return ""
-    if sampling not in (Sampling.INDEPENDENT, Sampling.USER_SUPPLIED):
+    if sampling not in (Sampling.INDEPENDENT, Sampling.GIVEN):
         return f"it weights points that are {sampling}, and weights are of independent draws"
     weights = points[WEIGHT]
     if weights.dims != (RUN,) or weights.dtype.kind not in "iuf":

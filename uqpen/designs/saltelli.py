@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.errors import Problem
@@ -23,6 +22,9 @@ from uqpen.designs.pick_freeze import BlockLayout, PickFreezePart
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.designs.replicated import nested_replicates, uneven_replicates
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["MOST_ROUNDS", "Saltelli"]
 

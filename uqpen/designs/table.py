@@ -1,4 +1,4 @@
-"""Points of the user's own, read from a file."""
+"""Given points, read from a file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class TableDesign(Design):
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling.INDEPENDENT if self.independent else Sampling.USER_SUPPLIED
+        return Sampling.INDEPENDENT if self.independent else Sampling.GIVEN
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         columns = self.columns(joint)

@@ -1,4 +1,4 @@
-"""Stand-in for a design from outside the package whose code is not executed."""
+"""Stand-in for a user-defined design whose code is not executed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class UnloadedDesign(Design):
     """
 
     name: str
-    sampling: Sampling = Sampling.USER_SUPPLIED
+    sampling: Sampling = Sampling.GIVEN
     runs: int = 0
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:

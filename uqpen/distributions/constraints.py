@@ -27,7 +27,10 @@ from uqpen.core.units import DIMENSIONLESS, are_convertible, product, ratio, si_
 
 __all__ = ["Constraint", "parse_constraint"]
 
-_SHAPE = 'a comparison of inputs, such as "plasticity_radius > crater_radius"'
+_SHAPE = (
+    'a comparison of inputs, such as "plasticity_radius > crater_radius", or with a quantity in '
+    "quotes of its own, such as \"impact_velocity < '3 km/s'\""
+)
 _LONGEST = 500
 _HIGHEST_POWER = 9
 

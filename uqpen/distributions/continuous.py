@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -55,16 +55,16 @@ class Normal(Distribution):
     std: float = difference(above=0)
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return self.mean + self.std * special.ndtri(probability)
+        return self.mean + self.std * scipy.special.ndtri(probability)
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return self.mean - self.std * special.ndtri(probability)
+        return self.mean - self.std * scipy.special.ndtri(probability)
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return special.ndtr((value - self.mean) / self.std)
+        return scipy.special.ndtr((value - self.mean) / self.std)
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return special.ndtr((self.mean - value) / self.std)
+        return scipy.special.ndtr((self.mean - value) / self.std)
 
 
 class _OfLogarithm(Distribution):
@@ -195,20 +195,20 @@ class Beta(Distribution):
         return order_problem(self.lower, self.upper)
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        unit = special.betaincinv(self.alpha, self.beta, probability)
+        unit = scipy.special.betaincinv(self.alpha, self.beta, probability)
         return self.lower + (self.upper - self.lower) * unit
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        unit = special.betaincinv(self.beta, self.alpha, probability)
+        unit = scipy.special.betaincinv(self.beta, self.alpha, probability)
         return self.upper - (self.upper - self.lower) * unit
 
     def cdf(self, value: FloatArray) -> FloatArray:
         unit = Uniform(self.lower, self.upper).cdf(value)
-        return special.betainc(self.alpha, self.beta, unit)
+        return scipy.special.betainc(self.alpha, self.beta, unit)
 
     def sf(self, value: FloatArray) -> FloatArray:
         unit = Uniform(self.lower, self.upper).sf(value)
-        return special.betainc(self.beta, self.alpha, unit)
+        return scipy.special.betainc(self.beta, self.alpha, unit)
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         inside = Uniform(self.lower, self.upper)
@@ -231,16 +231,16 @@ class Gamma(Distribution):
         return self.std * (self.std / self.mean)
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return self._scale * special.gammaincinv(self._shape, probability)
+        return self._scale * scipy.special.gammaincinv(self._shape, probability)
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return self._scale * special.gammainccinv(self._shape, probability)
+        return self._scale * scipy.special.gammainccinv(self._shape, probability)
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return special.gammainc(self._shape, np.maximum(value, 0.0) / self._scale)
+        return scipy.special.gammainc(self._shape, np.maximum(value, 0.0) / self._scale)
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return special.gammaincc(self._shape, np.maximum(value, 0.0) / self._scale)
+        return scipy.special.gammaincc(self._shape, np.maximum(value, 0.0) / self._scale)
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         return _finite_log(value / self._scale), value / self._scale
@@ -254,13 +254,13 @@ class Weibull(Distribution):
     scale: float = quantity(above=0)
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return self.scale * (-special.log1p(-probability)) ** (1 / self.shape)
+        return self.scale * (-scipy.special.log1p(-probability)) ** (1 / self.shape)
 
     def isf(self, probability: FloatArray) -> FloatArray:
         return self.scale * (-_log(probability)) ** (1 / self.shape)
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return -special.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+        return -scipy.special.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
 
     def sf(self, value: FloatArray) -> FloatArray:
         return np.exp(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
@@ -290,13 +290,13 @@ class Gumbel(Distribution):
         return self._location - self._scale * _log(-_log(probability))
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return self._location - self._scale * _log(-special.log1p(-probability))
+        return self._location - self._scale * _log(-scipy.special.log1p(-probability))
 
     def cdf(self, value: FloatArray) -> FloatArray:
         return np.exp(-np.exp((self._location - value) / self._scale))
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return -special.expm1(-np.exp((self._location - value) / self._scale))
+        return -scipy.special.expm1(-np.exp((self._location - value) / self._scale))
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         standard = (value - self._location) / self._scale

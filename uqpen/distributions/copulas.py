@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -77,16 +77,16 @@ class ClaytonCopula(_OneParameter):
         return self.theta / (self.theta + 2)
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return special.expm1(-self.theta * np.log(probability))
+        return scipy.special.expm1(-self.theta * np.log(probability))
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return np.exp(-special.log1p(score) / self.theta)
+        return np.exp(-scipy.special.log1p(score) / self.theta)
 
     def conditional_score(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
     ) -> FloatArray:
         power = 1 / self.theta + len(known)
-        return (1 + sum_columns(known)) * special.expm1(-np.log(probability) / power)
+        return (1 + sum_columns(known)) * scipy.special.expm1(-np.log(probability) / power)
 
 
 @dataclass(frozen=True)
@@ -115,11 +115,13 @@ class GumbelCopula(_Bivariate):
         a = self.theta - 1
         target = -np.log(probability)
         c = first + a * np.log(first) + target
-        growth = a * special.wrightomega(c / a - np.log(a)) / first - 1
+        growth = a * scipy.special.wrightomega(c / a - np.log(a)) / first - 1
         # The difference of two near numbers, to its own full accuracy.
-        excess = first * growth + a * special.log1p(growth) - target
+        excess = first * growth + a * scipy.special.log1p(growth) - target
         growth = growth - excess / (first + a / (1 + growth))
-        return first * special.expm1(self.theta * special.log1p(growth)) ** (1 / self.theta)
+        return first * scipy.special.expm1(self.theta * scipy.special.log1p(growth)) ** (
+            1 / self.theta
+        )
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ class FrankCopula(_Bivariate):
         # Debye's function of the first order, by Gauss's rule: its integrand is smooth.
         nodes, weights = np.polynomial.legendre.leggauss(200)
         x = abs(self.theta) * (nodes + 1) / 2
-        debye = float((weights * x / special.expm1(x)).sum() / 2)
+        debye = float((weights * x / scipy.special.expm1(x)).sum() / 2)
         return float(np.copysign(1 - 4 / abs(self.theta) * (1 - debye), self.theta))
 
     def score(self, probability: FloatArray) -> FloatArray:
@@ -155,10 +157,10 @@ class FrankCopula(_Bivariate):
         theta, p = abs(self.theta), probability if self.theta > 0 else 1 - probability
         decay = np.exp(-theta * first)
         whole = p + decay * (1 - p)
-        share = -p * special.expm1(-theta) / whole
+        share = -p * scipy.special.expm1(-theta) / whole
         with np.errstate(divide="ignore"):  # of the branch that is not taken
             far = np.log((p * np.exp(-theta) + decay * (1 - p)) / whole)
-            near = special.log1p(-np.minimum(share, 1.0))
+            near = scipy.special.log1p(-np.minimum(share, 1.0))
         second = -np.where(share < 0.5, near, far) / theta
         return second if self.theta > 0 else 1 - second
 
@@ -173,16 +175,16 @@ class JoeCopula(_Bivariate):
     @property
     def kendall(self) -> float:
         a = 2 / self.theta
-        slope = float(special.polygamma(1, 2.0))
+        slope = float(scipy.special.polygamma(1, 2.0))
         if abs(a - 1) > 1e-6:  # nearer, the difference would cancel
-            slope = float(special.digamma(2.0) - special.digamma(a + 1)) / (1 - a)
+            slope = float(scipy.special.digamma(2.0) - scipy.special.digamma(a + 1)) / (1 - a)
         return 1 - a * slope
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return self.theta * special.log1p(-probability)
+        return self.theta * scipy.special.log1p(-probability)
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return -special.expm1(score / self.theta)
+        return -scipy.special.expm1(score / self.theta)
 
     def conditional_score(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
@@ -190,13 +192,15 @@ class JoeCopula(_Bivariate):
         # With x = 1 - exp(-phi) of the sum of both phi, y = ln x solves -a y + ln(1 - x) = c.
         (first,) = known.values()
         a = 1 - 1 / self.theta
-        c = np.log(probability) + np.log(-special.expm1(first)) - a * first
+        c = np.log(probability) + np.log(-scipy.special.expm1(first)) - a * first
         y = -np.logaddexp(0.0, c)  # right of the solution, where the curve bends down
         for _ in range(_STEPS):
-            rest = -special.expm1(y)
+            rest = -scipy.special.expm1(y)
             y = y + (np.log(rest) - a * y - c) / (a + np.exp(y) / rest)
-        share = special.expm1(y) / special.expm1(first)
+        share = scipy.special.expm1(y) / scipy.special.expm1(first)
         with np.errstate(divide="ignore"):  # of the branch that is not taken, and of the very end
-            near = special.log1p(-np.minimum(share, 1.0))
-            far = first + np.log(special.expm1(np.maximum(y - first, 0.0)) / -special.expm1(first))
+            near = scipy.special.log1p(-np.minimum(share, 1.0))
+            far = first + np.log(
+                scipy.special.expm1(np.maximum(y - first, 0.0)) / -scipy.special.expm1(first)
+            )
         return np.where(share < 0.5, near, far)

@@ -13,7 +13,7 @@ from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
-from scipy import special
+import scipy
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -126,16 +126,16 @@ class GaussianCopula(EllipticalCopula):
     measures = ("normal-scores", "ranks", "kendall")
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return special.ndtri(probability)
+        return scipy.special.ndtri(probability)
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return special.ndtr(score)
+        return scipy.special.ndtr(score)
 
     def conditional_score(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
     ) -> FloatArray:
         mean, std = self._regression(position, known)
-        return mean + std * special.ndtri(probability)
+        return mean + std * scipy.special.ndtri(probability)
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,10 @@ class StudentCopula(EllipticalCopula):
         return f"{self.degrees:g} degrees of freedom; {super().description}"
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return special.stdtrit(self.degrees, probability)
+        return scipy.special.stdtrit(self.degrees, probability)
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return special.stdtr(self.degrees, score)
+        return scipy.special.stdtr(self.degrees, score)
 
     def conditional_score(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
@@ -168,7 +168,7 @@ class StudentCopula(EllipticalCopula):
         mean, scale = self._regression(position, known)
         degrees = self.degrees + len(known)
         widening = np.sqrt((self.degrees + self._distance(known)) / degrees)
-        return mean + scale * widening * special.stdtrit(degrees, probability)
+        return mean + scale * widening * scipy.special.stdtrit(degrees, probability)
 
 
 def _entry_problems(matrix: Matrix) -> Iterator[Problem]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
@@ -17,6 +16,9 @@ from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 from uqpen.distributions.input_group import InputGroup
 from uqpen.distributions.unloaded import UnloadedDistribution
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["FixedInput", "JointDistribution", "RandomInput", "points_dataset"]
 
@@ -215,6 +217,8 @@ def points_dataset(
     joint: JointDistribution, values: Arrays, coordinates: Arrays, *, runs: int
 ) -> xr.Dataset:
     """Return points as a dataset; fixed inputs that `values` does not contain are added."""
+    import xarray as xr
+
     fixed = {entry.variable.name: entry.value for entry in joint.fixed}
     fits = {entry.variable.name: entry.fit for entry in joint.random}
     variables: dict[str, Any] = {}

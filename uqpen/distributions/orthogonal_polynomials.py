@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Uniform
@@ -91,7 +91,7 @@ class Recurrence:
             Values of the variable itself, ascending, and weights whose sum is 1.
         """
         off_diagonal = np.sqrt(self.beta[1:nodes])
-        t, vectors = linalg.eigh_tridiagonal(self.alpha[:nodes], off_diagonal)
+        t, vectors = scipy.linalg.eigh_tridiagonal(self.alpha[:nodes], off_diagonal)
         weights = vectors[0] ** 2
         return self.location + self.scale * t, weights / weights.sum()
 
@@ -251,7 +251,7 @@ def _panel_nodes(
     distribution: Distribution, lower: FloatArray, upper: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return values at the nodes of each panel of z, and their probability weights."""
-    nodes, weights = special.roots_legendre(_NODES_PER_PANEL)
+    nodes, weights = scipy.special.roots_legendre(_NODES_PER_PANEL)
     half = (upper - lower)[:, None] / 2
     z = (lower[:, None] + half) + half * nodes
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
@@ -263,5 +263,5 @@ def _panel_nodes(
 
 def _values(distribution: Distribution, z: FloatArray) -> FloatArray:
     """Return values at standard normal quantiles, each tail from its own probability."""
-    tail = special.ndtr(-np.abs(z))
+    tail = scipy.special.ndtr(-np.abs(z))
     return np.where(z < 0, distribution.ppf(tail), distribution.isf(tail))

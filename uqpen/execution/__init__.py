@@ -9,12 +9,12 @@ from uqpen.core.lazy_attributes import lazy_attributes
 if TYPE_CHECKING:
     from uqpen.core.progress import Progress
     from uqpen.execution.batch import Map
-    from uqpen.execution.evaluation import evaluate, evaluate_blocks
+    from uqpen.execution.evaluation import EvaluationOptions, evaluate, evaluate_blocks
     from uqpen.execution.evaluator import Evaluator
     from uqpen.execution.failures import FailurePolicy
+    from uqpen.execution.joined_rounds import join_rounds
     from uqpen.execution.runs import (
         common_runs,
-        join_rounds,
         replicate_count,
         run_count,
         status_counts,
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "EvaluationOptions",
     "Evaluator",
     "FailurePolicy",
     "Map",
@@ -40,12 +41,12 @@ __all__ = [
 _HOMES = {
     "uqpen.core.progress": ("Progress",),
     "uqpen.execution.batch": ("Map",),
-    "uqpen.execution.evaluation": ("evaluate", "evaluate_blocks"),
+    "uqpen.execution.evaluation": ("EvaluationOptions", "evaluate", "evaluate_blocks"),
     "uqpen.execution.evaluator": ("Evaluator",),
     "uqpen.execution.failures": ("FailurePolicy",),
+    "uqpen.execution.joined_rounds": ("join_rounds",),
     "uqpen.execution.runs": (
         "common_runs",
-        "join_rounds",
         "replicate_count",
         "run_count",
         "status_counts",

@@ -217,5 +217,5 @@ class _LoadedWork:
 
 @functools.lru_cache(maxsize=16)
 def _load_work(pickled: bytes) -> _LoadedWork:
-    """Unpickle the work that was sent; a model of the user's own is loaded once."""
+    """Unpickle the work that was sent; a user-defined model is loaded once."""
     return _LoadedWork(pickle.loads(pickled))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -22,20 +23,42 @@ from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
 from uqpen.execution.run_dataset import runs_dataset
 
-__all__ = ["evaluate", "evaluate_blocks"]
+__all__ = ["EvaluationOptions", "evaluate", "evaluate_blocks"]
+
+
+@dataclass(frozen=True)
+class EvaluationOptions:
+    """Execution and reports of the runs of a model; only `failures` can change a result.
+
+    Parameters
+    ----------
+    map : callable
+        Like the built-in; it makes the runs of batches.
+    label : str
+        The name of the model in a study with several, for progress reports.
+    progress : Progress
+        Receives progress reports.
+    checkpoint : Checkpoint
+        Restores runs made before, and stores finished ones.
+    failures : FailurePolicy
+        Retries of missing runs, and how many may be missing.
+    first_runs : FirstRuns, optional
+        The model's first runs in a study, for a trial run and an early end; none of it otherwise.
+    """
+
+    map: Map = map
+    label: str = ""
+    progress: Progress = field(default_factory=Progress)
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    failures: FailurePolicy = field(default_factory=FailurePolicy)
+    first_runs: FirstRuns | None = None
 
 
 def evaluate(
     evaluator: Evaluator,
     points: xr.Dataset | BlockedDataset,
     display_units: Mapping[str, str],
-    *,
-    map: Map = map,
-    label: str = "",
-    progress: Progress | None = None,
-    checkpoint: Checkpoint | None = None,
-    failures: FailurePolicy | None = None,
-    first_runs: FirstRuns | None = None,
+    options: EvaluationOptions | None = None,
 ) -> xr.Dataset:
     """Run a model over points.
 
@@ -47,18 +70,8 @@ def evaluate(
         A variable for each input, along ``run`` or a scalar.
     display_units : mapping of str to str
         The unit to show an input or output in, where it is not the model's own.
-    map : callable
-        Like the built-in; it makes the runs of batches.
-    label : str
-        The name of the model in a study with several, for progress reports.
-    progress : Progress, optional
-        Receives progress reports.
-    checkpoint : Checkpoint, optional
-        Restores runs made before, and stores finished ones.
-    failures : FailurePolicy, optional
-        Retries of missing runs, and how many may be missing.
-    first_runs : FirstRuns, optional
-        The model's first runs in a study, for a trial run and an early end; none of it otherwise.
+    options : EvaluationOptions, optional
+        Execution and reports of the runs; by default, one process and no reports.
 
     Returns
     -------
@@ -77,32 +90,16 @@ def evaluate(
         If the map leaves out some runs.
     """
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
-    checkpoint = checkpoint or Checkpoint()
-    blocks = evaluate_blocks(
-        evaluator,
-        blocked,
-        display_units,
-        map=map,
-        label=label,
-        progress=progress,
-        checkpoint=checkpoint,
-        failures=failures,
-        first_runs=first_runs,
-    )
-    return checkpoint.collect(blocks, blocked.size)
+    options = options or EvaluationOptions()
+    blocks = evaluate_blocks(evaluator, blocked, display_units, options)
+    return options.checkpoint.collect(blocks, blocked.size)
 
 
 def evaluate_blocks(
     evaluator: Evaluator,
     points: BlockedDataset,
     display_units: Mapping[str, str],
-    *,
-    map: Map = map,
-    label: str = "",
-    progress: Progress | None = None,
-    checkpoint: Checkpoint | None = None,
-    failures: FailurePolicy | None = None,
-    first_runs: FirstRuns | None = None,
+    options: EvaluationOptions | None = None,
 ) -> Iterator[xr.Dataset]:
     """Run a model over points; yield the runs by blocks of 65 536, in order.
 
@@ -117,29 +114,22 @@ def evaluate_blocks(
         As `evaluate` returns it, with the reasons of failed runs even where no run failed. The
         numbers of failed runs are those in the whole.
     """
-    failures = failures or FailurePolicy()
-    first_runs = first_runs or FirstRuns(evaluator.model, FailurePolicy(stop_after=0, trial=False))
-    under_way = _RunsUnderWay(
-        evaluator.model,
-        points,
-        display_units,
-        label,
-        progress or Progress(),
-        checkpoint or Checkpoint(),
-        FailureCount(failures.at_most, points.size),
-        first_runs,
+    options = options or EvaluationOptions()
+    first_runs = options.first_runs or _no_first_runs(evaluator.model)
+    under_way = _RunsUnderWay(evaluator.model, points, display_units, options, first_runs)
+    worth_sending = (
+        options.map.worth_sending if isinstance(options.map, PacedMap) else WORTH_SENDING
     )
-    worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     has_limits = bool(evaluator.model.enforced_limits)
     pace = Pace(worth_sending, is_alone=has_limits)
-    work = EvaluatorWork(evaluator, failures.retry)
+    work = EvaluatorWork(evaluator, options.failures.retry)
     blocks = under_way.blocks
     while True:
         batches = _batches(blocks, evaluator.model, pace)
         if first_runs.is_trial_due:
             alone = Pace(worth_sending, is_alone=True)
             batches = islice(_batches(blocks, evaluator.model, alone), 1)
-        for batch_result in map(work, batches):
+        for batch_result in options.map(work, batches):
             pace.record(len(batch_result))
             under_way.add(batch_result)
             pace.is_alone = has_limits or first_runs.are_undecided
@@ -159,20 +149,18 @@ class _RunsUnderWay:
         model: Model,
         points: BlockedDataset,
         display_units: Mapping[str, str],
-        label: str,
-        progress: Progress,
-        checkpoint: Checkpoint,
-        failure_count: FailureCount,
+        options: EvaluationOptions,
         first_runs: FirstRuns,
     ) -> None:
-        self._model, self._display_units, self._label = model, display_units, label
-        self._progress, self._checkpoint = progress, checkpoint
-        self._failure_count, self._first_runs = failure_count, first_runs
-        if restored := checkpoint.prepare(points.size):
-            progress.count_restored(restored)
+        self._model, self._display_units = model, display_units
+        self._label, self._progress = options.label, options.progress
+        self._checkpoint, self._first_runs = options.checkpoint, first_runs
+        self._failure_count = FailureCount(options.failures.at_most, points.size)
+        if restored := self._checkpoint.prepare(points.size):
+            self._progress.count_restored(restored)
         first_runs.start_round(points.size, restored)
         self.blocks = OpenBlocks(points, model.outputs, self._restore)
-        progress.start_runs(label, self._finished_runs)
+        self._progress.start_runs(self._label, self._finished_runs)
 
     def add(self, batch_result: BatchResult) -> None:
         """Insert the results of a batch, and store them."""
@@ -219,6 +207,11 @@ class _RunsUnderWay:
     def _dataset(self, block: BlockRecord) -> xr.Dataset:
         results = block.variables(self._model)
         return runs_dataset(block.points, results, self._model, self._display_units)
+
+
+def _no_first_runs(model: Model) -> FirstRuns:
+    """Return first runs that decide nothing, without a trial run."""
+    return FirstRuns(model, FailurePolicy(stop_after=0, trial=False))
 
 
 def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
 from uqpen.core.labels import (
-    FAILED_RUN,
-    FAILURE_REASON,
     REPLICATE,
     REPLICATES_MADE,
     ROUND,
@@ -23,42 +21,17 @@ from uqpen.core.labels import (
 )
 from uqpen.core.status import Status
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 __all__ = [
     "bytes_of_a_run",
     "common_runs",
-    "join_rounds",
     "replicate_count",
     "run_count",
     "status_counts",
     "worst_status_runs",
 ]
-
-
-def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
-    """Join the runs of one or more rounds of a design, and number them consecutively.
-
-    If there are several, each run gets the number of its round as a coordinate. It gets that of
-    `numbers` where a model has run only some of a design's rounds.
-    """
-    if len(rounds) == 1 and numbers is None:
-        return rounds[0]
-    numbers = range(len(rounds)) if numbers is None else numbers
-    sizes = [runs.sizes[RUN] for runs in rounds]
-    starts = np.cumsum([0, *sizes[:-1]])
-    along_run = [runs.drop_vars([FAILED_RUN, FAILURE_REASON], errors="ignore") for runs in rounds]
-    joined = xr.concat(along_run, RUN, data_vars="minimal", coords="minimal", compat="equals")
-    joined = joined.assign_coords({RUN: np.arange(sum(sizes))})
-    joined[RUN].attrs = rounds[0][RUN].attrs
-    joined = joined.assign_coords(
-        {ROUND: (RUN, np.repeat(np.array(numbers, dtype=np.int64), sizes))}
-    )
-    joined[ROUND].attrs = {"units": "1", "long_name": "round that the run was made in"}
-    failed = [
-        runs[[FAILURE_REASON]].assign_coords({FAILED_RUN: runs[FAILED_RUN] + start})
-        for runs, start in zip(rounds, starts, strict=True)
-        if FAILURE_REASON in runs
-    ]
-    return joined.merge(xr.concat(failed, FAILED_RUN)) if failed else joined
 
 
 def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:

@@ -109,7 +109,7 @@ class TaskQueue:
 
 
 def _pickle_work(work: Work) -> bytes:
-    """Pickle the work for workers; a user's own function becomes a reference to its file."""
+    """Pickle the work for workers; a user-defined function becomes a reference to its file."""
     try:
         return pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:

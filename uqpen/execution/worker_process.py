@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.interrupts import exit_at_interrupt
+from uqpen.core.output_streams import lasting_streams
 from uqpen.core.processors import use_one_thread
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.batch import Batch, BatchResult, Work
@@ -52,7 +53,7 @@ def run_batches(connection: Connection[Any, Any]) -> None:
     sys.meta_path.insert(0, imports)
     messages: SimpleQueue[Any] = SimpleQueue()
     threading.Thread(target=_receive, args=(connection, messages), daemon=True).start()
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+    with lasting_streams(), contextlib.suppress(BrokenPipeError, ConnectionResetError):
         connection.send(None)
         while (message := messages.get()) is not None:
             connection.send(_run_batch(connection, known, imports, *message))

@@ -17,9 +17,9 @@ from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.figures import FIGURES
 from uqpen.figures.benchmark_figures import available_benchmark_figures, benchmark_panels
-from uqpen.figures.outside_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.style import figure_style, require_matplotlib
+from uqpen.figures.user_defined_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.results.archive_view import ArchiveView, select_view
 from uqpen.results.texts import plain_text
 

@@ -1,4 +1,4 @@
-"""Models that a study can name, and adapters for external models."""
+"""Models that a study can name, and adapters for user-defined ones."""
 
 from __future__ import annotations
 

@@ -12,6 +12,9 @@ from uqpen.models.run_grid import RunGrid, UnusableOutputError
 
 __all__ = ["dimension_names", "extract_outputs"]
 
+# Names in a message; a study may have hundreds of outputs.
+_MOST_NAMED = 4
+
 _NO_GRIDS: Mapping[str, RunGrid] = {}
 
 
@@ -45,7 +48,8 @@ def extract_outputs(
         If an output is missing, is not of numbers, or has another shape than declared.
     """
     if not isinstance(returned, Mapping):
-        raise UnusableOutputError(f"returned {type(returned).__name__}, not a mapping of outputs")
+        text = f"returned {type(returned).__name__}, not a mapping of outputs"
+        raise UnusableOutputError(f"{text}; expected {_example(outputs, runs)}")
     found = {}
     for output in outputs:
         grid = grids.get(output.name)
@@ -69,7 +73,9 @@ def _numbers(
     returned: Mapping[Any, Any], name: str, output: Output | None = None, own: Collection[str] = ()
 ) -> FloatArray:
     if name not in returned:
-        raise UnusableOutputError(f'returned no "{name}"')
+        others = [f'"{key}"' for key in returned]
+        listing = ", ".join([*others[:_MOST_NAMED], *["…"] * (len(others) > _MOST_NAMED)])
+        raise UnusableOutputError(f'returned no "{name}"{f", but {listing}" * bool(others)}')
     value = returned[name]
     try:
         return floats(value if output is None else in_declared_order(value, output, own))
@@ -84,7 +90,26 @@ def _check_shape(
         names = ["run"] * (runs is not None) * bool(output.dims)
         expected = f"{shape}{dimension_names(output, *names)}"
         text = f'returned a "{output.name}" of shape {values.shape}, not {expected}'
-        raise UnusableOutputError(text)
+        raise UnusableOutputError(text + _shape_hint(output, values, runs))
+
+
+def _shape_hint(output: Output, values: FloatArray, runs: int | None) -> str:
+    """Return the expected form of a number; that of a field is in its dimensions."""
+    if output.dims:
+        return ""
+    if runs is not None:
+        return "; expected an array with a number for each run"
+    if values.size == 1:
+        return f"; expected one number, such as {output.name}.item()"
+    return "; expected one number; an output with several is declared with along"
+
+
+def _example(outputs: Sequence[Output], runs: int | None) -> str:
+    """Return an example of what a function returns, in Python."""
+    pairs = [f'"{output.name}": {output.name}' for output in outputs[:_MOST_NAMED]]
+    pairs += ["…"] * (len(outputs) > _MOST_NAMED)
+    of_each = " with arrays along the runs" if runs is not None else ""
+    return f"return {{{', '.join(pairs)}}}{of_each}"
 
 
 def dimension_names(output: Output, *before: str) -> str:

@@ -20,6 +20,7 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.models.failed_line import line_in_folder, line_in_function
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
@@ -179,9 +180,15 @@ class PythonFunction(Model):
             end_forked_child(process, error)
             if is_user_interrupt(error):
                 raise
-            answer = _FailedRun(error_text(error))
+            answer = _FailedRun(error_text(error) + self._failed_line(error))
         end_forked_child(process)
         return answer
+
+    def _failed_line(self, error: BaseException) -> str:
+        """Return the line of the user's code that an exception comes from; empty if unknown."""
+        if self.surroundings is not None:
+            return line_in_folder(error, self.surroundings)
+        return line_in_function(error, self.function, self.source) if self.source else ""
 
 
 def _unpickle(function: bytes, *declared: Any) -> PythonFunction:

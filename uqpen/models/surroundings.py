@@ -77,6 +77,20 @@ class ModelFolder:
             name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
             self.imported |= {f"{sha256}{_BETWEEN}{name}"}
 
+    def module_content(self, file: str) -> bytes | None:
+        """Return the content of a module of the folder as it was imported; None for another file.
+
+        The file of the model belongs to the folder wherever it lies.
+        """
+        if file in self._contents:
+            return self._contents[file]
+        if not self._is_inside(file):
+            return None
+        try:
+            return Path(file).read_bytes()
+        except OSError:  # it has been removed since, or is the name of code without a file
+            return None
+
     def add_imported(self, imported: frozenset[str]) -> None:
         """Add files that any process has imported; ModelError if one differs from that here."""
         for record in sorted(imported - self.imported):
@@ -98,7 +112,6 @@ class ModelFolder:
 
     def _remove_modules(self) -> dict[str, ModuleType]:
         """Remove the modules of the folder from the imported ones, and return them."""
-        inside = f"{self.folder}{os.sep}"
         found = {
             name: sys.modules.pop(name)
             for name, module in self._modules.items()
@@ -117,12 +130,15 @@ class ModelFolder:
         for name, module in imported:
             file = str(getattr(module, "__file__", None) or "")
             is_ours = name in ("__main__", "__mp_main__") or name.partition(".")[0] == "uqpen"
-            if file.startswith(inside) and not file.startswith(_INSTALLED) and not is_ours:
+            if self._is_inside(file) and not is_ours:
                 found[name] = sys.modules.pop(name)
             else:
                 self._outside[name] = module
         self._checked = _extent()
         return found
+
+    def _is_inside(self, file: str) -> bool:
+        return file.startswith(f"{self.folder}{os.sep}") and not file.startswith(_INSTALLED)
 
 
 def _extent() -> tuple[int, tuple[str, ModuleType] | None]:

@@ -1,4 +1,4 @@
-"""Stand-in for a model from outside the package whose code is not executed."""
+"""Stand-in for a user-defined model whose code is not executed."""
 
 from __future__ import annotations
 

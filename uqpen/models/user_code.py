@@ -1,4 +1,4 @@
-"""Code of the user's own, which may raise anything, or fork."""
+"""User-defined code, which may raise anything, or fork."""
 
 from __future__ import annotations
 

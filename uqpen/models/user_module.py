@@ -1,4 +1,4 @@
-"""Modules of the user's own, and the functions and values in them."""
+"""User-defined modules, and the functions and values in them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import importlib
 import importlib.util
 import inspect
 import sys
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +13,7 @@ from typing import Any
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
+from uqpen.models.failed_line import line_in_folder
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
@@ -76,7 +76,7 @@ def load_module(
         raise ModelError(f'"{reference}" is not of the form "{form}"')
     surroundings = ModelFolder(folder)
     with surroundings.on_import_path():
-        module = _import_module(where, folder)
+        module = _import_module(where, surroundings)
     if where.endswith(".py"):
         # It may lie outside the folder.
         surroundings.read(str(folder / where))
@@ -114,23 +114,26 @@ def module_coordinates(module: ModuleType, name: str, surroundings: ModelFolder)
     return values
 
 
-def _import_module(where: str, folder: Path) -> Any:
+def _import_module(where: str, surroundings: ModelFolder) -> Any:
     try:
         if where.endswith(".py"):
-            return _load_file(folder / where)
+            return _load_file(surroundings.folder / where)
         return importlib.import_module(where)
     except ModelError:
         raise
     except ModuleNotFoundError as error:
         raise ModelError(f'"{where}": {error}') from None
     except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        line = getattr(error, "lineno", None) or place.lineno
-        text = f'importing "{where}" failed at line {line}: {error_text(error)}'
-        raise ModelError(one_line(text)) from None
+        if where.endswith(".py"):
+            surroundings.read(str(surroundings.folder / where))
+        # An error of syntax has its place in its text.
+        place = "" if isinstance(error, SyntaxError) else line_in_folder(error, surroundings)
+        raise ModelError(f'importing "{where}" failed: {error_text(error)}{place}') from None
 
 
 def _load_file(path: Path) -> Any:
+    if path.is_dir():
+        raise ModelError(f'"{path.name}" is a folder, not a Python file')
     if not path.is_file():
         raise ModelError(f'there is no file "{path.name}" beside the study')
     # Under a name of our own: a model in "random.py" must not stand in for Python's module.

@@ -23,9 +23,9 @@ from uqpen.report.blocks import Block, Fold, Heading, find_charts, find_explorer
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
-from uqpen.report.outside_sections import OutsideSection, SectionFunction, find_sections
 from uqpen.report.page_assets import page_library, page_script, page_style, script_hash
 from uqpen.report.reference import page_reference
+from uqpen.report.user_defined_sections import SectionFunction, UserDefinedSection, find_sections
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_methods import check_benchmark
 from uqpen.results.digits import percent_text
@@ -199,10 +199,10 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[FilledSection]:
+def _sections(tree: xr.DataTree, own: Sequence[UserDefinedSection]) -> Iterator[FilledSection]:
     """Yield all sections for an archive of its kind; some may be empty.
 
-    Those of a user's own stand before the last, which states how the archive was made.
+    User-defined ones stand before the last, which states how the archive was made.
     """
     if tree.attrs.get(KIND) != BENCHMARK:
         check_archive(tree)
@@ -210,7 +210,7 @@ def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[Fill
         views = [ArchiveView(tree, model) for model in model_trees(tree)]
         for name, section in SECTIONS.items():
             if name == next(reversed(SECTIONS)):
-                yield from (_own_section(tree, views, each) for each in own)
+                yield from (_user_defined_section(tree, views, each) for each in own)
             blocks = _model_blocks(views, section, resolve(section.function))
             yield FilledSection(name, section, tuple(blocks))
         return
@@ -221,10 +221,10 @@ def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[Fill
         yield FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
-def _own_section(
-    tree: xr.DataTree, views: Sequence[ArchiveView], own: OutsideSection
+def _user_defined_section(
+    tree: xr.DataTree, views: Sequence[ArchiveView], own: UserDefinedSection
 ) -> FilledSection:
-    """Return a section of a user's own, which can be put on a page."""
+    """Return a user-defined section, which can be put on a page."""
     filled = FilledSection(
         own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
     )

@@ -83,14 +83,14 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
         name : str
             Its name in the study; of several models ``<model>/<name>``.
         kind : type, optional
-            Its class, where that is from outside the package.
+            Its class, where that is user-defined.
 
         Raises
         ------
         UnknownNameError
             If the archive has no surrogate of this name.
         ModelError
-            If its class is from outside the package, and is not given; or if it predicts no output.
+            If its class is user-defined, and is not given; or if it predicts no output.
         """
         from uqpen.surrogates.archived_surrogate import archived_surrogate
 

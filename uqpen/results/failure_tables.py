@@ -17,7 +17,14 @@ __all__ = ["ASSOCIATIONS", "ENDS", "failure_tables"]
 
 # Statistics of the inputs of failed runs: estimates, and the range of their values.
 ASSOCIATIONS, ENDS = ("larger", "further_out"), ("lowest", "highest")
-_COLUMNS = ("failed from", "to", "P(larger)", "P(further out)")
+_COLUMNS = ("failed from", "to")
+# The names of the estimates, and notes that say what they are.
+_PROBABILITIES = {
+    "P(larger)": "probability of superiority: the input is larger in a failed run than in a "
+    "completed one; 0.5 without an association",
+    "P(further out)": "the input is further from its median in a failed run than in a completed "
+    "one; 0.5 without an association",
+}
 
 
 def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -31,6 +38,7 @@ def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         if not all(name in failures for name in (*ASSOCIATIONS, *ENDS)):
             continue
         table = OutputTable(f"{design}: inputs of failed runs", list(_COLUMNS))
+        table.columns += [name + table.note_mark(note) for name, note in _PROBABILITIES.items()]
         measures = np.stack([failures[name].values[:, 0] for name in ASSOCIATIONS])
         strength = np.nan_to_num(np.abs(measures - 0.5)).max(axis=0)
         names = list(map(str, failures[ASSOCIATIONS[0]][INPUT].values))

@@ -36,7 +36,6 @@ from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
 from uqpen.results.field_json import field_json
 from uqpen.results.model_form_tables import model_form_json
-from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.surrogate_fits import (
@@ -46,6 +45,7 @@ from uqpen.results.surrogate_fits import (
     fitted_outputs,
 )
 from uqpen.results.table import first_runs, output_names
+from uqpen.results.user_defined_rows import user_defined_json
 
 __all__ = ["archive_identity", "archive_json", "estimate_json"]
 
@@ -292,7 +292,7 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
         if name in arrays:
             found[key] = _family_json(arrays[name], along)
     found |= sensitivity_json(arrays, field=along)
-    if other := outside_json(arrays, field=along):
+    if other := user_defined_json(arrays, field=along):
         found["other"] = other
     return found
 

@@ -18,7 +18,6 @@ from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.model_form_tables import model_form_tables
-from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
@@ -38,6 +37,7 @@ from uqpen.results.table import (
     label_with_unit,
     scalar_output_names,
 )
+from uqpen.results.user_defined_rows import OutputUnit, add_user_defined_rows
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
 from uqpen.surrogates.field_fit import FIT_TEXT
 from uqpen.surrogates.storage import unfitted_outputs
@@ -149,7 +149,7 @@ def statistics_table(
         StatisticsRows(table, statistics, name, scale(unit)).add()
         add_decisions(table, statistics, name)
     in_si = str(described.get("units", DIMENSIONLESS))
-    add_outside_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))
+    add_user_defined_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))
     return table
 
 

@@ -34,9 +34,10 @@ from uqpen.statistics.distribution_function.probabilities import status_probabil
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
-from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
+from uqpen.statistics.user_defined import user_defined_statistics
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 if TYPE_CHECKING:
     from uqpen.statistics.by_blocks.large_sample import LargeSample
@@ -64,7 +65,7 @@ def analyze(
     quantities: Sequence[QuantityOfInterest],
     *,
     only: Collection[str] | None = None,
-    outside: Sequence[OutsideAnalysis] = (),
+    user_defined: Sequence[UserDefinedAnalysis] = (),
     in_memory: int = RUNS_IN_MEMORY,
 ) -> dict[str, OutputStatistics]:
     """Compute all statistics that the runs of a design allow.
@@ -78,8 +79,8 @@ def analyze(
         One for each output.
     only : collection of str, optional
         Keys of `ANALYSES`, where not all of them are wanted.
-    outside : sequence of OutsideAnalysis
-        User-supplied analyses, which are applied to a sample after the built-in ones.
+    user_defined : sequence of UserDefinedAnalysis
+        User-defined analyses, which are applied to a sample after the built-in ones.
     in_memory : int
         A sample of more runs goes by blocks. An analysis that cannot go so takes as many of its
         runs, and its estimates say so.
@@ -93,9 +94,9 @@ def analyze(
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
         if goes_by_blocks(handle, in_memory):
-            found = _analyze_large(handle, quantities, only, outside, in_memory)
+            found = _analyze_large(handle, quantities, only, user_defined, in_memory)
         else:
-            found = _analyze_whole(handle, quantities, only, outside)
+            found = _analyze_whole(handle, quantities, only, user_defined)
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
@@ -124,13 +125,13 @@ def _analyze_large(
     handle: BlockedRuns,
     quantities: Sequence[QuantityOfInterest],
     only: Collection[str] | None,
-    outside: Sequence[OutsideAnalysis],
+    user_defined: Sequence[UserDefinedAnalysis],
     in_memory: int,
 ) -> dict[str, OutputStatistics]:
     """Compute the statistics of a sample of many runs, without all of them in memory."""
     found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
     large, of_runs = large_sample(handle, in_memory), run_counts(handle)
-    for name, statistics, used in large.statistics(quantities, only, outside):
+    for name, statistics, used in large.statistics(quantities, only, user_defined):
         counts = output_run_counts(handle, of_runs, name, used) if used >= 0 else {}
         found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
     return found
@@ -140,7 +141,7 @@ def _analyze_whole(
     handle: BlockedRuns,
     quantities: Sequence[QuantityOfInterest],
     only: Collection[str] | None,
-    outside: Sequence[OutsideAnalysis],
+    user_defined: Sequence[UserDefinedAnalysis],
 ) -> dict[str, OutputStatistics]:
     """Compute the statistics of runs in memory."""
     sampling = Sampling(handle.attrs[SAMPLING])
@@ -170,10 +171,10 @@ def _analyze_whole(
             of_runs = run_counts(handle)
             of_all = {name: output_run_counts(handle, of_runs, name) for name in found}
             _run_analyses(own, chosen, whole, of_all, found)
-    if sampling.is_sample and outside:
+    if sampling.is_sample and user_defined:
         for quantity, sample in zip(scalars, _samples(drawn, scalars), strict=True):
             name = quantity.output.name
-            added = outside_statistics(outside, sample, quantity, found[name])
+            added = user_defined_statistics(user_defined, sample, quantity, found[name])
             found[name] |= {key: array.assign_attrs(counts[name]) for key, array in added.items()}
     return found
 

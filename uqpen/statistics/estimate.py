@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
-from uqpen.archive.estimates import estimate_array
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 from uqpen.statistics import texts
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["LEVEL", "Estimate", "refused", "unweighted"]
 
@@ -117,6 +118,8 @@ def _estimate_array(
     level: float,
 ) -> xr.DataArray:
     """Return estimates along dimensions, each with its own texts, which no other may change."""
+    from uqpen.archive.estimates import estimate_array
+
     has_bounds = any(estimate.label != "none" for estimate in estimates)
     return estimate_array(
         [estimate.bounds for estimate in estimates],
@@ -147,6 +150,8 @@ def unweighted(
 
 def refused(array: xr.DataArray, reason: str) -> xr.DataArray:
     """Return an estimate array of the same entries without values, for one reason."""
+    from uqpen.archive.estimates import estimate_array
+
     replaced = {INTERVAL: "none", INTERVAL_LABEL: "none", NOTE: reason}
     attributes = {key: value for key, value in array.attrs.items() if key != INTERVAL_LEVEL}
     return estimate_array(

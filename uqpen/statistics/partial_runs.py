@@ -76,7 +76,7 @@ def sample_so_far(runs: xr.Dataset, *, is_complete: bool) -> SampleSoFar:
         return SampleSoFar(None, _IN_BLOCKS)
     if not runs.sizes[RUN]:
         return SampleSoFar(None, _FEW)
-    if not sampling.is_sample or sampling is Sampling.USER_SUPPLIED:
+    if not sampling.is_sample or sampling is Sampling.GIVEN:
         return SampleSoFar(None, reason_without_parts(runs))
     if sampling is Sampling.INDEPENDENT:
         is_enough = runs.sizes[RUN] >= _FEWEST

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from uqpen.core.model import Output
 from uqpen.core.settings import difference, quantities, quantity, text, validate
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics import texts
-from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.sensitivity.input_measures import input_array
+
+if TYPE_CHECKING:
+    from uqpen.statistics.analyze import OutputStatistics
 
 __all__ = ["Publication", "PublishedEstimates", "published_estimates"]
 
@@ -60,6 +62,8 @@ class Publication:
 
 def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:
     """Return a publication's estimates by output and statistic, without intervals of ours."""
+    from uqpen.statistics.sensitivity.input_measures import input_array
+
     reason = texts.PUBLISHED.format(source=publication.source)
     found: dict[str, OutputStatistics] = {}
     for estimates in publication.estimates:

@@ -15,8 +15,8 @@ from uqpen.core.sampling import Sampling
 from uqpen.execution import join_rounds
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.analyze import OutputStatistics, analyze
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 __all__ = ["RunningEstimates"]
 
@@ -35,14 +35,14 @@ class RunningEstimates:
         Of the design.
     quantities : mapping of str to sequence of QuantityOfInterest
         By model.
-    outside : sequence of OutsideAnalysis
-        User-supplied analyses.
+    user_defined : sequence of UserDefinedAnalysis
+        User-defined analyses.
     """
 
     rounds: tuple[Mapping[str, xr.Dataset], ...]
     sampling: Sampling
     quantities: Mapping[str, Sequence[QuantityOfInterest]]
-    outside: Sequence[OutsideAnalysis] = ()
+    user_defined: Sequence[UserDefinedAnalysis] = ()
 
     def __call__(
         self, model: str, output: str, *, only: Collection[str] | None = None
@@ -57,8 +57,10 @@ class RunningEstimates:
         for name in only or ():
             if name not in known:
                 raise UnknownNameError(f"no analysis {name!r}; {choices(name, sorted(known))}")
-        outside = self.outside if only is None else ()
-        return analyze(self._joined(model), [asked[output]], only=only, outside=outside)[output]
+        user_defined = self.user_defined if only is None else ()
+        return analyze(self._joined(model), [asked[output]], only=only, user_defined=user_defined)[
+            output
+        ]
 
     def _joined(self, model: str) -> xr.Dataset:
         """Return the runs of a model in all rounds."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -41,6 +42,9 @@ Made = TypeVar("Made")
 
 # With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
+
+# Replicates whose counts at the values of a distribution function are in memory together: 8 MB.
+_COUNTED_TOGETHER = 1024
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
@@ -228,12 +232,16 @@ class Sample:
         missing = np.full((*events.shape[:-1], self.missing.size), happened)
         return np.concatenate([events, missing], axis=-1)
 
-    def counts_up_to(self, values: FloatArray) -> IntArray:
-        """Count the runs at or below each value, shape (replicate, value)."""
-        parts = [self.sorted_values]
-        if (replicates := self.replicate_count) > 1:
-            parts = [np.sort(self.values[self.replicate == each]) for each in range(replicates)]
-        return np.array([np.searchsorted(part, values, side="right") for part in parts])
+    def count_up_to(self, values: FloatArray) -> IntArray:
+        """Count the runs at or below each value, shape (value,)."""
+        return np.searchsorted(self.sorted_values, values, side="right")
+
+    def counts_up_to(self, values: FloatArray) -> Iterator[IntArray]:
+        """Yield such counts of some replicates after the other, shape (replicate, value)."""
+        ends = np.cumsum(self.replicate_sizes)[:-1]
+        replicates = iter(np.split(self.values[np.argsort(self.replicate, kind="stable")], ends))
+        while some := [np.sort(part) for part in islice(replicates, _COUNTED_TOGETHER)]:
+            yield np.array([np.searchsorted(part, values, side="right") for part in some])
 
     @property
     def replicate_sizes(self) -> IntArray:
@@ -287,7 +295,7 @@ class Sample:
     @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
-        if self.sampling is Sampling.USER_SUPPLIED or not self.sampling.is_sample:
+        if self.sampling is Sampling.GIVEN or not self.sampling.is_sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT if self.weights is None else ErrorModel.WEIGHTED

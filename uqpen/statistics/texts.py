@@ -287,7 +287,7 @@ RANKS_IN_MEMORY = "failed runs are ranked among the others in memory"
 INPUTS_IN_MEMORY = "the scores of inputs are computed in memory"
 TAILS_IN_MEMORY = "the tail is analysed in memory"
 FIELD_IN_MEMORY = "a field is analysed in memory"
-OUTSIDE_IN_MEMORY = "a user's analysis takes all values at once"
+USER_DEFINED_IN_MEMORY = "a user's analysis takes all values at once"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
 # Estimators of a surrogate.

@@ -1,4 +1,4 @@
-"""``analyses = […]``: user-supplied functions that compute statistics."""
+"""``analyses = […]``: user-defined functions that compute statistics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.lookup import choices, installed_members, load_installed
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
-from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["ANALYSES_KEY", "read_analyses"]
@@ -23,9 +23,9 @@ _GROUP = "uqpen.analyses"
 _ARGUMENTS = (None, None)
 
 
-def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
-    """Read the user-supplied analyses, without those for which a mistake was noted."""
-    analyses: dict[str, OutsideAnalysis] = {}
+def read_analyses(root: TableReader) -> tuple[UserDefinedAnalysis, ...]:
+    """Read the user-defined analyses, without those for which a mistake was noted."""
+    analyses: dict[str, UserDefinedAnalysis] = {}
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):
         place = (ANALYSES_KEY, position)
         if not isinstance(reference, str) or not reference.strip():
@@ -42,18 +42,18 @@ def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
     return tuple(analyses.values())
 
 
-def _load_analysis(root: TableReader, reference: str) -> OutsideAnalysis:
+def _load_analysis(root: TableReader, reference: str) -> UserDefinedAnalysis:
     """Return the analysis behind a reference; one that is not trusted is not loaded.
 
     An analysis of an installed package has a name without a colon, and needs no trust.
     """
     if ":" not in reference:
-        return OutsideAnalysis(reference, _installed_function(reference))
+        return UserDefinedAnalysis(reference, _installed_function(reference))
     if not root.trust:
-        return OutsideAnalysis(reference, _refuse)
+        return UserDefinedAnalysis(reference, _refuse)
     function, surroundings = load_function(reference, root.folder)
     check_signature(function, "", _ARGUMENTS)
-    return OutsideAnalysis(reference, function, surroundings)
+    return UserDefinedAnalysis(reference, function, surroundings)
 
 
 def _installed_function(name: str) -> Callable[..., Any]:
@@ -69,4 +69,4 @@ def _installed_function(name: str) -> Callable[..., Any]:
 
 
 def _refuse(*arguments: object) -> Iterator[Any]:
-    raise ModelError("analyses of the user's own are not executed without --trust")
+    raise ModelError("user-defined analyses are not executed without --trust")

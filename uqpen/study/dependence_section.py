@@ -14,8 +14,8 @@ from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.inputs_section import Inputs
-from uqpen.study.outside_members import COPULA, read_class
 from uqpen.study.table_reader import TableReader
+from uqpen.study.user_defined_members import COPULA, read_class
 
 __all__ = ["read_dependence"]
 

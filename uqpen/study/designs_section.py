@@ -14,10 +14,16 @@ from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.named_object import OBJECT, read_named_object
-from uqpen.study.outside_members import DESIGN, Files, installed_names, is_reference, read_member
 from uqpen.study.stand_in import family_costs
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import TableReader, family_member, named_tables
+from uqpen.study.user_defined_members import (
+    DESIGN,
+    Files,
+    installed_names,
+    is_reference,
+    read_member,
+)
 
 __all__ = ["check_designs", "check_models", "check_outputs", "check_tables", "read_designs"]
 
@@ -46,7 +52,7 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
     Returns
     -------
     designs, files
-        By name; the files are those that a design from outside was loaded from.
+        By name; the files are those that a user-defined design was loaded from.
     """
     designs: dict[str, Design] = {}
     files: dict[str, Files] = {}

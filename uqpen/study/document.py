@@ -25,12 +25,27 @@ __all__ = [
 ]
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
-_DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
+# The first ones do not name in TOML's words, or not at all, what stands there twice.
+_UNNAMED_MESSAGES = ("Cannot overwrite a value", "Cannot declare")
+_DUPLICATE_MESSAGES = (*_UNNAMED_MESSAGES, "Cannot redefine", "Duplicate")
 # Texts that a parser expects at frequent mistakes, by its message.
+_QUOTED = 'a text stands in straight quotes, such as "5 mm"'
+_KEY = 'other keys than of ASCII letters, digits, _ and - in quotes, such as "ξ" = 1'
+_STATEMENT = f"[table], or key = value; {_KEY}"
 _EXPECTED = {
-    "Invalid value": 'a value of TOML, in which a text stands in quotes, such as "5 mm"',
+    "Invalid value": f"a value of TOML, in which {_QUOTED}",
     "Illegal character '\\n'": "a quote at the end of the text",
+    "Unclosed inline table": f"a comma or }} behind each value; {_QUOTED}",
+    "Unclosed array": f"a comma or ] behind each value; {_QUOTED}",
+    "Expected newline or end of document after a statement": f"one value; {_QUOTED}",
+    "Expected '=' after a key in a key/value pair": _STATEMENT,
+    "Expected ']' at the end of a table declaration": "a table in brackets, such as [inputs]",
+    "Invalid statement": _STATEMENT,
+    "Invalid initial character for a key part": _KEY,
 }
+# What stands there twice: a table in brackets, or a key.
+_TWICE = re.compile(r"""\s*(\[+[^]]+\]+|[\w.\-"' ]*[\w"'])\s*(?:=|#|$)""")
+_MANY_DIGITS = re.compile(r"[0-9_]{4301,}")
 
 # Most characters that are parsed to find the lines of mistakes; it is some seconds. In a study
 # so large, or with a value over so many lines, the mistakes left are told without their lines.
@@ -221,9 +236,17 @@ def parse_document(
         is_twice = message.startswith(_DUPLICATE_MESSAGES)
         by_message = _EXPECTED.get(found, "TOML (see https://toml.io)")
         expected = "every key and table once" if is_twice else by_message
+        if message.startswith(_UNNAMED_MESSAGES) and (
+            named := _TWICE.match(text.split("\n")[line - 1])
+        ):
+            found = f"{named[1]}, which is there already"
         raise _parse_error(label, line, found, expected) from None
-    except ValueError as error:  # a number with too many digits
-        raise _parse_error(label, 1, str(error), "a study") from None
+    except ValueError as error:
+        # A number with too many digits. Comments and texts may have them as well.
+        digits = _MANY_DIGITS.search(text)
+        place = text.count("\n", 0, digits.start()) + 1 if digits else None
+        found = "a number of over 4300 digits" if digits else str(error)
+        raise _parse_error(label, place, found, "fewer digits") from None
     except RecursionError:
         raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
     if problems := list(extent_problems(document.content)):

@@ -12,15 +12,15 @@ from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.keep import RUNS, STATISTICS
 from uqpen.distributions.truncated import Truncated
-from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
-from uqpen.study.outside_members import outside_members
+from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.user_defined_members import referenced_members
 from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
     "flatten_tables",
-    "is_user_supplied",
+    "is_user_defined",
     "model_fingerprint",
     "point_classes",
     "run_fingerprint",
@@ -54,14 +54,14 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         for member, cls in point_classes(study, design)
         for key, value in class_version(cls).items()
     }
-    is_external = is_user_supplied(adapter) or bool(versions or outside_members(tables))
+    has_user_defined_code = is_user_defined(adapter) or bool(versions or referenced_members(tables))
     return {
         **dict(flatten_tables(tables)),
         **{f"model {name}": value for name, value in adapter.identity().items()},
         **versions,
         **{f"file {file.path.name}": file.sha256 for file in files},
         **provenance(),
-        **(of_python_functions() if is_external else {}),
+        **(of_python_functions() if has_user_defined_code else {}),
     }
 
 
@@ -79,20 +79,20 @@ def model_fingerprint(study: ValidatedStudy, name: str) -> dict[str, str]:
         **{f"model {key}": value for key, value in model.identity().items()},
         **{f"file {file.path.name}": file.sha256 for file in model.files()},
         **provenance(),
-        **(of_python_functions() if is_user_supplied(model) else {}),
+        **(of_python_functions() if is_user_defined(model) else {}),
     }
 
 
 def _point_settings(table: dict[str, Any]) -> dict[str, Any]:
     """Return the settings of a design that determine its runs, so without `keep`."""
-    if table.get("keep") not in (RUNS, STATISTICS):  # a design of the user's own may have another
+    if table.get("keep") not in (RUNS, STATISTICS):  # a user-defined design may have another
         return table
     return {key: value for key, value in table.items() if key != "keep"}
 
 
-def is_user_supplied(model: Model) -> bool:
-    """Return True for a model in Python from outside the package."""
-    return isinstance(model, PythonFunction | OutsideModel)
+def is_user_defined(model: Model) -> bool:
+    """Return True for a user-defined model in Python."""
+    return isinstance(model, PythonFunction | UserDefinedModel)
 
 
 def point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
@@ -101,9 +101,9 @@ def point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, typ
     if study.joint.dependence is not None:
         yield "dependence", type(study.joint.dependence)
     for entry in study.joint.random:
-        law = entry.distribution
-        own = law.parent if isinstance(law, Truncated) else law
-        yield f"distribution of {entry.variable.name}", type(own)
+        distribution = entry.distribution
+        distribution = distribution.parent if isinstance(distribution, Truncated) else distribution
+        yield f"distribution of {entry.variable.name}", type(distribution)
 
 
 def flatten_tables(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:

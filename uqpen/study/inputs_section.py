@@ -27,8 +27,13 @@ from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.joint_section import Groups
 from uqpen.study.measurements_section import MEASURED, read_measured
 from uqpen.study.named_object import OBJECT
-from uqpen.study.outside_members import DISTRIBUTION, installed_names, is_reference, read_member
 from uqpen.study.table_reader import TableReader, check_names
+from uqpen.study.user_defined_members import (
+    DISTRIBUTION,
+    installed_names,
+    is_reference,
+    read_member,
+)
 
 __all__ = ["Inputs", "read_constraints", "read_inputs"]
 
@@ -141,7 +146,7 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
     elif family in DISTRIBUTIONS:
         made = _read_distribution(section, variable, family)
     else:
-        made = _read_outside(section, variable, family)
+        made = _read_user_defined(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}
     if made is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
         return None
@@ -185,8 +190,8 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     return _random_input(table, variable, family, distribution)
 
 
-def _read_outside(table: TableReader, variable: Input, family: str) -> RandomInput | None:
-    """Read a random input whose distribution is a class from outside; without trust, its name."""
+def _read_user_defined(table: TableReader, variable: Input, family: str) -> RandomInput | None:
+    """Read a random input whose distribution is a user-defined class; without trust, its name."""
     if is_reference(family) and not table.trust:
         return _random_input(table, variable, family, UnloadedDistribution(family))
     distribution, files = read_member(table, (), family, DISTRIBUTION, variable.unit)

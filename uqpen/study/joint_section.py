@@ -203,7 +203,7 @@ def _read_object(
         dimensions = len(found.value)
         made = ChaospyJoint(names, found.value, units, found.name)
         is_usable = dimensions == len(names) and bool(np.isfinite(made.nominal()).all())
-    except Exception as error:  # an object from outside can raise anything
+    except Exception as error:  # a user-defined object can raise anything
         section.add_problem(OBJECT, str(error) or type(error).__name__, "a distribution of chaospy")
         return None
     if not is_usable:

@@ -208,7 +208,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
 
 
 class _Methods(NamedTuple):
-    """Designs and surrogates of a study, and where those from outside the package come from."""
+    """Designs and surrogates of a study, and where user-defined ones come from."""
 
     designs: dict[str, Design]
     design_modules: dict[str, tuple[FileSnapshot, ...]]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from uqpen.core.errors import toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
-from uqpen.models.outside_model import OutsideModel
 from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.model_variables import find_variable_faults
-from uqpen.study.outside_members import MODEL, installed_names, is_reference, read_instance
 from uqpen.study.table_reader import TableReader
+from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
 
 __all__ = ["read_model_class"]
 
@@ -36,7 +36,7 @@ def read_model_class(table: TableReader) -> Model | None:
     faults = list(find_variable_faults(model))
     for found, expected in faults:
         table.add_problem("use", f"{toml_text(name)}, which has {found}", expected)
-    return None if faults else OutsideModel(model, name, surroundings)
+    return None if faults else UserDefinedModel(model, name, surroundings)
 
 
 def _unloaded(table: TableReader, name: str) -> UnloadedModel | None:

@@ -1,4 +1,4 @@
-"""``[model]``: a built-in model by name, or a user-supplied one with its units."""
+"""``[model]``: a built-in model by name, or a user-defined one with its units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
 __all__ = [
-    "EXTERNAL_MODELS",
+    "USER_DEFINED_MODELS",
     "check_function_grids",
     "read_function_limits",
     "read_limits",
@@ -35,8 +35,8 @@ __all__ = [
     "unloaded_function",
 ]
 
-# The keys that name a model from outside, and the readers of its table.
-EXTERNAL_MODELS = {
+# The keys that name a user-defined model, and the readers of its table.
+USER_DEFINED_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
@@ -61,7 +61,7 @@ def read_model(table: TableReader) -> Model | None:
 
     Without trust, none of its code is executed and no server gets requests; it cannot be run.
     """
-    ways = [key for key in ("use", *EXTERNAL_MODELS) if key in table]
+    ways = [key for key in ("use", *USER_DEFINED_MODELS) if key in table]
     if len(ways) != 1:
         found = "nothing that names a model" if not ways else " and ".join(ways)
         table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
@@ -74,7 +74,7 @@ def read_model(table: TableReader) -> Model | None:
     elif ways == ["use"]:
         model = table.settings(resolve(MODELS[table.take("use")]))
     else:
-        model = resolve(EXTERNAL_MODELS[ways[0]])(table)
+        model = resolve(USER_DEFINED_MODELS[ways[0]])(table)
     table.check_unknown_keys()
     return model
 
@@ -84,7 +84,7 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
 
     Where it does not, they are those of `mentioned`.
     """
-    ways = [key for key in ("use", *EXTERNAL_MODELS) if key in table]
+    ways = [key for key in ("use", *USER_DEFINED_MODELS) if key in table]
     if len(ways) != 1:
         return mentioned
     name = table.content[ways[0]]

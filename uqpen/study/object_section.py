@@ -8,9 +8,9 @@ from uqpen.core.errors import ModelError
 from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
 from uqpen.models.function_source import FunctionSource, function_source
-from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.model_section import (
     check_function_grids,
     read_function_limits,
@@ -58,7 +58,7 @@ def read_object(table: TableReader) -> Model | None:
     if isinstance(function, UnloadedModel):
         return function
     if isinstance(function, Model):
-        return OutsideModel(function, name, source=function_source(type(function)))
+        return UserDefinedModel(function, name, source=function_source(type(function)))
     if function is None:
         function, _ = unloaded_function(name)
         source = FunctionSource.absent(name, settings.source)

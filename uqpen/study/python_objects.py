@@ -36,8 +36,8 @@ from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
 from uqpen.study.named_object import OBJECT
-from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
+from uqpen.study.user_defined_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -183,9 +183,9 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     ):
         if isinstance(value, kind) and (name := family_name(family, value)):
             return {key: name, **written_settings(value)}
-    for outside in (DESIGN, SURROGATE):
-        if isinstance(value, outside.base):
-            reference = class_reference(value, folder, outside)
+    for defined in (DESIGN, SURROGATE):
+        if isinstance(value, defined.base):
+            reference = class_reference(value, folder, defined)
             return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return _model_table(value, folder) if isinstance(value, Model) else None
 

@@ -13,9 +13,8 @@ from uqpen.distributions.constraints import Constraint
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import TableReader
-from uqpen.surrogates.refinement.predicted_errors import RefinedOutput
 from uqpen.surrogates.refinement.refined_design import RefinedDesign, RefinedModel
-from uqpen.surrogates.refinement.refinement import FOR_PROBABILITIES, Refinement
+from uqpen.surrogates.refinement.refinement import FOR_PROBABILITIES, RefinedOutput, Refinement
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["refined_designs"]

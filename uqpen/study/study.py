@@ -18,9 +18,9 @@ from uqpen.execution import FailurePolicy
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.stand_in import StandIn, family_costs
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -54,7 +54,7 @@ class Variant:
 
 
 class SurrogateOrigin(NamedTuple):
-    """Origin of a surrogate from outside the package.
+    """Origin of a user-defined surrogate.
 
     Attributes
     ----------
@@ -99,12 +99,12 @@ class ValidatedStudy:
         Folder of the study file, to which the paths of files are relative.
     failures : FailurePolicy
         Policy for failed runs.
-    analyses : tuple of OutsideAnalysis
-        User-supplied functions that yield statistics of each sample.
+    analyses : tuple of UserDefinedAnalysis
+        User-defined functions that yield statistics of each sample.
     design_modules : mapping of str to tuple of FileSnapshot
-        The files that a design from outside the package was loaded from, by its name.
+        The files that a user-defined design was loaded from, by its name.
     surrogate_origins : mapping of str to SurrogateOrigin
-        The origins of surrogates from outside the package, by their names.
+        The origins of user-defined surrogates, by their names.
     confidence_level : float
         Confidence level of its intervals.
     joint_events : tuple of JointEvent
@@ -128,7 +128,7 @@ class ValidatedStudy:
     published: Mapping[str, Publication] = field(default_factory=dict)
     folder: Path = Path()
     failures: FailurePolicy = FailurePolicy()
-    analyses: tuple[OutsideAnalysis, ...] = ()
+    analyses: tuple[UserDefinedAnalysis, ...] = ()
     design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
     surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
     confidence_level: float = LEVEL
@@ -164,7 +164,7 @@ class ValidatedStudy:
     def files(self) -> Iterator[FileSnapshot]:
         """Return the files that it names, with the content that was read.
 
-        The files of user-supplied models are known only after their runs.
+        The files of user-defined models are known only after their runs.
         """
         for variant in self.models.values():
             yield from variant.model.files()
@@ -182,7 +182,7 @@ class ValidatedStudy:
 
     @property
     def unloaded_members(self) -> list[str]:
-        """Names of its designs and distributions from outside that are not loaded, each once."""
+        """Names of its user-defined designs and distributions that are not loaded, each once."""
         designs = [each.name for each in self.designs.values() if isinstance(each, UnloadedDesign)]
         return list(dict.fromkeys([*designs, *self.joint.unloaded.values()]))
 

@@ -12,9 +12,9 @@ from uqpen.designs.keep import RUNS
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.named_object import OBJECT, read_named_object
-from uqpen.study.outside_members import SURROGATE, installed_names, is_reference, read_member
 from uqpen.study.study import SurrogateOrigin
 from uqpen.study.table_reader import TableReader, family_member, named_tables
+from uqpen.study.user_defined_members import SURROGATE, installed_names, is_reference, read_member
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.refinement.refinement import Refinement
 from uqpen.surrogates.surrogate import Surrogate
@@ -40,7 +40,7 @@ def read_surrogates(
     Returns
     -------
     surrogates, origins
-        By name; those of surrogates from outside the package.
+        By name; those of user-defined surrogates.
     """
     found: dict[str, Surrogate] = {}
     origins: dict[str, SurrogateOrigin] = {}
@@ -93,7 +93,7 @@ def check_surrogates(
 
 
 def _read_surrogate(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
-    """Return a surrogate and, of one from outside the package, its origin."""
+    """Return a surrogate and, of a user-defined one, its origin."""
     if OBJECT in table and "kind" not in table:
         return _read_object(table)
     table.settings(Refinement)  # of any kind; read again where the designs are known

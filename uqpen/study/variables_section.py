@@ -1,4 +1,4 @@
-"""``[model.inputs]`` and ``[model.outputs]``: what a model from outside takes and gives."""
+"""``[model.inputs]`` and ``[model.outputs]``: what a user-defined model takes and gives."""
 
 from __future__ import annotations
 

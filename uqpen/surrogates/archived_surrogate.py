@@ -205,14 +205,14 @@ def archived_surrogate(
     label : str
         As in `surrogate_paths`.
     kind : type, optional
-        Its class, where that is from outside the package; an archive's own code is not executed.
+        Its class, where that is user-defined; an archive's own code is not executed.
 
     Raises
     ------
     UnknownNameError
         If there is no such surrogate.
     ModelError
-        If its class is from outside the package, and is not given; or if it predicts no output.
+        If its class is user-defined, and is not given; or if it predicts no output.
     ArchiveError
         If its group, or the design that it was fitted to, is damaged.
     """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
@@ -26,6 +26,9 @@ from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS, components_setting
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["BestSurrogate", "FixedChoice"]
 

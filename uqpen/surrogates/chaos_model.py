@@ -6,10 +6,9 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import xarray as xr
 
 from uqpen.archive.tree import read_group
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
@@ -32,6 +31,9 @@ from uqpen.surrogates.fitted_surrogate import (
 )
 from uqpen.surrogates.storage import describe, description, unfitted_outputs
 from uqpen.surrogates.univariate_basis import UnivariateBasis
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["PolynomialChaosModel"]
 
@@ -177,6 +179,8 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
         The group ``input`` has the polynomials of random inputs and the values of fixed ones. Its
         name is reserved, so no output has it.
         """
+        import xarray as xr
+
         given = {variable.name: variable for variable in self.inputs}
         inputs: dict[str, Any] = {
             f"{basis.name}{_RECURRENCE}": basis.to_variable(given[basis.name])

@@ -7,9 +7,9 @@ a fresh run.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import IntArray
 from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, WEIGHT
@@ -20,6 +20,9 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["FOLDS", "CrossFit", "cross_fit"]
 
@@ -105,7 +108,7 @@ def _reason_without_folds(runs: xr.Dataset) -> str:
     sampling = Sampling(runs.attrs[SAMPLING])
     if not sampling.is_sample:
         return _NO_SAMPLE
-    if sampling is Sampling.USER_SUPPLIED:
+    if sampling is Sampling.GIVEN:
         return _UNKNOWN
     if sampling is Sampling.PICK_FREEZE:
         return _BLOCKS

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INPUT
@@ -16,6 +16,9 @@ from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
 from uqpen.surrogates.prediction_error import predictive_q2
 from uqpen.surrogates.storage import describe, description
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Expansion", "PredictionCheck"]
 
@@ -123,6 +126,8 @@ class Expansion:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the terms for an archive, with the diagnostics of the fit as attributes."""
+        import xarray as xr
+
         output, noise, check = self.output, self.noise, self.check
         logarithm = "the logarithm of " if self.is_logarithm else ""
         degrees = {"long_name": f"degrees of the terms of {output.title}", "units": "1"}

@@ -5,15 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["ClosedForms", "FittedSurrogate", "InputShares", "Prediction"]
 

@@ -1,9 +1,10 @@
-"""Fit of a surrogate, with a reason in its place where a user's own surrogate fails."""
+"""Fit of a surrogate, with a reason in its place where a user-defined surrogate fails."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
@@ -14,6 +15,9 @@ from uqpen.surrogates.field_surrogate import fit_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["fit_surrogate", "is_built_in"]
 
@@ -37,7 +41,7 @@ def fit_surrogate(
 ) -> FittedSurrogate:
     """Fit a surrogate as `Surrogate.fit` does, and to fields by their principal components.
 
-    Where a surrogate from outside the package raises an error, or gives what is no fitted
+    Where a user-defined surrogate raises an error, or gives what is no fitted
     surrogate, that is the reason why no output is fitted.
     """
 
@@ -62,7 +66,7 @@ def _fit_scalars(
     try:
         fitted = surrogate.fit(name, runs, model, joint, stream)
         fault = _fault(surrogate, fitted, runs)
-    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
         fault = error_text(error)
     if not fault:
         return fitted

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Model, Output
@@ -28,6 +28,9 @@ from uqpen.surrogates.separate_fits import SeparateFits
 from uqpen.surrogates.standardised_inputs import StandardisedInputs
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import logarithm_problem
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["GaussianProcess"]
 

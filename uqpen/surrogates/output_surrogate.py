@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Model, Output
@@ -23,6 +22,9 @@ from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_o
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
 from uqpen.surrogates.training_record import TrainingRecord
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["OutputSurrogate", "fit_separately", "training_record", "unfitted"]
 
@@ -155,7 +157,7 @@ def _fitted_output(
         found = FittedOutput(output, fit, float(values.min()), float(values.max()))
         found.to_groups()
         predicted = predict_output(fit, points).mean
-    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
         return f"its fit fails: {error_text(error)}"
     if not np.isfinite(predicted).all():
         return "its fit fails: a prediction at the training runs is not finite"
@@ -194,7 +196,7 @@ def training_record(
 
 
 def _reference(surrogate: Surrogate) -> str:
-    """Return the name of a built-in kind, or the reference of a class from outside."""
+    """Return the name of a built-in kind, or the reference of a user-defined class."""
     reference = f"{type(surrogate).__module__}:{type(surrogate).__qualname__}"
     built_in = {each: kind for kind, each in SURROGATES.items()}
     return built_in.get(reference, reference)

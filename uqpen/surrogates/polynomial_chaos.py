@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -33,6 +32,9 @@ from uqpen.surrogates.term_selection import (
     regression_terms,
 )
 from uqpen.surrogates.training import TrainingRuns, known_inputs, logarithm_problem
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["CandidateTerms", "PolynomialChaos"]
 

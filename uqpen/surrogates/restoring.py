@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.errors import ArchiveError, ModelError, UqpenError
 from uqpen.core.labels import SURROGATES as GROUP
@@ -12,6 +12,9 @@ from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["is_restorable", "restore_surrogate"]
 
@@ -34,7 +37,7 @@ def restore_surrogate(
     original : Model, optional
         The original model; without it, every finite input counts as admissible.
     loaded : type, optional
-        The class of a surrogate from outside the package, if the archive's code may be executed.
+        The class of a user-defined surrogate, if the archive's code may be executed.
 
     Raises
     ------

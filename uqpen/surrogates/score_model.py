@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, RUN, STATUS
@@ -14,6 +14,9 @@ from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.training import size_problem
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["ScoreModel", "field_components", "score_name", "scored_runs"]
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.variables import Variable
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["FIELD", "describe", "description", "unfitted_outputs"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.errors import Problem
 from uqpen.core.model import Model
@@ -15,6 +14,9 @@ from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Surrogate"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
@@ -14,6 +14,9 @@ from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["TrainingRuns", "known_inputs", "logarithm_problem", "size_problem"]
 

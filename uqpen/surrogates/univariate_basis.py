@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Input
@@ -22,6 +21,9 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.truncated import Truncated
 from uqpen.surrogates.storage import describe
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["UnivariateBasis", "logarithm_distribution", "univariate_basis"]
 

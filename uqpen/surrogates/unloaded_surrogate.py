@@ -1,17 +1,18 @@
-"""Stand-in for a surrogate from outside the package whose code is not executed."""
+"""Stand-in for a user-defined surrogate whose code is not executed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NoReturn
-
-import xarray as xr
+from typing import TYPE_CHECKING, NoReturn
 
 from uqpen.core.errors import ModelError
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["UnloadedSurrogate"]
 

@@ -1,4 +1,4 @@
-"""Contract tests of the families, for members from outside the package.
+"""Contract tests of the families, for user-defined members.
 
 Each function raises an `AssertionError` that names the broken rule. A test of your own calls it:
 

@@ -1,4 +1,4 @@
-"""Contract tests of figures and sections of the report from outside the package."""
+"""Contract tests of user-defined figures and sections of the report."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import xarray as xr
 
 from uqpen.core.errors import UqpenError
 from uqpen.figures.figure_file import figure_bytes
-from uqpen.figures.outside_figures import FigureFunction
 from uqpen.figures.page import figure
-from uqpen.report.outside_sections import SectionFunction
+from uqpen.figures.user_defined_figures import FigureFunction
 from uqpen.report.page import report_page
+from uqpen.report.user_defined_sections import SectionFunction
 
 __all__ = ["check_figure", "check_section"]
 

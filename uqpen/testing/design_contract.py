@@ -66,7 +66,7 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
             assert np.isfinite(points[entry.variable.name]).all(), "points are finite"
     assert design.extension(design, joint).kept == design.run_count(joint), "it keeps its own"
     _check_parts(design, joint)
-    if design.sampling.is_sample and design.sampling is not Sampling.USER_SUPPLIED:
+    if design.sampling.is_sample and design.sampling is not Sampling.GIVEN:
         _check_sample(rounds, joint)
 
 

@@ -1,4 +1,4 @@
-"""Contract test of statistics from outside the package."""
+"""Contract test of user-defined statistics."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.statistics.outside import Analysis, OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined import user_defined_statistics
+from uqpen.statistics.user_defined_analysis import Analysis, UserDefinedAnalysis
 
 __all__ = ["check_statistic", "example_samples"]
 
@@ -90,8 +91,8 @@ def _statistics(
     """Yield the statistics of a sample; what a study would refuse is an AssertionError."""
     name = getattr(analysis, "__name__", "the analysis")
     try:
-        yield from outside_statistics(
-            [OutsideAnalysis(name, analysis)], sample, quantity, {}
+        yield from user_defined_statistics(
+            [UserDefinedAnalysis(name, analysis)], sample, quantity, {}
         ).items()
     except StudyError as error:
         raise AssertionError(str(error)) from None

@@ -13,14 +13,14 @@ import xarray as xr
 from uqpen.core.errors import StudyError
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
-from uqpen.verification.archived_study import external_members
+from uqpen.verification.archived_study import user_defined_members
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.earlier_surrogates import leave_out_surrogates
-from uqpen.verification.outside_statistics import (
-    outside_statistic_names,
+from uqpen.verification.repetition import Runs, repeated_points
+from uqpen.verification.user_defined_statistics import (
+    user_defined_statistic_names,
     without_distributions,
 )
-from uqpen.verification.repetition import Runs, repeated_points
 
 __all__ = ["ADVICE", "check_points", "unchecked_analyses", "unrepeated_runs", "without_absent"]
 
@@ -28,8 +28,8 @@ ADVICE = "if you trust its author, use --trust"
 
 
 def unchecked_analyses(analyses: list[str], tree: xr.DataTree) -> CheckResult:
-    """Return the result for statistics of the user's own analyses, which are not executed."""
-    statistics = ", ".join(outside_statistic_names(tree)) or "none"
+    """Return the result for statistics of user-defined analyses, which are not executed."""
+    statistics = ", ".join(user_defined_statistic_names(tree)) or "none"
     named = f"they follow from code that the archive names ({', '.join(analyses)})"
     message = f"not checked: {statistics}; {named}"
     return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (ADVICE,))
@@ -71,10 +71,10 @@ def _without_distributions(
 
 def check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
     """Draw the points again that code of the archive has drawn, if it is loaded."""
-    external = external_members(study.text)
+    untrusted = user_defined_members(study.text)
     unloaded = study.unloaded_members
-    named = [name for name in unloaded if name in external]
-    objects = [name for name in unloaded if name not in external]
+    named = [name for name in unloaded if name in untrusted]
+    objects = [name for name in unloaded if name not in untrusted]
     if named:
         message = f"they are drawn by code that the archive names ({', '.join(named)})"
         yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (ADVICE,))
@@ -82,23 +82,23 @@ def check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterato
         message = f"{', '.join(objects)} is an object of the Python program that made the archive"
         advice = "run that program again"
         yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (advice,))
-    elif external:
+    elif untrusted:
         try:
             yield repeated_points(study, runs, tolerance)
-        except StudyError as error:  # a design of the user's own fails here
+        except StudyError as error:  # a user-defined design fails here
             message = "a design that its study names fails"
             yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
-def unrepeated_runs(study: ValidatedStudy, external: list[str]) -> CheckResult | None:
+def unrepeated_runs(study: ValidatedStudy, untrusted: list[str]) -> CheckResult | None:
     """Return the result for runs that cannot be repeated; None where they can.
 
     They cannot without code that the archive names, and that may not be executed, or without a
     function that no archive contains.
     """
     absent = [each.model.name for each in study.models.values() if each.model.is_absent]
-    if external:
-        what = f"they execute code that the archive names ({', '.join(external)})"
+    if untrusted:
+        what = f"they execute code that the archive names ({', '.join(untrusted)})"
         advice = ADVICE
     elif absent:
         what = f"{', '.join(absent)} is an object of the Python program that made the archive"

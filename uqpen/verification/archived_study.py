@@ -21,33 +21,33 @@ from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA
 from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
-from uqpen.study.model_section import EXTERNAL_MODELS
+from uqpen.study.model_section import USER_DEFINED_MODELS
 from uqpen.study.named_object import OBJECT
-from uqpen.study.outside_members import (
+from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.study.user_defined_members import (
     is_reference,
     object_members,
     object_surrogates,
-    outside_members,
-    outside_surrogates,
+    referenced_members,
+    referenced_surrogates,
 )
-from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.verification.unloaded_models import archived_dimensions, unloaded_models
 
 __all__ = [
     "archived_runs",
     "archived_study",
-    "external_members",
-    "external_models",
-    "external_names",
     "find_incompatibility",
-    "outside_analyses",
-    "refuse_external_names",
+    "refuse_user_defined_names",
     "run_inputs",
+    "user_defined_analyses",
+    "user_defined_members",
+    "user_defined_models",
+    "user_defined_names",
 ]
 
 
 # The keys that name code; ``use`` does so unless it has the name of a model.
-_NAMED = ("use", *(key for key in EXTERNAL_MODELS if key not in (OBJECT, DATA)))
+_NAMED = ("use", *(key for key in USER_DEFINED_MODELS if key not in (OBJECT, DATA)))
 
 
 def archived_study(
@@ -95,7 +95,7 @@ def _with_archived_sampling(design: UnloadedDesign, runs: xr.Dataset) -> Unloade
     return replace(design, runs=runs.sizes.get(RUN, 0))
 
 
-def external_models(text: str) -> list[str]:
+def user_defined_models(text: str) -> list[str]:
     """Return the models that a study names code for, as its text names them."""
     named = [_named_code(table) for table in _model_tables(text)]
     return [code for code in named if code]
@@ -122,13 +122,13 @@ def _named_objects(text: str) -> dict[str, list[str]]:
     return {"model": models, "design or distribution": members, "surrogate": surrogates}
 
 
-def external_members(text: str) -> list[str]:
+def user_defined_members(text: str) -> list[str]:
     """Return the designs and distributions that a study names code for."""
-    return outside_members(_content(text))
+    return referenced_members(_content(text))
 
 
-def outside_analyses(text: str) -> list[str]:
-    """Return the user-supplied analyses that the text of a study names."""
+def user_defined_analyses(text: str) -> list[str]:
+    """Return the user-defined analyses that the text of a study names."""
     named = _content(text).get(ANALYSES_KEY)
     references = named if isinstance(named, list) else []
     return [str(each) for each in references if is_reference(each)]
@@ -148,16 +148,16 @@ def _content(text: str) -> dict[str, Any]:
         return {}  # whoever reads the study will say what is wrong with it
 
 
-def external_names(text: str) -> list[str]:
-    """Return the external code that the text of a study names.
+def user_defined_names(text: str) -> list[str]:
+    """Return the user-defined code that the text of a study names.
 
     First models, then designs and distributions, then surrogates, then analyses.
     """
-    members = [*external_members(text), *outside_surrogates(_content(text))]
-    return [*external_models(text), *members, *outside_analyses(text)]
+    members = [*user_defined_members(text), *referenced_surrogates(_content(text))]
+    return [*user_defined_models(text), *members, *user_defined_analyses(text)]
 
 
-def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
+def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
     """Refuse an archive whose study cannot be repeated, or not without executing others' code.
 
     Raises
@@ -184,7 +184,7 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
                 f"{path}: its {kind} is an object of a Python program ({', '.join(objects)}), "
                 "which no archive contains; run that program again"
             )
-    named = external_names(text)
+    named = user_defined_names(text)
     if named and not trust:
         raise ModelError(
             f"{path}: its study executes code that it names: {', '.join(named)}\n"

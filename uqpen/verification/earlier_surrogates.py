@@ -11,7 +11,7 @@ from uqpen.archive.read import model_trees
 from uqpen.core.labels import SOURCE_KIND, STATISTICS_GROUP, SURROGATE_RECIPE
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.outside_statistics import without_surrogates
+from uqpen.verification.user_defined_statistics import without_surrogates
 from uqpen.workflow.surrogate_source import RECIPE
 
 __all__ = ["check_surrogate_recipe", "leave_out_surrogates"]

@@ -19,7 +19,7 @@ from uqpen.core.labels import REUSED_RUNS
 from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.study import ValidatedStudy
-from uqpen.verification.archived_study import external_names
+from uqpen.verification.archived_study import user_defined_names
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 
 __all__ = [
@@ -44,10 +44,10 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
     earlier archives.
     """
     # Versions that only Python functions depend on do not matter where there is no function.
-    has_external = bool(external_names(str(tree.attrs.get("study_text", ""))))
+    has_user_defined_code = bool(user_defined_names(str(tree.attrs.get("study_text", ""))))
     here = {**provenance(), **of_python_functions()}
     then = {str(name): value for name, value in tree.attrs.items()}
-    then |= {} if has_external else of_python_functions()
+    then |= {} if has_user_defined_code else of_python_functions()
     versions = [
         f"{name} {archived} (here {found})"
         for name, archived, found in provenance_differences(then, here)
@@ -85,7 +85,7 @@ def different_programs(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[str
 
 
 def check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckResult]:
-    """Check that the source of user-supplied models is unchanged, where it was not archived."""
+    """Check that the source of user-defined models is unchanged, where it was not archived."""
     details = []
     for name, model_tree in model_trees(tree).items():
         model, made_with = study.models[name].model, model_tree.attrs.get(_SOURCE)

@@ -21,12 +21,20 @@ from uqpen.core.labels import (
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import first_round
-from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate, run_count
+from uqpen.execution import (
+    EvaluationOptions,
+    Evaluator,
+    FailurePolicy,
+    Map,
+    Progress,
+    evaluate,
+    run_count,
+)
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import are_omitted, batch_hashes
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.outside_statistics import without_groups
+from uqpen.verification.user_defined_statistics import without_groups
 
 __all__ = ["omitted_designs", "repeated_batches", "without_omitted"]
 
@@ -104,6 +112,8 @@ def _hashes_again(
     """Make batches of a design's runs again, and yield the number and the hash of each."""
     points = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
     progress.start_design(design, len(batches) * BATCH_SIZE)
+    policy = FailurePolicy(study.failures.retry)
+    options = EvaluationOptions(map=map, progress=progress, failures=policy)
     for first, last in _stretches(batches):
         again = evaluate(
             Evaluator(variant.model, study.constraints),
@@ -111,9 +121,7 @@ def _hashes_again(
                 variant.given
             ),
             study.display_units(),
-            map=map,
-            progress=progress,
-            failures=FailurePolicy(study.failures.retry),
+            options,
         )
         yield from enumerate(batch_hashes(again), first)
 

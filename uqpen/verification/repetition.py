@@ -19,7 +19,7 @@ from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, points_in_memory
 from uqpen.designs.rounds import first_round
-from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import run_inputs
 from uqpen.verification.check_result import CheckOutcome, CheckResult
@@ -78,6 +78,8 @@ def repeated_runs(
         As for `uqpen.run`.
     """
     found: list[Difference] = []
+    policy = FailurePolicy(study.failures.retry)
+    options = EvaluationOptions(map=map, progress=progress, failures=policy)
     chosen = list(draw_runs(study, runs, number))
     progress.announce_designs({_runs_name(model, design): len(at) for model, design, at in chosen})
     for model, design, positions in chosen:
@@ -92,9 +94,7 @@ def repeated_runs(
                 Evaluator(variant.model, study.constraints),
                 points,
                 {},
-                map=map,
-                progress=progress,
-                failures=FailurePolicy(study.failures.retry),
+                options,
             )
             found += _run_differences(
                 _runs_name(model, design), archived, again, variant.model.all_outputs

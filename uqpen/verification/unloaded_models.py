@@ -18,7 +18,7 @@ from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.document import inner_table
 from uqpen.study.named_object import OBJECT
-from uqpen.study.outside_members import is_reference
+from uqpen.study.user_defined_members import is_reference
 
 __all__ = ["archived_dimensions", "unloaded_models"]
 
@@ -26,7 +26,7 @@ __all__ = ["archived_dimensions", "unloaded_models"]
 def unloaded_models(
     tree: xr.DataTree, content: Mapping[str, Any], *, trust: bool
 ) -> dict[tuple[str | int, ...], UnloadedModel]:
-    """Return a stand-in for each model of a study whose class is a user's own.
+    """Return a stand-in for each model of a study whose class is user-defined.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ from uqpen.verification.absent_code import (
 )
 from uqpen.verification.archived_study import (
     archived_runs,
-    external_models,
     find_incompatibility,
-    outside_analyses,
+    user_defined_analyses,
+    user_defined_models,
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.content_checks import check_files, check_hashes, check_text
@@ -51,7 +51,6 @@ from uqpen.verification.omitted_designs import (
     repeated_batches,
     without_omitted,
 )
-from uqpen.verification.outside_statistics import without_outside_statistics
 from uqpen.verification.repetition import (
     Runs,
     repeated_runs,
@@ -59,6 +58,7 @@ from uqpen.verification.repetition import (
     reread_runs,
 )
 from uqpen.verification.restored_study import restored_study
+from uqpen.verification.user_defined_statistics import without_user_defined_statistics
 
 __all__ = ["verify"]
 
@@ -170,16 +170,16 @@ def _repeat_checks(
         if reason := find_incompatibility(study, runs):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
-        external = [] if options.trust else external_models(study.text)
+        untrusted = [] if options.trust else user_defined_models(study.text)
         if isinstance(study.model, DataModel):
             yield reread_runs(study, runs)
-        elif unrepeated := unrepeated_runs(study, external):
+        elif unrepeated := unrepeated_runs(study, untrusted):
             yield unrepeated
         else:
             yield from _repeat_runs(study, tree, runs, options)
         options.progress.start_analysis()
         yield from check_points(study, runs, options.tolerance)
-        besides = model_attributes(tree) if external else []
+        besides = model_attributes(tree) if untrusted else []
         yield from _repeat_statistics(study, tree, runs, besides, options)
 
 
@@ -224,9 +224,9 @@ def _repeat_statistics(
     yield from unchecked
     study, tree, unchecked = check_surrogate_recipe(study, tree)
     yield from unchecked
-    if not options.trust and (analyses := outside_analyses(study.text)):
+    if not options.trust and (analyses := user_defined_analyses(study.text)):
         yield unchecked_analyses(analyses, tree)
-        study, tree = replace(study, analyses=()), without_outside_statistics(tree)
+        study, tree = replace(study, analyses=()), without_user_defined_statistics(tree)
     if recipe := check_recipe(tree):
         yield recipe
     ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, REUSED_RUNS, *besides]
@@ -240,6 +240,6 @@ def _repeat_statistics(
             is_earlier=options.is_earlier,
             progress=options.progress,
         )
-    except StudyError as error:  # an analysis of the user's own fails here
+    except StudyError as error:  # a user-defined analysis fails here
         message = "an analysis that its study names fails"
         yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))

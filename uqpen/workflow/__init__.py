@@ -88,7 +88,7 @@ def _run_designs(
 ) -> dict[str, Runs]:
     """Make the runs of every design, by model, at common points."""
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
-    # Of models of the user's own; runs of built-in ones cost nothing.
+    # Of user-defined models; runs of built-in ones cost nothing.
     first_runs = {
         name: FirstRuns(variant.model, study.failures, partial(_report_trial, progress, name))
         for name, variant in study.models.items()

@@ -13,7 +13,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.round import Round, points_of
 from uqpen.designs.rounds import run_rounds
-from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
+from uqpen.execution import EvaluationOptions, Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.recorded_runs import recorded_map
@@ -69,12 +69,14 @@ def run_design(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
                 study.display_units(),
-                map=maker,
-                label=name,
-                progress=progress,
-                checkpoint=round_checkpoint(name, number),
-                failures=study.failures,
-                first_runs=(first_runs or {}).get(name),
+                EvaluationOptions(
+                    map=maker,
+                    label=name,
+                    progress=progress,
+                    checkpoint=round_checkpoint(name, number),
+                    failures=study.failures,
+                    first_runs=(first_runs or {}).get(name),
+                ),
             )
         except TooManyFailedError as error:
             raise type(error)(f"by {name}, {error}" if name else str(error)) from None

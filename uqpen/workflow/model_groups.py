@@ -72,7 +72,7 @@ def model_groups(
             design_runs,
             quantities,
             only=all_analyses_but(study.left_out),
-            outside=study.analyses,
+            user_defined=study.analyses,
         )
         found = use_stand_ins(study, model, design, runs, found)
         outputs = mark_uncertified(found, design_runs.attrs)

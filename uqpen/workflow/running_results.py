@@ -138,9 +138,10 @@ class RunningResults(ProgressRecord):
 
     def end_block(self, model: str, runs: xr.Dataset) -> None:
         """Keep the runs of a block; of very many, the estimates are from the first."""
-        blocks = self._rounds[model][-1].blocks
-        if sum(block.sizes[RUN] for block in blocks) < RUNS_IN_MEMORY:
-            blocks.append(runs)
+        rounds = self._rounds[model]
+        kept = (block.sizes[RUN] for each in rounds for block in each.blocks)
+        if sum(kept) < RUNS_IN_MEMORY:
+            rounds[-1].blocks.append(runs)
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         """Count finished runs, and update the results if the last update is old enough."""

@@ -43,7 +43,7 @@ def surrogate_source(
     except (Exception, SystemExit) as error:
         if is_built_in(surrogate):
             raise
-        # Runs of the model are not lost by a mistake in a surrogate of the user's own.
+        # Runs of the model are not lost by a mistake in a user-defined surrogate.
         reason = f"its predictions fail: {error_text(error)}"
         original = study.models[model].model
         fitted = unfitted(surrogate, name, training, original, study.joint, reason)

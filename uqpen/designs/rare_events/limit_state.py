@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import Problem, QuantityError, toml_text
@@ -20,6 +19,9 @@ from uqpen.core.settings import setting
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = [
     "EventLimit",

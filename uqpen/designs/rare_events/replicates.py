@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from scipy.special import ndtr
 
 from uqpen.core.arrays import FloatArray, IntArray
@@ -15,6 +15,9 @@ from uqpen.core.labels import RARE_EVENT, REPLICATE
 from uqpen.designs.design import Rounds
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.distributions.joint_distribution import JointDistribution
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Replicate", "RequestedPoints", "RunOutcomes", "advance_together"]
 

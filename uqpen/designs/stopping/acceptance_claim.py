@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
@@ -19,6 +18,9 @@ from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict, Decision, decide
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["CLAIM", "AcceptanceClaim", "Outcomes", "is_claim", "parse_claim"]
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Generator, Iterator, Mapping
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from uqpen.core.labels import (
     STATUS,
@@ -19,7 +18,9 @@ from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.acceptance_claim import AcceptanceClaim
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict
-from uqpen.execution import join_rounds
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["deciding_looks", "deciding_rounds"]
 
@@ -82,6 +83,8 @@ def deciding_rounds(
 
 def _is_decided(claim: AcceptanceClaim, rounds: list[Mapping[str, xr.Dataset]]) -> bool:
     """Check that the claim is decided for each model that has the output."""
+    from uqpen.execution import join_rounds
+
     for model in (name for name, runs in rounds[0].items() if claim.output in runs):
         made = join_rounds([each[model][[claim.output, STATUS]] for each in rounds])
         if claim.decide(made).verdict is ClaimVerdict.UNDECIDED:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.errors import Problem, QuantityError, toml_text
@@ -17,6 +15,9 @@ from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Target", "read_targets"]
 

@@ -105,7 +105,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
             "Compare inputs by Shapley effects, which divide what is shared.",
         )
-    if view.design(design).sampling is Sampling.USER_SUPPLIED:
+    if view.design(design).sampling is Sampling.GIVEN:
         yield Alert(
             "Points",
             f"The points of {design} are the user's own, and presumed to be a sample of the "

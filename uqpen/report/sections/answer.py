@@ -169,7 +169,7 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
         )
     earlier = [each for each in view.sample_designs if view.is_sample_design(each)]
     text = "" if earlier[0] == design else " with completed runs"
-    taken = "presumed " if view.design(design).sampling is Sampling.USER_SUPPLIED else ""
+    taken = "presumed " if view.design(design).sampling is Sampling.GIVEN else ""
     return f"the first {taken}sample of the inputs in the study{text}"
 
 

@@ -29,7 +29,7 @@ __all__ = ["designs_table", "inputs_table", "model_table", "provenance_table"]
 _PURPOSES = {
     Sampling.INDEPENDENT: "a sample of the inputs",
     Sampling.STRATIFIED: "a sample of the inputs, spread evenly",
-    Sampling.USER_SUPPLIED: "points of the user's own, presumed to be a sample of the inputs",
+    Sampling.GIVEN: "points of the user's own, presumed to be a sample of the inputs",
     Sampling.PICK_FREEZE: "Sobol' indices; two of its matrices are a sample of the inputs",
     Sampling.QUADRATURE: "weighted sums for mean and standard deviation; no sample",
     Sampling.TRAJECTORIES: "a screening of the inputs by elementary effects; no sample",

@@ -207,7 +207,7 @@ def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str,
     others = (
         design
         for design in view.sample_designs
-        if design != leading and view.design(design).sampling is not Sampling.USER_SUPPLIED
+        if design != leading and view.design(design).sampling is not Sampling.GIVEN
     )
     found = {design: quantity.estimate(design) for design in others}
     return {

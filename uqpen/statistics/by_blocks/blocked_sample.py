@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -97,12 +98,18 @@ class BlockedSample(Sample):
         )
         return cast(BoolArray, cast(Tally, events).with_missing(missing_counts, happened=happened))
 
-    def counts_up_to(self, values: FloatArray) -> IntArray:
-        """Count the runs at or below each value, shape (replicate, value)."""
+    def count_up_to(self, values: FloatArray) -> IntArray:
+        """Count the runs at or below each value, shape (value,)."""
+        return self._counts_by_group(values).sum(axis=0)
+
+    def counts_up_to(self, values: FloatArray) -> Iterator[IntArray]:
+        """Yield such counts of the replicates, shape (replicate, value)."""
+        yield self._counts_by_group(values)[self.sizes > 0]
+
+    def _counts_by_group(self, values: FloatArray) -> IntArray:
         groups = len(self.sizes)
         columns = [self.cells.counts_below(each, or_equal=True)[:groups] for each in values]
-        counts = np.stack(columns, axis=1)
-        return counts[self.sizes > 0] if self.is_replicated else counts.sum(axis=0, keepdims=True)
+        return np.stack(columns, axis=1)
 
     @property
     def replicate_sizes(self) -> IntArray:
@@ -133,7 +140,7 @@ class BlockedSample(Sample):
     @cached_property
     def error_model(self) -> ErrorModel:
         """Error model of the sample."""
-        if self.sampling is Sampling.USER_SUPPLIED:
+        if self.sampling is Sampling.GIVEN:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT

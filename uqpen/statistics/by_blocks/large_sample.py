@@ -16,13 +16,13 @@ from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.by_blocks.tabulated import status_sample
 from uqpen.statistics.distribution_function.probabilities import probabilities_of_statuses
-from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 __all__ = ["LargeSample"]
 
 _Statistics = dict[str, xr.DataArray]
-# Analyses of runs in memory: takes these, quantities, keys of analyses, and analyses from outside.
+# Analyses of runs in memory: takes these, quantities, keys of analyses, and user-defined analyses.
 AnalyzeWhole = Callable[..., Mapping[str, _Statistics]]
 
 
@@ -47,20 +47,20 @@ class LargeSample:
         self,
         quantities: Sequence[QuantityOfInterest],
         only: Collection[str] | None,
-        outside: Sequence[OutsideAnalysis],
+        user_defined: Sequence[UserDefinedAnalysis],
     ) -> Iterator[tuple[str, _Statistics, int]]:
         """Yield arrays of an output by statistic, and the runs used; -1 where arrays state them."""
         is_weighted = WEIGHT in self.runs.template.coords
         scalars = [quantity for quantity in quantities if not quantity.output.dims]
         fields = [quantity for quantity in quantities if quantity.output.dims]
         if is_weighted:
-            yield from self._of_part(scalars, only, outside, texts.WEIGHTS_IN_MEMORY)
+            yield from self._of_part(scalars, only, user_defined, texts.WEIGHTS_IN_MEMORY)
         else:
             yield from BlockedAnalysis(self.runs, only).statistics(scalars)
             if tails := self._of_tails(scalars, only):
                 yield from self._of_part(tails, ANALYSES_IN_MEMORY, (), texts.TAILS_IN_MEMORY)
-            if outside:
-                yield from self._of_part(scalars, (), outside, texts.OUTSIDE_IN_MEMORY)
+            if user_defined:
+                yield from self._of_part(scalars, (), user_defined, texts.USER_DEFINED_IN_MEMORY)
         if fields:
             yield from self._of_part(fields, only, (), texts.FIELD_IN_MEMORY)
 
@@ -76,10 +76,10 @@ class LargeSample:
         self,
         quantities: Sequence[QuantityOfInterest],
         only: Collection[str] | None,
-        outside: Sequence[OutsideAnalysis],
+        user_defined: Sequence[UserDefinedAnalysis],
         reason: str,
     ) -> Iterator[tuple[str, _Statistics, int]]:
-        found = self.analyze_whole(self.part, quantities, only, outside)
+        found = self.analyze_whole(self.part, quantities, only, user_defined)
         for name, statistics in found.items():
             yield name, self.with_note(statistics, reason), -1
 

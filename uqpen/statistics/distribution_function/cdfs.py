@@ -85,12 +85,12 @@ def _bands(sample: Sample, values: FloatArray) -> tuple[_Band, _Band]:
     """Return the pointwise and the simultaneous band at some values."""
     if sample.run_weights is not None and sample.size:
         return _weighted_bands(sample, sample.run_weights, values)
-    counts = sample.counts_up_to(values)
-    estimate = counts.sum(axis=0) / sample.size if sample.size else np.full(values.shape, np.nan)
+    counts = sample.count_up_to(values)
+    estimate = counts / sample.size if sample.size else np.full(values.shape, np.nan)
     if reason := sample.reason_without_intervals:
         without = _no_band(estimate, reason)
         return without, without
-    return _pointwise(sample, counts, estimate), _simultaneous(sample, estimate)
+    return _pointwise(sample, values, counts), _simultaneous(sample, estimate)
 
 
 def _no_band(estimate: FloatArray, reason: str) -> _Band:
@@ -111,14 +111,15 @@ def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> 
     return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
 
 
-def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
-    total = counts.sum(axis=0)
+def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> _Band:
+    estimate = total / sample.size
     lower, upper = clopper_pearson(total, sample.size, sample.level)
     method, label = texts.CLOPPER_PEARSON, "conservative"
     if sample.error_model is ErrorModel.INDEPENDENT:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
-        half = student_quantile(sample.degrees_of_freedom, sample.level) * _errors(sample, counts)
+        errors = _errors(sample, values, estimate)
+        half = student_quantile(sample.degrees_of_freedom, sample.level) * errors
         regular = has_enough_runs_around(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
@@ -127,12 +128,15 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
     return _Band(np.stack([estimate, lower, upper], axis=-1), method, label)
 
 
-def _errors(sample: Sample, counts: IntArray) -> FloatArray:
+def _errors(sample: Sample, values: FloatArray, estimate: FloatArray) -> FloatArray:
     """Standard errors over replicates at all values at once; `ratio_error` gives them at one."""
-    sizes = sample.replicate_sizes
-    excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
-    replicates = len(sizes)
-    variance = (excess**2).sum(axis=0) * replicates / (replicates - 1) / sample.size**2
+    squares, replicates = np.zeros((1, values.size)), 0
+    for counts in sample.counts_up_to(values):
+        sizes = sample.replicate_sizes[replicates : replicates + len(counts)]
+        excess = counts - np.outer(sizes, estimate)
+        squares = np.concatenate([squares, excess**2]).sum(axis=0, keepdims=True)
+        replicates += len(counts)
+    variance = squares[0] * replicates / (replicates - 1) / sample.size**2
     return np.maximum(np.sqrt(variance), rounding_error(sample))
 
 

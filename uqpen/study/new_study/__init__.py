@@ -1,1 +1,1 @@
-"""Text of a first study of a user's own model, with comments on what is left to fill in."""
+"""Text of a first study of a user-defined model, with comments on what is left to fill in."""

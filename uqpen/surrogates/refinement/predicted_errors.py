@@ -18,24 +18,9 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.status import Status
 from uqpen.surrogates.cross_fitting import CrossFit
+from uqpen.surrogates.refinement.refinement import RefinedOutput
 
-__all__ = ["PredictedError", "RefinedOutput", "predicted_errors"]
-
-
-@dataclass(frozen=True)
-class RefinedOutput:
-    """An output whose estimates are to be sharpened.
-
-    Parameters
-    ----------
-    output : str
-        Its name.
-    limits : tuple of float
-        Thresholds whose probabilities are meant, in its SI unit; its mean where there are none.
-    """
-
-    output: str
-    limits: tuple[float, ...] = ()
+__all__ = ["PredictedError", "predicted_errors"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REFINED_FOR, RUN, SAMPLING, WEIGHT
@@ -20,14 +20,13 @@ from uqpen.designs.extension import Extension
 from uqpen.designs.monte_carlo import MonteCarlo, independent_points
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.execution import Evaluator, join_rounds
-from uqpen.surrogates.refinement.placement import place
-from uqpen.surrogates.refinement.predicted_errors import (
-    PredictedError,
-    RefinedOutput,
-    predicted_errors,
-)
+from uqpen.surrogates.refinement.refinement import RefinedOutput
 from uqpen.surrogates.surrogate import Surrogate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqpen.surrogates.refinement.predicted_errors import PredictedError
 
 __all__ = ["RefinedDesign", "RefinedModel"]
 
@@ -123,6 +122,8 @@ class RefinedDesign(Design):
         stream: Stream,
     ) -> xr.Dataset:
         """Return the points of a round, given the runs of those before by model."""
+        from uqpen.surrogates.refinement.placement import place
+
         candidates = self._candidates(size * _CANDIDATES, joint, stream)
         each = candidates.sizes[RUN] // size
         if not each:
@@ -140,6 +141,8 @@ class RefinedDesign(Design):
 
     def _candidates(self, count: int, joint: JointDistribution, stream: Stream) -> xr.Dataset:
         """Return draws of the inputs that are admissible to all models."""
+        from uqpen.execution import Evaluator
+
         drawn = points_in_memory(independent_points(joint, stream.child("candidates"), 0, count))
         is_admissible = np.ones(count, dtype=np.bool_)
         for each in self.models.values():
@@ -157,8 +160,10 @@ class RefinedDesign(Design):
         stream: Stream,
     ) -> Iterator[PredictedError]:
         """Yield the errors that are expected of a model's surrogate."""
+        from uqpen.execution import join_rounds
         from uqpen.surrogates.cross_fitting import cross_fit
         from uqpen.surrogates.fitting import fit_surrogate, is_built_in
+        from uqpen.surrogates.refinement.predicted_errors import predicted_errors
 
         runs = join_rounds(rounds).assign_attrs({SAMPLING: str(self.sampling)})
         fitted = fit_surrogate(self.surrogate, self.name, runs, model.model, joint, stream)
@@ -167,7 +172,7 @@ class RefinedDesign(Design):
         try:
             yield from predicted_errors(folds, runs, _columns(candidates), model.targets)
         except (Exception, SystemExit):
-            # Of a surrogate of the user's own that cannot predict, nothing is known.
+            # Of a user-defined surrogate that cannot predict, nothing is known.
             if is_built_in(self.surrogate):
                 raise
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from uqpen.core.settings import choice, count
 
-__all__ = ["FOR_MEAN", "FOR_PROBABILITIES", "Refinement"]
+__all__ = ["FOR_MEAN", "FOR_PROBABILITIES", "RefinedOutput", "Refinement"]
 
 FOR_MEAN, FOR_PROBABILITIES = "mean", "probabilities"
 
@@ -26,3 +26,19 @@ class Refinement:
 
     refine: int | None = count(minimum=10, maximum=100_000, default=None)
     refine_for: str = choice(FOR_MEAN, FOR_PROBABILITIES, default=FOR_MEAN)
+
+
+@dataclass(frozen=True)
+class RefinedOutput:
+    """An output whose estimates are to be sharpened.
+
+    Parameters
+    ----------
+    output : str
+        Its name.
+    limits : tuple of float
+        Thresholds whose probabilities are meant, in its SI unit; its mean where there are none.
+    """
+
+    output: str
+    limits: tuple[float, ...] = ()

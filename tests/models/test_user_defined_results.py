@@ -15,7 +15,7 @@ import uqpen
 from uqpen.core.errors import ModelError, TrajectoryError
 from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
-from uqpen.models.outside_model import OutsideModel
+from uqpen.models.user_defined_model import UserDefinedModel
 
 PLACE = Dimension("place", "m", values=(0.0, 1.0, 2.0))
 RUNS = {"x": np.array([0.5, 1.5, 2.5])}
@@ -35,12 +35,12 @@ class Bar(Model):
         return Results.all_ok({"y": inputs["x"], "curve": np.where(curve > 4, np.nan, curve)})
 
 
-def answering(evaluate: Callable[[Arrays], Any], *outputs: Output) -> OutsideModel:
-    """A model from outside whose `evaluate` is a function."""
+def answering(evaluate: Callable[[Arrays], Any], *outputs: Output) -> UserDefinedModel:
+    """A user-defined model whose `evaluate` is a function."""
     methods: dict[str, Any] = {"evaluate": lambda self, inputs: evaluate(inputs)}
     if outputs:
         methods["outputs"] = outputs
-    return OutsideModel(type("Answering", (Bar,), methods)(), "own")
+    return UserDefinedModel(type("Answering", (Bar,), methods)(), "own")
 
 
 def test_curves_that_end_are_archived_and_verified(tmp_path: Path) -> None:
@@ -112,9 +112,9 @@ def test_an_exit_of_its_own_ends_no_study(
     def leave(*arguments: Any) -> Any:
         raise error
 
-    monkeypatch.setattr("uqpen.models.outside_model.is_user_interrupt", lambda error: False)
+    monkeypatch.setattr("uqpen.models.user_defined_model.is_user_interrupt", lambda error: False)
     monkeypatch.setattr("uqpen.models.user_code.is_user_interrupt", lambda error: False)
-    model = OutsideModel(type("Leaving", (Bar,), {method: leave})(), "own")
+    model = UserDefinedModel(type("Leaving", (Bar,), {method: leave})(), "own")
     named = type(error).__name__
     if method == "evaluate":
         assert {reason.partition(":")[0] for reason in model.evaluate(RUNS).reasons.values()} == {
@@ -129,11 +129,11 @@ def test_the_users_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def leave(*arguments: Any) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("uqpen.models.outside_model.is_user_interrupt", lambda error: True)
+    monkeypatch.setattr("uqpen.models.user_defined_model.is_user_interrupt", lambda error: True)
     with pytest.raises(KeyboardInterrupt):
         answering(leave).evaluate(RUNS)
     with pytest.raises(KeyboardInterrupt):
-        OutsideModel(type("Leaving", (Bar,), {"prepare": leave})(), "own").prepare()
+        UserDefinedModel(type("Leaving", (Bar,), {"prepare": leave})(), "own").prepare()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -173,7 +173,7 @@ def test_its_inputs_and_streams_are_its_own() -> None:
 )
 def test_a_condition_is_a_truth_value_for_each_run(mask: Any, found: str) -> None:
     conditions = {"conditions": lambda self, inputs: [(mask, "x > 0")]}
-    model = OutsideModel(type("Conditional", (Bar,), conditions)(), "own")
+    model = UserDefinedModel(type("Conditional", (Bar,), conditions)(), "own")
     with pytest.raises(ModelError) as caught:
         list(model.conditions(RUNS))
     assert str(caught.value) == f"own: conditions failed: ValueError: a condition is {found}"
@@ -181,7 +181,7 @@ def test_a_condition_is_a_truth_value_for_each_run(mask: Any, found: str) -> Non
 
 def test_a_trajectory_is_a_dataset() -> None:
     other = {"trajectory": lambda self, inputs: {"x": 1}}
-    model = OutsideModel(type("Other", (Bar,), other)(), "own")
+    model = UserDefinedModel(type("Other", (Bar,), other)(), "own")
     with pytest.raises(TrajectoryError, match=r"returned dict, not an xarray\.Dataset"):
         model.trajectory({"x": 1.0})
 

@@ -1,4 +1,4 @@
-"""Members of families from outside the package: classes in files, modules and packages."""
+"""User-defined members of families: classes in files, modules and packages."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ __all__ = [
     "is_reference",
     "object_members",
     "object_surrogates",
-    "outside_members",
-    "outside_surrogates",
-    "own_objects",
     "read_class",
     "read_instance",
     "read_member",
+    "referenced_members",
+    "referenced_surrogates",
+    "user_defined_objects",
 ]
 
 Files = tuple[FileSnapshot, ...]
 
 
 class Kind(NamedTuple):
-    """Family that a class from outside can belong to.
+    """Family that a user-defined class can belong to.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ def installed_names(kind: Kind, name: str) -> list[str]:
 def read_member(
     table: TableReader, key: str | tuple[str, ...], name: str, kind: Kind, like: str = ""
 ) -> tuple[Any, Files]:
-    """Read the settings of a class from outside, named by a reference or an entry point.
+    """Read the settings of a user-defined class, named by a reference or an entry point.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def read_instance(
             _try_distribution(made)
     except ModelError as error:
         table.add_problem(key, str(error), kind.expected)
-    except Exception as error:  # a foreign class can raise anything
+    except Exception as error:  # a user-defined class can raise anything
         found = f"{toml_text(name)}: {error_text(error)}"
         table.add_problem(key, found, "settings that it accepts")
     else:
@@ -183,7 +183,7 @@ def read_class(table: TableReader, key: str, kind: Kind, what: str) -> Any:
 
 
 def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, ModelFolder | None]:
-    """Load a class from outside; of a reference, with the folder that its file belongs to.
+    """Load a user-defined class; of a reference, with the folder that its file belongs to.
 
     A class of an installed package is loaded without the study's folder: what an archive contains
     cannot stand in for a module of the package.
@@ -249,14 +249,14 @@ def class_reference(member: object, folder: Path, kind: Kind) -> str:
     return next((name for name, known in installed.items() if known == reference), reference)
 
 
-def outside_members(content: Mapping[str, Any]) -> list[str]:
+def referenced_members(content: Mapping[str, Any]) -> list[str]:
     """Return the references of designs, then of distributions, in the content of a study."""
     kinds = [table.get("kind") for table in _tables(content, "designs")]
     families = [family for table in _tables(content, "inputs") for family in table]
     return list(dict.fromkeys(str(name) for name in [*kinds, *families] if is_reference(name)))
 
 
-def outside_surrogates(content: Mapping[str, Any]) -> list[str]:
+def referenced_surrogates(content: Mapping[str, Any]) -> list[str]:
     """Return the references of surrogates in the content of a study; they decide no runs."""
     kinds = [table.get("kind") for table in _tables(content, "surrogates")]
     return list(dict.fromkeys(str(kind) for kind in kinds if is_reference(kind)))
@@ -278,7 +278,7 @@ def object_members(content: Mapping[str, Any]) -> list[str]:
     return [str(name) for name in named if name is not None]
 
 
-def own_objects(text: str) -> list[str]:
+def user_defined_objects(text: str) -> list[str]:
     """Return the objects of user's classes: those of other libraries are known by their text."""
     content = tomllib.loads(text)
     inputs = {

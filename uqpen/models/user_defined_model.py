@@ -22,6 +22,7 @@ from uqpen.core.limits import Limits
 from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
+from uqpen.models.failed_line import line_in_folder
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
@@ -38,11 +39,11 @@ from uqpen.models.user_module import load_module
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["OutsideModel"]
+__all__ = ["UserDefinedModel"]
 
 
 @dataclass(frozen=True)
-class OutsideModel(Model):
+class UserDefinedModel(Model):
     """Model whose class is not one of the package's; its failures are data of its runs.
 
     Parameters
@@ -172,7 +173,7 @@ class OutsideModel(Model):
             end_forked_child(process, error)
             if is_user_interrupt(error):
                 raise
-            reason = error_text(error)
+            reason = error_text(error) + self._failed_line(error)
         else:
             end_forked_child(process)
             return results
@@ -188,6 +189,9 @@ class OutsideModel(Model):
                 {name: values[second] for name, values in inputs.items()}, runs - middle
             ),
         )
+
+    def _failed_line(self, error: BaseException) -> str:
+        return line_in_folder(error, self.surroundings) if self.surroundings else ""
 
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.
@@ -249,11 +253,11 @@ def _settings(model: Model) -> dict[str, Any]:
     return {each.name: getattr(model, each.name) for each in fields if each.init}
 
 
-def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> OutsideModel:
-    return OutsideModel(pickle.loads(model), reference, None, source)
+def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> UserDefinedModel:
+    return UserDefinedModel(pickle.loads(model), reference, None, source)
 
 
-def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> OutsideModel:
+def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> UserDefinedModel:
     """Load the class of a model again, and make the model from its settings."""
     module, attribute, surroundings = load_module(reference, folder, "my_model.py:MyModel")
-    return OutsideModel(getattr(module, attribute)(**settings), reference, surroundings)
+    return UserDefinedModel(getattr(module, attribute)(**settings), reference, surroundings)

@@ -15,7 +15,7 @@ from uqpen.results.estimate_json import entries_json, estimate_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 
-__all__ = ["OutputUnit", "add_outside_rows", "outside_json"]
+__all__ = ["OutputUnit", "add_user_defined_rows", "user_defined_json"]
 
 
 class OutputUnit(NamedTuple):
@@ -25,7 +25,7 @@ class OutputUnit(NamedTuple):
     shown: Scale
 
 
-def add_outside_rows(
+def add_user_defined_rows(
     table: OutputTable, statistics: SourceStatistics, output: str, unit: OutputUnit
 ) -> None:
     """Add a row for each entry of the output's statistics that the catalogue does not know."""
@@ -45,7 +45,7 @@ def add_outside_rows(
         table.rows.append((label, [by_source.get(source, NOTHING) for source in table.columns]))
 
 
-def outside_json(
+def user_defined_json(
     arrays: Mapping[str, xr.DataArray], *, field: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Return the statistics that the catalogue does not know, each with its unit and its title.

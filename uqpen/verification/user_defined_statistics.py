@@ -1,4 +1,4 @@
-"""Statistics of an archive that user-supplied analyses have yielded."""
+"""Statistics of an archive that user-defined analyses have yielded."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, TRAJECTORY
 
 __all__ = [
-    "outside_statistic_names",
+    "user_defined_statistic_names",
     "without_distributions",
     "without_groups",
-    "without_outside_statistics",
     "without_surrogates",
+    "without_user_defined_statistics",
 ]
 
 _BUILT_IN_COORDINATES = {
@@ -26,12 +26,12 @@ _BUILT_IN_COORDINATES = {
 }
 
 
-def outside_statistic_names(tree: xr.DataTree) -> list[str]:
+def user_defined_statistic_names(tree: xr.DataTree) -> list[str]:
     """Return the statistics of designs of a study's archive that are not built in, each once."""
-    return sorted({name for node in _output_nodes(tree) for name in _outside(node.dataset)})
+    return sorted({name for node in _output_nodes(tree) for name in _user_defined(node.dataset)})
 
 
-def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
+def without_user_defined_statistics(tree: xr.DataTree) -> xr.DataTree:
     """Return a copy of a study's archive without the statistics that are not built in."""
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     for node in _output_nodes(tree):
@@ -85,19 +85,19 @@ def _output_nodes(tree: xr.DataTree) -> list[xr.DataTree]:
     ]
 
 
-def _outside(dataset: xr.Dataset) -> list[str]:
+def _user_defined(dataset: xr.Dataset) -> list[str]:
     return [name for name in statistic_names(dataset) if name not in CATALOGUE]
 
 
 def _built_in(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a group without user-supplied statistics and the coordinates that only they need."""
-    outside = _outside(dataset)
-    codes = map(interval_codes_name, outside)
-    kept = dataset.drop_vars([*outside, *codes], errors="ignore")
+    """Return a group without user-defined statistics and the coordinates that only they need."""
+    added = _user_defined(dataset)
+    codes = map(interval_codes_name, added)
+    kept = dataset.drop_vars([*added, *codes], errors="ignore")
     used = {dim for name in kept.data_vars for dim in kept[name].dims}
     unneeded = [
         name
         for name, coordinate in kept.coords.items()
         if name not in _BUILT_IN_COORDINATES or not used.issuperset(coordinate.dims)
     ]
-    return kept if not outside else kept.drop_vars(unneeded)
+    return kept if not added else kept.drop_vars(unneeded)

@@ -1,4 +1,4 @@
-"""User-supplied functions: loaded from a file, a module or a package, and called with care."""
+"""User-defined functions: loaded from a file, a module or a package, and called with care."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_module import load_module
 
-__all__ = ["FunctionFamily", "OutsideFunction", "failure_text"]
+__all__ = ["FunctionFamily", "UserDefinedFunction", "failure_text"]
 
 
 @dataclass(frozen=True)
-class OutsideFunction:
-    """User-supplied function that this process calls.
+class UserDefinedFunction:
+    """User-defined function that this process calls.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class FunctionFamily(NamedTuple):
     form: str
     error: type[UqpenError]
 
-    def find(self, named: str | Callable[..., Any], folder: Path) -> OutsideFunction:
+    def find(self, named: str | Callable[..., Any], folder: Path) -> UserDefinedFunction:
         """Return the function with a name or a reference.
 
         Parameters
@@ -123,9 +123,9 @@ class FunctionFamily(NamedTuple):
         """
         if not isinstance(named, str):
             name = getattr(named, "__qualname__", type(named).__name__)
-            return OutsideFunction(name, named, error=self.error)
+            return UserDefinedFunction(name, named, error=self.error)
         if named in self.members:
-            return OutsideFunction(named, resolve(self.members[named]), error=self.error)
+            return UserDefinedFunction(named, resolve(self.members[named]), error=self.error)
         try:
             function, surroundings = self._load(named, folder)
         except ModelError as error:
@@ -134,7 +134,7 @@ class FunctionFamily(NamedTuple):
             raise self.error(
                 f"{named} is an object of class {type(function).__name__}, not a function"
             )
-        return OutsideFunction(named, function, surroundings, self.error)
+        return UserDefinedFunction(named, function, surroundings, self.error)
 
     def installed(self) -> Iterator[str]:
         """Yield the names that installed packages add."""

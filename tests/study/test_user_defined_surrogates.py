@@ -25,7 +25,7 @@ from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.testing import check_surrogate
-from uqpen.verification.archived_study import refuse_external_names
+from uqpen.verification.archived_study import refuse_user_defined_names
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
@@ -198,9 +198,9 @@ class TestChecked:
             "(my_surrogates.py:Kriging)"
         )
         with pytest.raises(ModelError, match=r"code that it names: my_surrogates\.py:Kriging"):
-            refuse_external_names(tree, written, trust=False)
+            refuse_user_defined_names(tree, written, trust=False)
         assert not trace.exists()
-        refuse_external_names(tree, written, trust=True)
+        refuse_user_defined_names(tree, written, trust=True)
 
     def test_with_trust_all_is_repeated(self, written: Path) -> None:
         checks = _checks(written, trust=True).values()
@@ -252,7 +252,7 @@ class TestPython:
         results = uqpen.verify(folder / "a.nc", surrogates={"gp": own})
         assert {result.verdict for result in results} == {CheckOutcome.EQUAL}
         with pytest.raises(ModelError, match="its surrogate is an object of a Python program"):
-            refuse_external_names(uqpen.open_archive(folder / "a.nc"), folder, trust=True)
+            refuse_user_defined_names(uqpen.open_archive(folder / "a.nc"), folder, trust=True)
         (folder / "study.toml").write_text(study.to_toml())
         with pytest.raises(StudyError, match="a file cannot contain a Python object"):
             uqpen.load_study(folder / "study.toml")

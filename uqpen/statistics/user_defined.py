@@ -1,10 +1,8 @@
-"""User-supplied analyses: functions in a study's files that yield statistics."""
+"""Statistics that user-defined analyses yield, checked."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,20 +11,16 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, pack
 from uqpen.archive.layout import find_attribute_faults, find_dataset_faults
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE, REQUESTED_DIMENSIONS, TABLE_COLUMNS
-from uqpen.core.errors import Problem, QuantityError, StudyError
-from uqpen.core.files import FileSnapshot
+from uqpen.core.errors import QuantityError
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
 from uqpen.core.units import scale
-from uqpen.models.outside_function import failure_text
-from uqpen.models.surroundings import ModelFolder
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import refused
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["OutsideAnalysis", "outside_statistics"]
-
-Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
+__all__ = ["user_defined_statistics"]
 
 _UNIT_RULES = ("value", "difference")
 
@@ -36,67 +30,17 @@ _USED_DIMENSIONS = RESERVED.union(TABLE_COLUMNS, INTERVAL_TEXTS) - {INPUT}
 _ESTIMATE_ARRAY = "an estimate array, as Estimate.to_array and Estimate.stack make it"
 
 
-@dataclass(frozen=True)
-class OutsideAnalysis:
-    """User-supplied function that yields statistics of an output.
-
-    Parameters
-    ----------
-    reference : str
-        ``"file.py:function"`` or ``"package.module:function"``, as the study has it.
-    function : callable
-        Takes a `Sample` and a `QuantityOfInterest`, and yields names with estimate arrays.
-    surroundings : ModelFolder, optional
-        The context in which the function must be called.
-    """
-
-    reference: str
-    function: Analysis = field(compare=False)
-    surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def takes_weights(self) -> bool:
-        """True if the function uses weights, as its attribute of this name states."""
-        return bool(getattr(self.function, "takes_weights", False))
-
-    def files(self) -> tuple[FileSnapshot, ...]:
-        """Return the files that it has been loaded from, as they were."""
-        return self.surroundings.files() if self.surroundings else ()
-
-    def __call__(self, sample: Sample, quantity: QuantityOfInterest) -> list[Any]:
-        """Return everything that the function yields, unchecked.
-
-        Raises
-        ------
-        StudyError
-            If it raises anything.
-        """
-        place = self.surroundings.on_import_path() if self.surroundings else None
-        try:
-            with place or contextlib.nullcontext():
-                return list(self.function(_read_only(sample), quantity))
-        except (Exception, SystemExit) as error:  # a user's function can raise anything
-            found = failure_text(error, self.function)
-            raise self.error(quantity, found, "statistics") from None
-
-    def error(self, quantity: QuantityOfInterest, found: str, expected: str) -> StudyError:
-        """Return the error for invalid statistics of an output."""
-        what = f"{self.reference} of {quantity.output.name}: {found}"
-        problem = Problem(("analyses",), what, expected)
-        return StudyError(str(problem), [problem])
-
-
-def outside_statistics(
-    analyses: Iterable[OutsideAnalysis],
+def user_defined_statistics(
+    analyses: Iterable[UserDefinedAnalysis],
     sample: Sample,
     quantity: QuantityOfInterest,
     known: Mapping[str, xr.DataArray],
 ) -> dict[str, xr.DataArray]:
-    """Compute the statistics that user-supplied analyses yield for an output.
+    """Compute the statistics that user-defined analyses yield for an output.
 
     Parameters
     ----------
-    analyses : iterable of OutsideAnalysis
+    analyses : iterable of UserDefinedAnalysis
         In the order of the study.
     sample : Sample
         Of the output. Without a completed run, there are no statistics.
@@ -148,16 +92,6 @@ def _statistic_fault(
         return f"{name} with {fault[0]}", fault[1]
     wrong = next(_archive_faults({**others, name: array}), "")
     return (wrong, _ESTIMATE_ARRAY) if wrong else None
-
-
-def _read_only(sample: Sample) -> Sample:
-    """Return a sample whose arrays an analysis cannot change; those of inputs never can be."""
-    views = {
-        name: getattr(sample, name).view() for name in ("values", "used", "missing", "replicates")
-    }
-    for view in views.values():
-        view.flags.writeable = False
-    return replace(sample, **views)
 
 
 def _name_fault(name: object, found: Mapping[str, object]) -> str:

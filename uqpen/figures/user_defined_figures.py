@@ -1,4 +1,4 @@
-"""Figures of a user's own: functions that yield panels, beside those of the package."""
+"""User-defined figures: functions that yield panels, beside those of the package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from uqpen.core.errors import FigureError
 from uqpen.figures import FIGURES
 from uqpen.figures.panel import Axes, Panel
-from uqpen.models.outside_function import FunctionFamily, OutsideFunction
+from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
 from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["FIGURE", "FigureFunction", "figure_panels"]
@@ -35,7 +35,7 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
     UnknownNameError
         If there is no such figure.
     FigureError
-        If a function from outside the package cannot be loaded, fails, or yields something else.
+        If a user-defined function cannot be loaded, fails, or yields something else.
     """
     if isinstance(named, str) and named in FIGURES:
         return list(FIGURE.find(named, Path()).function(view))
@@ -49,7 +49,7 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
     return [replace(panel, draw=_guarded(panel, function)) for panel in found]
 
 
-def _guarded(panel: Panel, function: OutsideFunction) -> Callable[[Axes], Iterable[str]]:
+def _guarded(panel: Panel, function: UserDefinedFunction) -> Callable[[Axes], Iterable[str]]:
     """Return the drawing of a panel, whose failure names the figure's function."""
 
     def draw(axes: Axes) -> list[str]:

@@ -1,4 +1,4 @@
-"""Sections of a user's own: functions that yield blocks, beside those of the package."""
+"""User-defined sections: functions that yield blocks, beside those of the package."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from uqpen.core.errors import ReportError
-from uqpen.models.outside_function import FunctionFamily, OutsideFunction
+from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
 from uqpen.report import SECTIONS, ReportSection
 from uqpen.report.blocks import Block
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["OutsideSection", "SectionFunction", "find_sections"]
+__all__ = ["SectionFunction", "UserDefinedSection", "find_sections"]
 
 SectionFunction = Callable[[ArchiveView], Iterable[Block]]
 
@@ -25,19 +25,19 @@ _SECTION = FunctionFamily(
 )
 
 
-class OutsideSection(NamedTuple):
-    """Section of a user's own.
+class UserDefinedSection(NamedTuple):
+    """User-defined section.
 
     Attributes
     ----------
     name : str
         The name that links have.
-    function : OutsideFunction
+    function : UserDefinedFunction
         Takes an `ArchiveView`, and yields blocks.
     """
 
     name: str
-    function: OutsideFunction
+    function: UserDefinedFunction
 
     @property
     def section(self) -> ReportSection:
@@ -63,7 +63,7 @@ class OutsideSection(NamedTuple):
         return found
 
 
-def find_sections(named: Sequence[str | SectionFunction]) -> list[OutsideSection]:
+def find_sections(named: Sequence[str | SectionFunction]) -> list[UserDefinedSection]:
     """Return the sections with names or references, in their order.
 
     Parameters
@@ -84,5 +84,6 @@ def find_sections(named: Sequence[str | SectionFunction]) -> list[OutsideSection
             raise ReportError(f'the section "{each}" is on every page already')
     functions = [_SECTION.find(each, Path.cwd()) for each in named]
     return [
-        OutsideSection(f"own-{number}", function) for number, function in enumerate(functions, 1)
+        UserDefinedSection(f"own-{number}", function)
+        for number, function in enumerate(functions, 1)
     ]

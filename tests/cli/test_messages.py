@@ -1,0 +1,42 @@
+"""Messages on a terminal and in a pipe."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from uqpen.cli.messages import show_message, wrapped_message
+
+WORDS = "a mean and a standard deviation, such as "
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+
+
+@pytest.mark.usefixtures("terminal")
+def test_a_line_is_wrapped_below_its_text() -> None:
+    message = f"study.toml:3  y\n    found     3\n    expected  {WORDS * 3}"
+    lines = wrapped_message(message).split("\n")
+    assert lines[:2] == ["study.toml:3  y", "    found     3"]
+    assert max(map(len, lines)) <= 60
+    assert all(line.startswith(" " * 14) for line in lines[3:])
+    assert " ".join(wrapped_message(message).split()) == " ".join(message.split())
+
+
+@pytest.mark.usefixtures("terminal")
+@pytest.mark.parametrize(
+    "value", [f"/home/{'folder-of-mine/' * 6}study.nc", '"(2.5 ± 0.5) g/cm^3 of a long value"']
+)
+def test_neither_a_path_nor_a_value_is_broken(value: str) -> None:
+    shown = wrapped_message(f"{WORDS}{value} {WORDS}")
+    assert value in shown
+    assert len(shown.split("\n")) > 1
+
+
+def test_where_a_program_reads_no_line_is_wrapped(capsys: pytest.CaptureFixture[str]) -> None:
+    show_message(f"{WORDS * 5}\x1b[31m")
+    assert capsys.readouterr().err == f"{WORDS * 5}\\x1b[31m\n"

@@ -1,0 +1,29 @@
+"""Samples of very many replicates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.sample import Sample
+
+
+def test_counts_of_many_replicates_come_some_at_a_time_and_are_those_of_each() -> None:
+    rng = np.random.default_rng(3)
+    replicates = np.sort(rng.integers(0, 2_000, 9_000))  # of any size, some of them empty
+    sample = Sample(
+        values=rng.integers(0, 50, 9_000).astype(np.float64),
+        used=np.arange(9_000),
+        missing=np.empty(0, dtype=np.int64),
+        columns=InputColumns.none(9_000),
+        replicates=replicates,
+        sampling=Sampling.STRATIFIED,
+    )
+    values = np.array([-1.0, 10.0, 10.5, 50.0])
+    parts = [*sample.counts_up_to(values)]
+    assert max(map(len, parts)) <= 1_024
+    below = sample.values[:, np.newaxis] <= values
+    expected = [below[replicates == each].sum(axis=0) for each in np.unique(replicates)]
+    np.testing.assert_array_equal(np.concatenate(parts), expected)
+    np.testing.assert_array_equal(sample.count_up_to(values), below.sum(axis=0))
