@@ -122,6 +122,8 @@ def _growing_parts(sample: Sample) -> Iterator[Sample]:
     for end in _part_sizes(sample):
         if sample.error_model is ErrorModel.REPLICATED:
             yield _part(sample, np.isin(sample.replicates, numbers[:end]))
+        elif end == len(sample.replicates):
+            yield sample  # what its statistics have found is not found again
         else:
             yield _first_points(sample, end)
 
