@@ -233,13 +233,22 @@ def test_an_archive_is_kept_without_links(
     assert kept_archives(studies) == [earlier]
 
 
+SHORT, WRITTEN = "one: 30 runs in 40.000 s, 2 of them failed", "study.nc: is written"
+LONG = "two: 9 runs in 61.000 s, 0 of them failed"
+
 LOG_LINES = {
-    "one: 30 runs in 59.900 s, 2 of them failed": False,
-    "one: 30 runs in 61.000 s, 0 of them failed": True,
-    "one: 30 runs in 1.000 s, 0 of them failed|two: 9 runs in 59.500 s, 0 of them failed": True,
-    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from folder/study.nc": False,
-    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from other.nc": True,
-    "one: 29 runs were made before|one: 1 runs in 0.100 s, 0 of them failed": True,
+    f"{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}": True,
+    f"{SHORT}|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}|one: 9 runs were taken from folder/study.nc|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|one: 9 runs were taken from study.nc|{SHORT}|{WRITTEN}": True,
+    f"one: 9 runs were taken from other.nc|{SHORT}|{WRITTEN}": True,
+    f"one: 9 runs were taken from other.nc|{SHORT}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"one: 29 runs were made before|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|{SHORT}": True,
+    SHORT: True,
     "nothing of any run": True,
 }
 
