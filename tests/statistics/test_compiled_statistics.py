@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,11 @@ import pytest
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.statistics import kernels, loops
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sensitivity import kernels
 from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup, compiled_pairs
 from uqpen.statistics.sensitivity.correlated_pair import PairOfArrays, standardized
 from uqpen.statistics.sensitivity.correlations import correlations
@@ -65,12 +66,12 @@ def test_residuals_in_bins_are_those_of_arrays(name: str, halved: bool) -> None:
     for column in range(3):
         bins = RegressionBins.from_sample(sample, column, halved=halved)
         arrays = ResidualVariance(bins, values)
-        loops = CompiledVariance.about(
+        found = CompiledVariance.about(
             SortedBins.from_sample(sample, column, halved=halved), values
         )
-        assert loops.variance == pytest.approx(arrays.variance, rel=1e-13)
-        assert loops.pair_noise == pytest.approx(arrays.pair_noise, rel=1e-13)
-        np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-13)
+        assert found.variance == pytest.approx(arrays.variance, rel=1e-13)
+        assert found.pair_noise == pytest.approx(arrays.pair_noise, rel=1e-13)
+        np.testing.assert_allclose(found.influence, arrays.influence, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("ties", [0, 5])
@@ -88,9 +89,9 @@ def test_correlations_of_sums_are_those_of_arrays(ties: int, is_ranked: bool) ->
     weights = np.array([[1.0, -0.3, 0.0, 0.0], [-0.2, 0.0, 0.0, 1.0]])
     own = orderings if is_ranked else []
     arrays = PairOfArrays(weights, columns, own)
-    (loops,) = compiled_pairs(columns, [weights], ColumnGroup.of(own))
-    assert loops.value == pytest.approx(arrays.value, rel=1e-13)
-    np.testing.assert_allclose(loops.influence, arrays.influence, rtol=1e-12, atol=1e-12)
+    (found,) = compiled_pairs(columns, [weights], ColumnGroup.of(own))
+    assert found.value == pytest.approx(arrays.value, rel=1e-13)
+    np.testing.assert_allclose(found.influence, arrays.influence, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -101,20 +102,39 @@ def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.Monkey
 
     arrays = found()
     monkeypatch.setattr("uqpen.statistics.input_columns._MANY", 1)
-    for statistic, loops in found().items():
+    for statistic, by_loops in found().items():
         np.testing.assert_allclose(
-            loops.values, arrays[statistic].values, rtol=1e-10, atol=1e-12, err_msg=statistic
+            by_loops.values, arrays[statistic].values, rtol=1e-10, atol=1e-12, err_msg=statistic
         )
         for text in ("interval", "interval_label", "note"):
-            assert loops[text].values.tolist() == arrays[statistic][text].values.tolist()
+            assert by_loops[text].values.tolist() == arrays[statistic][text].values.tolist()
 
 
 def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
     """No processor and no number of threads changes a bit, as nothing is reordered or shared."""
-    loops = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
-    assert len(loops) > 3
-    for each in loops:
+    inner = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
+    assert len(inner) > 3
+    for each in inner:
         assert not {"parallel", "fastmath"} & each.targetoptions.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", kernels.__all__)
+def test_loops_call_no_function_that_their_machine_code_lacks(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a process that finds their machine code needs no compiler."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    loops._loop.__wrapped__(name)
+    (code,) = tmp_path.glob("machine_code.*.o")
+    assert code.stat().st_size > 500  # the hash of no code takes 32 bytes
+
+
+def test_loops_refuse_arrays_that_they_would_misread() -> None:
+    with pytest.raises(TypeError, match="float32"):
+        loops.pair_products(np.ones((9, 2), dtype=np.float32))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="one piece"):
+        loops.pair_products(np.ones((2, 9)).T)
 
 
 def test_small_samples_load_no_compiler() -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import example, given
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from uqpen.statistics import ordering
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering, ascending_order
 
@@ -34,6 +35,17 @@ def test_values_with_like_leading_digits_are_sorted(like: int) -> None:
     values = np.random.default_rng(1).permutation(20_000).astype(np.float64)
     values[:like] = 7 + np.random.default_rng(2).permutation(like) * 2.0**-49
     assert np.array_equal(ascending_order(values), np.argsort(values, kind="stable"))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(COLUMNS)
+@example(np.array(NEAR_ONE * 3))
+@example(np.arange(40.0) ** 9)
+def test_the_order_of_many_values_is_the_same(
+    monkeypatch: pytest.MonkeyPatch, values: FloatArray
+) -> None:
+    monkeypatch.setattr(ordering, "MANY", 1)  # a compiled sort takes all
+    assert ascending_order(values).tolist() == np.argsort(values, kind="stable").tolist()
 
 
 @given(COLUMNS)

@@ -20,7 +20,7 @@ __all__ = ["InputColumns", "RunInputs"]
 
 Made = TypeVar("Made")
 
-# The compiler's library takes half a second to import, which loops over fewer values do not save.
+# The first loops of an installation take seconds to compile, which fewer values do not save.
 _MANY = 2**18
 
 

@@ -10,14 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.statistics.loops import add_sums_above, pair_influence, pair_products, pair_sums
 from uqpen.statistics.ordering import Numbers, Ordering
 from uqpen.statistics.sensitivity.correlated_pair import CorrelatedPair
-from uqpen.statistics.sensitivity.kernels import (
-    add_sums_above,
-    pair_influence,
-    pair_products,
-    pair_sums,
-)
 
 __all__ = ["ColumnGroup", "CompiledPair", "compiled_pairs"]
 
@@ -33,7 +28,7 @@ class ColumnGroup:
     ----------
     columns : slice
         Which columns.
-    orders : ndarray of int, shape (column, run)
+    orders, levels : ndarray of int, shape (column, run)
     is_above : ndarray of bool, shape (column, run) or (0, 0)
         As `add_sums_above` takes it.
     rank_stds : ndarray, shape (column, 1)
@@ -42,6 +37,7 @@ class ColumnGroup:
 
     columns: slice
     orders: Numbers
+    levels: Numbers
     is_above: BoolArray
     rank_stds: FloatArray
 
@@ -60,17 +56,20 @@ class ColumnGroup:
             is_above = np.stack(
                 [distinct if each.is_above is None else each.is_above for each in orderings]
             )
-        single = len(orderings) == 1
-        orders = (
-            orderings[0].order[np.newaxis] if single else np.stack([o.order for o in orderings])
-        )
+        orders = _rows([each.order for each in orderings])
+        levels = _rows([each.level for each in orderings])
         stds = np.array([[each.rank_std] for each in orderings])
-        return cls(slice(first, first + len(orderings)), orders, is_above, stds)
+        return cls(slice(first, first + len(orderings)), orders, levels, is_above, stds)
 
     def factors(self, weights: FloatArray) -> FloatArray:
         """Return the weights of its columns over the deviations of their ranks; 0 for none."""
         varies = self.rank_stds > 0
         return np.where(varies, weights[self.columns], 0.0) / np.where(varies, self.rank_stds, 1.0)
+
+
+def _rows(columns: Sequence[Numbers]) -> Numbers:
+    """Return columns as rows of an array; a single one is not copied."""
+    return columns[0][np.newaxis] if len(columns) == 1 else np.stack(columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +101,15 @@ class CompiledPair(CorrelatedPair):
     @cached_property
     def influence(self) -> FloatArray:
         """Influence of each run on the correlation, shape (run,)."""
-        influence, stds = np.empty(len(self.sums)), np.sqrt(self._products[:2])
-        pair_influence(self.sums, stds, self.value, influence)
+        stds = np.sqrt(self._products[:2])
+        influence = pair_influence(self.sums, stds, self.value)
         weights = (self.weights / stds[:, np.newaxis]).T
         for group in self.groups:
             # A run moves the ranks of all others too.
             factors = group.factors(weights)
             if factors.any():
-                add_sums_above(group.orders, group.is_above, factors, self.sums, influence)
+                order = group.orders, group.is_above, group.levels
+                add_sums_above(*order, factors, self.sums, influence)
         return influence
 
 

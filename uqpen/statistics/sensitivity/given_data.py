@@ -51,7 +51,7 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         yield neighbours.event_indices(events, coordinates, "category_", f"the kind of {title}")
         return
     yield neighbours.variable_indices(sample.values, "", title)
-    if sample.size and sample.sorted_values[0] > 0:
+    if sample.size and sample.values.min() > 0:
         logarithm = np.log(sample.values)
         yield neighbours.variable_indices(logarithm, "log_", f"the logarithm of {title}")
     if quantity.thresholds:

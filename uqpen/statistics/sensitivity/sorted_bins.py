@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics.loops import residuals_in_bins
 from uqpen.statistics.ordering import Numbers
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sensitivity.kernels import residuals_in_bins
 from uqpen.statistics.sensitivity.local_regression import (
     FEWEST_RUNS_FOR_A_SLOPE,
     bin_labels,
@@ -20,8 +20,6 @@ from uqpen.statistics.sensitivity.local_regression import (
 from uqpen.statistics.tally import Tally
 
 __all__ = ["CompiledVariance", "SortedBins"]
-
-_NO_INFLUENCE = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +93,13 @@ class CompiledVariance:
         cls, bins: SortedBins, values: FloatArray, *, has_influence: bool = True
     ) -> CompiledVariance:
         """Return the variance of a variable, shape (run,), about the lines of bins."""
-        influence = np.empty(len(values)) if has_influence else _NO_INFLUENCE
-        left, pairs, *sums = residuals_in_bins(
-            bins.runs, bins.first, bins.rank, values, FEWEST_RUNS_FOR_A_SLOPE, influence
+        (left, pairs, *sums), influence = residuals_in_bins(
+            bins.runs,
+            bins.first,
+            bins.rank,
+            values,
+            FEWEST_RUNS_FOR_A_SLOPE,
+            has_influence=has_influence,
         )
         noise = math.sqrt(2 * pairs) / len(values)
         variance = np.asarray(left / bins.informative)
