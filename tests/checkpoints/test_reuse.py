@@ -196,6 +196,22 @@ def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
     assert len(kept_archives(studies)) == 2
 
 
+def test_an_archive_of_statistics_is_kept_whose_points_have_changed(empty: Studies) -> None:
+    text = STUDY.replace("[designs.one]", "[designs.one]\nkeep = 'statistics'")
+    text = text.replace('x = "0 ± 1"', 'x = { measured = { file = "x.csv", column = "x" } }')
+    asked = text.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
+    (empty.folder / "x.csv").write_text("x\n" + "\n".join(map(str, range(40))))
+    empty.make(text)
+    (empty.folder / "study.nc.log").unlink()  # so the costs are not known
+    empty.make(asked)
+    assert kept_archives(empty) == []
+    earlier = empty.bytes()
+    (empty.folder / "x.csv").write_text("x\n" + "\n".join(map(str, range(1, 41))))
+    (empty.folder / "study.nc.log").unlink()
+    empty.make(asked)
+    assert kept_archives(empty) == [earlier]
+
+
 def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
     tree = open_archive(studies.folder / "study.nc")
     tree["runs/one"]["z"].values[0] = 0.5
