@@ -109,7 +109,9 @@ def make_archive(
         tree = checkpoints.make_archive(
             study,
             path,
-            ResumeOptions(fresh, lost_again, read_again, reuse),
+            ResumeOptions(
+                fresh=fresh, repeat_failed=lost_again, read_again=read_again, reuse=reuse
+            ),
             map=spread,
             progress=reporter,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import xarray as xr
 import uqpen
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
-from uqpen.core.errors import SettingsError
+from uqpen.core.errors import ArchiveError, SettingsError
 from uqpen.execution.runs_in_file import runs_in_file
 from uqpen.study.study import ValidatedStudy
 
@@ -74,6 +75,17 @@ def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path: Path) -> None
         assert (tmp_path / "runs").exists()
     assert not (tmp_path / "runs").exists()
     assert found.identical(compare(study("additive"), settings))
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "missing" / "runs"
+    with (
+        pytest.raises(ArchiveError, match=f"^{re.escape(str(path))}: runs cannot be kept: [A-Z]"),
+        runs_in_file(path, runs_in_memory=100) as checkpoint,
+    ):
+        compare(
+            study("additive"), BenchmarkSettings((64,), 10, reference=512), checkpoint=checkpoint
+        )
 
 
 class TestWinners:

@@ -196,6 +196,22 @@ def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
     assert len(kept_archives(studies)) == 2
 
 
+def test_an_archive_of_statistics_is_kept_whose_points_have_changed(empty: Studies) -> None:
+    text = STUDY.replace("[designs.one]", "[designs.one]\nkeep = 'statistics'")
+    text = text.replace('x = "0 ± 1"', 'x = { measured = { file = "x.csv", column = "x" } }')
+    asked = text.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
+    (empty.folder / "x.csv").write_text("x\n" + "\n".join(map(str, range(40))))
+    empty.make(text)
+    (empty.folder / "study.nc.log").unlink()  # so the costs are not known
+    empty.make(asked)
+    assert kept_archives(empty) == []
+    earlier = empty.bytes()
+    (empty.folder / "x.csv").write_text("x\n" + "\n".join(map(str, range(1, 41))))
+    (empty.folder / "study.nc.log").unlink()
+    empty.make(asked)
+    assert kept_archives(empty) == [earlier]
+
+
 def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
     tree = open_archive(studies.folder / "study.nc")
     tree["runs/one"]["z"].values[0] = 0.5
@@ -233,13 +249,22 @@ def test_an_archive_is_kept_without_links(
     assert kept_archives(studies) == [earlier]
 
 
+SHORT, WRITTEN = "one: 30 runs in 40.000 s, 2 of them failed", "study.nc: is written"
+LONG = "two: 9 runs in 61.000 s, 0 of them failed"
+
 LOG_LINES = {
-    "one: 30 runs in 59.900 s, 2 of them failed": False,
-    "one: 30 runs in 61.000 s, 0 of them failed": True,
-    "one: 30 runs in 1.000 s, 0 of them failed|two: 9 runs in 59.500 s, 0 of them failed": True,
-    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from folder/study.nc": False,
-    "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from other.nc": True,
-    "one: 29 runs were made before|one: 1 runs in 0.100 s, 0 of them failed": True,
+    f"{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}": True,
+    f"{SHORT}|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"{LONG}|{WRITTEN}|one: 9 runs were taken from folder/study.nc|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|one: 9 runs were taken from study.nc|{SHORT}|{WRITTEN}": True,
+    f"one: 9 runs were taken from other.nc|{SHORT}|{WRITTEN}": True,
+    f"one: 9 runs were taken from other.nc|{SHORT}|{WRITTEN}|{SHORT}|{WRITTEN}": False,
+    f"one: 29 runs were made before|{SHORT}|{WRITTEN}": True,
+    f"{SHORT}|{WRITTEN}|{SHORT}": True,
+    SHORT: True,
     "nothing of any run": True,
 }
 

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -478,6 +479,33 @@ class TestProcess:
                 assert process.stdout is not None
                 process.stdout.close()
                 assert process.wait() == code
+
+    @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+    def test_closed_streams_change_no_exit_code(self, tmp_path: Path, closed: str) -> None:
+        (tmp_path / "small.toml").write_text(SMALL)
+        for arguments, code in (
+            (("study", "small.toml"), 0),
+            (("models",), 0),
+            (("check", "none.toml"), 2),
+        ):
+            line = f"{shlex.join(self.command(*arguments))} {closed}"
+            assert subprocess.run(line, shell=True, cwd=tmp_path, check=False).returncode == code
+        assert (tmp_path / "archives" / "small.nc").is_file()
+
+    def test_a_model_that_closes_the_output_closes_it_for_itself(self, tmp_path: Path) -> None:
+        (tmp_path / "slow.py").write_text(
+            "import sys\ndef f(x):\n    sys.stdout.close()\n    return {'y': x}"
+        )
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "30"))
+        done = subprocess.run(
+            self.command("study", "slow.toml"),
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0
+        assert "archive: archives/slow.nc" in done.stdout.splitlines()
 
     @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has it")
     def test_a_full_disk_below_the_output_costs_no_archive(self, tmp_path: Path) -> None:

@@ -88,6 +88,23 @@ def test_an_exception_that_is_raised_again_has_the_line_of_this_time(tmp_path: P
     }
 
 
+def test_lines_are_counted_as_python_counts_them(tmp_path: Path) -> None:
+    beam = "\f\nTEXT = 'a\u2028b'\ndef simulate(x):\n    return 1 / 0  # now\n    # then\n"
+    expected = {"ZeroDivisionError: division by zero (beam.py, line 4: return 1 / 0 # now)"}
+    assert reasons(tmp_path, beam) == expected
+
+
+def test_of_a_recursion_it_is_the_innermost_line(tmp_path: Path) -> None:
+    beam = """\
+        def deeper(x, depth):
+            return 1 / depth if depth == 0 else deeper(x, depth - 1)
+        def simulate(x):
+            return deeper(x, 50)
+        """
+    [reason] = reasons(tmp_path, textwrap.dedent(beam))
+    assert "(beam.py, line 2: return 1 / depth if" in reason
+
+
 def test_a_line_is_cut_and_an_edit_has_no_effect(tmp_path: Path) -> None:
     beam = f"""\
         from pathlib import Path

@@ -21,7 +21,7 @@ def test_counts_of_many_replicates_come_some_at_a_time_and_are_those_of_each() -
         sampling=Sampling.STRATIFIED,
     )
     values = np.array([-1.0, 10.0, 10.5, 50.0])
-    parts = [*sample.counts_up_to(values)]
+    parts = [*sample.counts_by_replicate(values)]
     assert max(map(len, parts)) <= 1_024
     below = sample.values[:, np.newaxis] <= values
     expected = [below[replicates == each].sum(axis=0) for each in np.unique(replicates)]

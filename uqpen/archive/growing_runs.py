@@ -47,9 +47,9 @@ class GrowingRuns:
         OSError
             If they cannot be written, for example to a full disk.
         """
-        if not self.path.exists():
-            self._define(block)
         try:
+            if not self.path.exists():
+                self._define(block)
             root = self._opened(to_write=True)
             for name, values in _along_run(block).items():
                 root.variables[name][start : start + block.sizes[RUN]] = values
@@ -115,15 +115,18 @@ class GrowingRuns:
         import netCDF4
 
         temporary = self.path.with_name(f"{self.path.name}.tmp")
-        with netCDF4.Dataset(temporary, "w", format="NETCDF4") as root:
-            sizes = {**block.sizes, RUN: self._size}
-            for name, values in _along_run(block).items():
-                dims = tuple(map(str, block.variables[name].dims))
-                for dim in dims:
-                    if dim not in root.dimensions:
-                        root.createDimension(dim, sizes[dim])
-                root.createVariable(name, values.dtype, dims, fill_value=False)
-        temporary.replace(self.path)
+        try:
+            with netCDF4.Dataset(temporary, "w", format="NETCDF4") as root:
+                sizes = {**block.sizes, RUN: self._size}
+                for name, values in _along_run(block).items():
+                    dims = tuple(map(str, block.variables[name].dims))
+                    for dim in dims:
+                        if dim not in root.dimensions:
+                            root.createDimension(dim, sizes[dim])
+                    root.createVariable(name, values.dtype, dims, fill_value=False)
+            temporary.replace(self.path)
+        finally:
+            temporary.unlink(missing_ok=True)
 
     def _opened(self, *, to_write: bool = False) -> netCDF4.Dataset:
         """Return the open file, to read it only as long as nothing is written.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.archived_runs import input_columns, unused_designs
 from uqpen.checkpoints.model_versions import compare_models
@@ -16,12 +18,11 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.labels import RUNS, STATUS
 from uqpen.core.model import Model
 from uqpen.core.status import Status
+from uqpen.study.fingerprint import POINT_TABLES
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = ["lacks_runs"]
-
-# Where one of these has changed, the points of a design may have, though its table has not.
-_DECISIVE = ("seed", "inputs", "joint", "dependence", "constraints")
 
 
 def lacks_runs(study: ValidatedStudy, tree: xr.DataTree, earlier: xr.DataTree) -> bool:
@@ -54,11 +55,32 @@ def lacks_runs(study: ValidatedStudy, tree: xr.DataTree, earlier: xr.DataTree) -
 
 def _lacks_designs(study: ValidatedStudy, earlier: xr.DataTree) -> bool:
     """Check whether a design without runs, or with very many, was another one."""
-    before, now = tomllib.loads(str(earlier.attrs["study_text"])), tomllib.loads(study.text)
     unused = unused_designs(earlier)
-    if any(before.get("designs", {})[name] != now.get("designs", {}).get(name) for name in unused):
+    if not unused:
+        return False
+    before, now = tomllib.loads(str(earlier.attrs["study_text"])), tomllib.loads(study.text)
+    if any(before.get(key) != now.get(key) for key in POINT_TABLES):
         return True
-    return bool(unused) and any(before.get(key) != now.get(key) for key in _DECISIVE)
+    known = {file.name: file.sha256 for file in archived_files(read_group(earlier, FILES))}
+    return not all(_is_same_design(study, name, before, now, known) for name in unused)
+
+
+def _is_same_design(
+    study: ValidatedStudy,
+    name: str,
+    before: Mapping[str, Any],
+    now: Mapping[str, Any],
+    known: Mapping[str, str],
+) -> bool:
+    """Check that a study has a design of an earlier one, whose files are given by their hashes."""
+    if name not in study.designs or before["designs"][name] != now["designs"][name]:
+        return False
+    # These place the points of a refinement.
+    tables = ("surrogates", "outputs") if isinstance(study.designs[name], RefinedDesign) else ()
+    if any(before.get(key) != now.get(key) for key in tables):
+        return False
+    files = files_by_name([*study.joint.files, *study.design_files(name)], study.folder)
+    return all(known.get(file) == snapshot.sha256 for file, snapshot in files.items())
 
 
 def _has_runs(model: Model, tree: xr.DataTree, name: str, earlier: xr.DataTree) -> bool:

@@ -35,8 +35,8 @@ _WORTH_A_PART = 10.0
 class RoundStore(Protocol):
     """Store that a checkpoint of a round belongs to.
 
-    `runs` is the number of kept runs in it. A round goes by blocks if it would make more than
-    `runs_in_memory` in memory. `joined` is their number so far, by the folder of a design.
+    `runs` is the number of kept runs in it. `joined` is the number of runs in memory so far, by the
+    folder of a design. A round that would make it more than `runs_in_memory` goes by blocks.
     """
 
     runs: int
@@ -87,6 +87,8 @@ class RoundCheckpoint(Checkpoint):
             self._blocks = BlockStore(self._folder, self._round, runs)
             ranges += self._blocks.ranges
             self._store.runs += covered_count(ranges)
+        else:
+            self._store.joined[self._folder] += runs
         for file in part_files(self._folder, str(self._round)):
             result = self._store.read_runs(file)
             self._number = part_number(file) + 1
@@ -169,11 +171,7 @@ class RoundCheckpoint(Checkpoint):
 
         A round of one block or less costs more as a file than it takes in memory.
         """
-        joined, most = self._store.joined, self._store.runs_in_memory
-        if runs > BLOCK and joined[self._folder] + runs > most:
-            return True
-        joined[self._folder] += runs
-        return False
+        return runs > BLOCK and self._store.joined[self._folder] + runs > self._store.runs_in_memory
 
     def _keep(self, store: BlockStore, block: xr.Dataset) -> None:
         """Move a whole block to the file of blocks, and remove its parts."""

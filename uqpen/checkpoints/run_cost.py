@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -10,10 +11,13 @@ __all__ = ["are_costly"]
 # Runs of an archive that took less, all designs together, are made again sooner than found again.
 _COSTLY_SECONDS = 60.0
 
-# As `Journal` writes them.
+_UNKNOWN = math.inf
+
+# As `Journal` and `make_archive` write them.
 _TIMED = re.compile(r": \d+ runs in (\d+\.\d+) s, \d+ of them failed$")
 _RESTORED = re.compile(r": \d+ runs were made before$")
 _TAKEN = re.compile(r": \d+ runs were taken from (.*)$")
+_WRITTEN = re.compile(r": is written$")
 
 
 def are_costly(log: Path, archive: str) -> bool:
@@ -22,7 +26,8 @@ def are_costly(log: Path, archive: str) -> bool:
     Parameters
     ----------
     log : Path
-        The log beside it, of all starts that made it.
+        The log beside it, also of earlier archives in its place. These count as far as it has runs
+        of them.
     archive : str
         Its name. What the runs of other archives have cost is not known.
     """
@@ -30,17 +35,20 @@ def are_costly(log: Path, archive: str) -> bool:
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return True
-    seconds = 0.0
-    is_timed = False
+    before, seconds = _UNKNOWN, 0.0
+    has_runs_of_before = False
     for line in lines:
         if timed := _TIMED.search(line):
-            is_timed = True
             seconds += float(timed[1])
-        elif _RESTORED.search(line) or _is_from_another(line, archive):
-            return True  # a start that was killed has no times either
-    return not is_timed or seconds >= _COSTLY_SECONDS
-
-
-def _is_from_another(line: str, archive: str) -> bool:
-    taken = _TAKEN.search(line)
-    return taken is not None and Path(taken[1]).name != archive
+        elif _RESTORED.search(line):
+            seconds = _UNKNOWN  # a start that was killed has no times
+        elif taken := _TAKEN.search(line):
+            if Path(taken[1]).name == archive:
+                has_runs_of_before = True
+            else:
+                seconds = _UNKNOWN
+        elif _WRITTEN.search(line):
+            before = seconds + (before if has_runs_of_before else 0.0)
+            seconds, has_runs_of_before = 0.0, False
+    # A start that could not write its last line may have made the archive.
+    return before + seconds >= _COSTLY_SECONDS

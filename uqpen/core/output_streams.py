@@ -36,11 +36,19 @@ class _LastingFile(io.FileIO):
             return memoryview(data).nbytes
 
 
+class _LastingText(io.TextIOWrapper):
+    """Text of a file that stays open where a model closes it."""
+
+    def close(self) -> None:
+        self.flush()
+
+
 @contextlib.contextmanager
 def lasting_streams(errors: str | None = None) -> Iterator[None]:
     """Let standard output and error be files whose writes never fail, within this context.
 
-    Streams that are no files, such as those of a notebook or a test, stay as they are.
+    What a shell has closed goes nowhere. Streams that are no files, such as those of a notebook or
+    a test, stay as they are.
 
     Parameters
     ----------
@@ -53,7 +61,7 @@ def lasting_streams(errors: str | None = None) -> Iterator[None]:
         yield
     finally:
         for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(AttributeError, ValueError):  # None, or closed by a model
+            with contextlib.suppress(AttributeError, ValueError):  # a model's own, perhaps closed
                 stream.flush()
         sys.stdout, sys.stderr = before
 
@@ -65,7 +73,11 @@ def stream_error() -> str:
     return raw.error if isinstance(raw, _LastingFile) else ""
 
 
-def _lasting(stream: TextIO, errors: str | None) -> TextIO:
+def _lasting(stream: TextIO | None, errors: str | None) -> TextIO:
+    if stream is None:
+        # It takes the number that was closed, in which a library would print into our next file.
+        nowhere = _LastingFile(os.open(os.devnull, os.O_WRONLY), "w", closefd=False)
+        return _LastingText(io.BufferedWriter(nowhere), encoding="utf-8")
     if not isinstance(stream, io.TextIOWrapper):
         return stream
     if errors is not None:
@@ -75,7 +87,7 @@ def _lasting(stream: TextIO, errors: str | None) -> TextIO:
         return stream
     stream.flush()
     file = _LastingFile(raw.fileno(), "w", closefd=False)
-    return io.TextIOWrapper(
+    return _LastingText(
         # An unbuffered stream has none below it.
         file if stream.buffer is raw else io.BufferedWriter(file),
         encoding=stream.encoding,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import CodeType
 from typing import Any
@@ -32,14 +32,12 @@ def line_in_folder(error: BaseException, folder: ModelFolder) -> str:
     str
         Such as `` (beam.py, line 7: return force / area)``; empty where no module is there.
     """
-    text = ""
-    for code, number in _lines(error):
+    for code, number in reversed(_lines(error)):
         content = folder.module_content(code.co_filename)
         if content is not None:
             name = _file_name(Path(code.co_filename), folder.folder)
-            lines = content.decode("utf-8", "replace").splitlines()
-            text = _line_text(name, number, lines)
-    return text
+            return _line_text(name, number, content)
+    return ""
 
 
 def line_in_function(
@@ -49,20 +47,18 @@ def line_in_function(
 
     Lines count from that of its definition, wherever that stands in a program or a notebook.
     """
-    text = ""
-    for code, number in _lines(error):
+    for code, number in reversed(_lines(error)):
         if code is getattr(function, "__code__", None):
             own = number - code.co_firstlineno + 1
-            text = _line_text(source.name, own, source.text.splitlines())
-    return text
+            return _line_text(source.name, own, source.text.encode())
+    return ""
 
 
-def _lines(error: BaseException) -> Iterator[tuple[CodeType, int]]:
-    """Yield the code and the number of each line in a traceback, which is removed."""
+def _lines(error: BaseException) -> list[tuple[CodeType, int]]:
+    """Return the code and the number of each line in a traceback, which is removed."""
     frames = _TRACEBACK.__get__(error)
     _TRACEBACK.__set__(error, None)
-    for frame, number in traceback.walk_tb(frames):
-        yield frame.f_code, number
+    return [(frame.f_code, number) for frame, number in traceback.walk_tb(frames)]
 
 
 def _file_name(path: Path, folder: Path) -> str:
@@ -71,7 +67,9 @@ def _file_name(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if is_inside else path.name
 
 
-def _line_text(name: str, number: int, lines: list[str]) -> str:
-    line = one_line(lines[number - 1]) if 0 < number <= len(lines) else ""
+def _line_text(name: str, number: int, source: bytes) -> str:
+    # Python ends lines where bytes do. Texts end them also at a form feed, or inside a quotation.
+    lines = source.splitlines()
+    line = one_line(lines[number - 1].decode("utf-8", "replace")) if number <= len(lines) else ""
     line = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
     return f" ({name}, line {number}{f': {line}' if line else ''})"

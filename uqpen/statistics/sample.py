@@ -140,8 +140,8 @@ class Sample:
         """Count the runs at or below each value, shape (value,)."""
         return np.searchsorted(self.sorted_values, values, side="right")
 
-    def counts_up_to(self, values: FloatArray) -> Iterator[IntArray]:
-        """Yield such counts of some replicates after the other, shape (replicate, value)."""
+    def counts_by_replicate(self, values: FloatArray) -> Iterator[IntArray]:
+        """Yield the counts of `count_up_to` of the next replicates, shape (replicate, value)."""
         ends = np.cumsum(self.replicate_sizes)[:-1]
         replicates = iter(np.split(self.values[np.argsort(self.replicate, kind="stable")], ends))
         while some := [np.sort(part) for part in islice(replicates, _COUNTED_TOGETHER)]:

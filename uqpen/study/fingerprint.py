@@ -19,6 +19,7 @@ from uqpen.study.user_defined_members import referenced_members
 from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
+    "POINT_TABLES",
     "flatten_tables",
     "is_user_defined",
     "model_fingerprint",
@@ -26,8 +27,9 @@ __all__ = [
     "run_fingerprint",
 ]
 
-# Not the title, nor what is asked of the runs, nor what they are held against.
-_TABLES = ("seed", "inputs", "joint", "dependence", "constraints")
+# Tables that determine the points of every design. The title does not, nor what is asked of the
+# runs, nor what they are held against.
+POINT_TABLES = ("seed", "inputs", "joint", "dependence", "constraints")
 
 
 def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:
@@ -37,7 +39,7 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     and the software. Modules that a model imports only during its runs are recorded by the runs.
     """
     content = tomllib.loads(study.text)
-    tables = {name: content[name] for name in _TABLES if name in content}
+    tables = {name: content[name] for name in POINT_TABLES if name in content}
     if "designs" in content:
         tables["designs"] = {design: _point_settings(content["designs"][design])}
     if isinstance(refined := study.designs[design], RefinedDesign):

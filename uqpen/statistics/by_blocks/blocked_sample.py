@@ -102,8 +102,8 @@ class BlockedSample(Sample):
         """Count the runs at or below each value, shape (value,)."""
         return self._counts_by_group(values).sum(axis=0)
 
-    def counts_up_to(self, values: FloatArray) -> Iterator[IntArray]:
-        """Yield such counts of the replicates, shape (replicate, value)."""
+    def counts_by_replicate(self, values: FloatArray) -> Iterator[IntArray]:
+        """Yield the counts of `count_up_to` of all replicates, shape (replicate, value)."""
         yield self._counts_by_group(values)[self.sizes > 0]
 
     def _counts_by_group(self, values: FloatArray) -> IntArray:

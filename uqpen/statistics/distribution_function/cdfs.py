@@ -133,7 +133,7 @@ def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> _Band:
 def _errors(sample: Sample, values: FloatArray, estimate: FloatArray) -> FloatArray:
     """Standard errors over replicates at all values at once; `ratio_error` gives them at one."""
     squares, replicates = np.zeros((1, values.size)), 0
-    for counts in sample.counts_up_to(values):
+    for counts in sample.counts_by_replicate(values):
         sizes = sample.replicate_sizes[replicates : replicates + len(counts)]
         excess = counts - np.outer(sizes, estimate)
         squares = np.concatenate([squares, excess**2]).sum(axis=0, keepdims=True)
