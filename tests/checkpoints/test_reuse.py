@@ -241,6 +241,13 @@ LOG_LINES = {
     "one: 30 runs in 1.000 s, 0 of them failed|one: 9 runs were taken from other.nc": True,
     "one: 29 runs were made before|one: 1 runs in 0.100 s, 0 of them failed": True,
     "nothing of any run": True,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written": True,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written": False,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs were taken from folder/study.nc|study.nc: is written": True,
+    "one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs in 61.000 s, 0 of them failed|ended early: KeyboardInterrupt": False,
 }
 
 
