@@ -40,7 +40,8 @@ class _LastingFile(io.FileIO):
 def lasting_streams(errors: str | None = None) -> Iterator[None]:
     """Let standard output and error be files whose writes never fail, within this context.
 
-    Streams that are no files, such as those of a notebook or a test, stay as they are.
+    One that was closed when the program started goes nowhere. Streams that are no files, such as
+    those of a notebook or a test, stay as they are.
 
     Parameters
     ----------
@@ -48,14 +49,18 @@ def lasting_streams(errors: str | None = None) -> Iterator[None]:
         Name of the error handler for characters that a stream lacks; by default its own.
     """
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (_lasting(stream, errors) for stream in before)
-    try:
-        yield
-    finally:
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(AttributeError, ValueError):  # None, or closed by a model
-                stream.flush()
-        sys.stdout, sys.stderr = before
+    with contextlib.ExitStack() as opened:
+        sys.stdout, sys.stderr = (
+            opened.enter_context(_nowhere()) if stream is None else _lasting(stream, errors)
+            for stream in before
+        )
+        try:
+            yield
+        finally:
+            for stream in (sys.stdout, sys.stderr):
+                with contextlib.suppress(ValueError):  # closed by a model
+                    stream.flush()
+            sys.stdout, sys.stderr = before
 
 
 def stream_error() -> str:
@@ -63,6 +68,11 @@ def stream_error() -> str:
     sys.stdout.flush()
     raw = _raw_file(sys.stdout)
     return raw.error if isinstance(raw, _LastingFile) else ""
+
+
+def _nowhere() -> TextIO:
+    """Open a file that keeps nothing; it takes the place of a closed standard stream."""
+    return Path(os.devnull).open("w", encoding="utf-8")
 
 
 def _lasting(stream: TextIO, errors: str | None) -> TextIO:
