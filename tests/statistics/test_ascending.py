@@ -18,6 +18,7 @@ from uqpen.core.model import Output
 from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
 
 PROBABILITIES = ("exceedance", "below", "share", "cdf", "cdf_band", "reached", "probability")
@@ -194,7 +195,7 @@ def _sample(values: FloatArray, replicates: int, weights: FloatArray | None) -> 
         name: ("run", each) for name, each in along.items()
     }
     sampling = {"sampling": "stratified" if is_stratified else "independent"}
-    return Sample.from_runs(xr.Dataset(outputs, coordinates, sampling), "y")
+    return sample_of(xr.Dataset(outputs, coordinates, sampling), "y")
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30))
