@@ -266,6 +266,13 @@ LOG_LINES = {
     f"{SHORT}|{WRITTEN}|{SHORT}": True,
     SHORT: True,
     "nothing of any run": True,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written": True,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written": False,
+    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs were taken from folder/study.nc|study.nc: is written": True,
+    "one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written"
+    "|one: 9 runs in 61.000 s, 0 of them failed|ended early: KeyboardInterrupt": False,
 }
 
 

@@ -37,6 +37,16 @@ def test_neither_a_path_nor_a_value_is_broken(value: str) -> None:
     assert len(shown.split("\n")) > 1
 
 
+def test_the_width_is_that_of_the_stream_of_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
+    monkeypatch.setenv("COLUMNS", "60")
+    assert wrapped_message(f"  {WORDS * 3}") == f"  {WORDS * 3}"
+    lines = wrapped_message(f"  {WORDS * 3}", sys.stdout).split("\n")
+    assert max(map(len, lines)) <= 60
+    assert all(line.startswith("  ") for line in lines)
+
+
 def test_where_a_program_reads_no_line_is_wrapped(capsys: pytest.CaptureFixture[str]) -> None:
     show_message(f"{WORDS * 5}\x1b[31m")
     assert capsys.readouterr().err == f"{WORDS * 5}\\x1b[31m\n"

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from uqpen.core.status import Status
+from uqpen.results.failed_runs import FailedRuns
 from uqpen.results.failure_causes import failure_causes
 from uqpen.results.failure_reasons import common_reasons
 
@@ -18,11 +19,21 @@ from uqpen.results.failure_reasons import common_reasons
         ("residual -{}E+04 after 50", "residual # after #"),
         ("x2 of level_3 is {}", "x2 of level_3 is #"),
         ("at ({}, 0.25)", "at (#, #)"),
+        ("not {} (a.py, line 12: y = f(2, 3))", "not # (a.py, line 12: y = f(2, 3))"),
+        ("not {} (a/b 2.py, line 12)", "not # (a/b 2.py, line 12)"),
+        ("{} (after 3, line 4) in all", "# (after #, line #) in all"),
     ],
 )
 def test_numbers_are_masked_and_names_are_not(reason: str, cause: str) -> None:
     reasons = [reason.format(number) for number in (1.5, 2.5, 3.5, 4.5)]
     assert set(common_reasons(reasons).values()) == {cause}
+
+
+def test_an_example_does_not_repeat_its_line_of_code() -> None:
+    place = " (a.py, line 12: y = root(x, 2))"
+    found = FailedRuns("one", Status.FAILED, f"no # m{place}", 5, f"no 2.5 m{place}")
+    assert found.text == f"no # m, such as: no 2.5 m{place}"
+    assert found._replace(example="").text == f"no # m{place}"
 
 
 def test_reasons_without_numbers_and_few_exit_codes_stay_as_they_are() -> None:

@@ -6,6 +6,7 @@ import os
 import re
 import sys
 import textwrap
+from typing import TextIO
 
 import click
 
@@ -28,16 +29,18 @@ def show_message(text: str) -> None:
     click.echo(wrapped_message(text), err=True)
 
 
-def wrapped_message(text: str) -> str:
+def wrapped_message(text: str, stream: TextIO | None = None) -> str:
     """Return a message with its control characters spelled out, wrapped at a terminal's width.
 
-    Where standard error is no terminal, no line is wrapped, so that a program such as grep finds
-    a sentence. No word and no text in quotes is broken, so a path stays whole.
+    Where its stream, by default standard error, is no terminal, no line is wrapped, so that a
+    program such as grep finds a sentence. No word and no text in quotes is broken, so a path stays
+    whole.
     """
     text = printable(text)
-    if not sys.stderr.isatty():
+    stream = stream or sys.stderr
+    if not stream.isatty():
         return text
-    width = _terminal_width()
+    width = _terminal_width(stream)
     return "\n".join(_wrapped_line(line, width) for line in text.split("\n"))
 
 
@@ -56,13 +59,13 @@ def _wrapped_line(line: str, width: int) -> str:
     return wrapped.replace(_SPACE, " ")
 
 
-def _terminal_width() -> int:
+def _terminal_width(stream: TextIO) -> int:
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal():
         width = int(columns)
     else:
         try:
-            width = os.get_terminal_size(sys.stderr.fileno()).columns
+            width = os.get_terminal_size(stream.fileno()).columns
         except (OSError, ValueError):
             width = 0
     return max(width or _WIDTH, _LEAST_WIDTH)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from uqpen.checkpoints.keep_runs import keep_runs
 from uqpen.cli.console import plain_table, show_line, standard_output
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.printable import printable
+from uqpen.cli.messages import wrapped_message
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Output
 from uqpen.core.status import STATUS_TEXT, Status
@@ -42,12 +43,16 @@ def _show_trial_run(study: ValidatedStudy, name: str) -> bool:
             show_line(f"kept for {archive}, as a design has this point")
     else:
         show_line(f"trial run{which} at the nominal inputs: {STATUS_TEXT[trial.status]}")
-        show_line(f"  {printable(trial.reason)}")
+        _show_message(f"  {trial.reason}")
         if trial.folder is not None:
-            show_line(f"  its files are in {trial.folder}")
+            _show_message(f"  its files are in {trial.folder}")
     for warning in trial.warnings:
-        show_line(f"warning: {printable(warning)}")
+        _show_message(f"warning: {warning}")
     return is_ok
+
+
+def _show_message(text: str) -> None:
+    show_line(wrapped_message(text, sys.stdout))
 
 
 def _output_rows(

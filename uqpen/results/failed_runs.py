@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.labels import RUNS
+from uqpen.core.masked_numbers import divide_place
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
 from uqpen.results.failure_causes import common_texts, failure_causes
@@ -35,8 +36,10 @@ class FailedRuns(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The reason, with its example if it has one."""
-        return f"{self.reason}, such as: {self.example}" if self.example else self.reason
+        """The reason, with its example if it has one; both name the same line of code."""
+        example, place = divide_place(self.example)
+        told = self.reason.removesuffix(place)
+        return f"{told}, such as: {example}{place}" if example else self.reason
 
 
 def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
