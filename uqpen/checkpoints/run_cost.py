@@ -18,6 +18,7 @@ _TIMED = re.compile(r": \d+ runs in (\d+\.\d+) s, \d+ of them failed$")
 _RESTORED = re.compile(r": \d+ runs were made before$")
 _TAKEN = re.compile(r": \d+ runs were taken from (.*)$")
 _WRITTEN = re.compile(r": is written$")
+_ENDED_EARLY = re.compile(r"^\S+ ended early: ")
 
 
 def are_costly(log: Path, archive: str) -> bool:
@@ -49,6 +50,8 @@ def are_costly(log: Path, archive: str) -> bool:
                 seconds = _UNKNOWN
         elif _WRITTEN.search(line):
             before = seconds + (before if has_runs_of_before else 0.0)
+            seconds, has_runs_of_before = 0.0, False
+        elif _ENDED_EARLY.search(line):  # its runs, if any are kept, are none of this archive
             seconds, has_runs_of_before = 0.0, False
     # A start that could not write its last line may have made the archive.
     return before + seconds >= _COSTLY_SECONDS
