@@ -146,6 +146,6 @@ class TestRefusals:
     def test_a_single_method(self) -> None:
         text = STUDY.format(function="step").partition("[designs.sobol")[0]
         alone = uqpen.parse_study(text, folder=HERE)
-        complaint = "designs: found latin_hypercube that can be scaled .* at least two"
+        complaint = "designs: found only latin_hypercube that can be scaled .* at least two"
         with pytest.raises(SettingsError, match=complaint):
             compare(alone)

@@ -109,7 +109,7 @@ def check_study(study: ValidatedStudy, settings: BenchmarkSettings) -> None:
         raise SettingsError([Problem(("models",), found, expected)])
     able = sorted({method.source for method in study_methods(study, settings.budgets)})
     if len(able) < 2:
-        found = f"{', '.join(able) or 'none'} that can be scaled to these budgets"
+        found = f"{f'only {able[0]}' if able else 'none'} that can be scaled to these budgets"
         expected = f"at least two, of kinds {', '.join(_SCALED_KINDS)}, or a surrogate"
         raise SettingsError([Problem(("designs",), found, expected)])
     if next(benchmark_statistics(study.quantities_of_interest), None) is None:
