@@ -132,10 +132,10 @@ def _stage(
 def _stage_after(
     other: Vector, start: Start, weights: tuple[float, ...], slopes: tuple[Vector, ...]
 ) -> tuple[Vector, tuple[Vector, ...]]:
-    """The same as `_stage`, but the compiler has to compute another state's p before.
+    """Compute what `_stage` does, after p of another state.
 
-    A step is never negative. One that is not a number is never accepted, so `other` changes no
-    result.
+    The compiler cannot change that order. A step is never negative, and one that is not a number is
+    never accepted, so `other` changes no result.
     """
     p, x, L, z = _moved(start, weights, slopes)
     moved = (p if start[1] >= 0.0 else other[0], x, L, z)

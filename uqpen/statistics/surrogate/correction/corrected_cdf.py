@@ -104,7 +104,7 @@ class CorrectedCdf:
 
     @cached_property
     def choices(self) -> QuantileChoices:
-        """What the folds predict, by probability: the other folds decide, at their quantile."""
+        """Predictions of the folds by probability; the other folds decide, at their quantile."""
         return QuantileChoices.of(self.runs, self._grid, self._counted.choice(self.runs))
 
     @cached_property
@@ -130,6 +130,14 @@ class CorrectedCdf:
     def _at_grid(self) -> CorrectedProbability:
         return self._function(self.runs.level)
 
+    @cached_property
+    def _values_by_choice(self) -> list[FloatArray]:
+        """The function at the grid by each choice alone, in the order of `choices.parts`."""
+        return [
+            self._bounded(self._drawn, self._counted, choice, self.runs.level).value
+            for choice, _ in self.choices.parts()
+        ]
+
     def _function(self, level: float) -> CorrectedProbability:
         """Return the function with its bounds at the grid."""
         value, lower, upper = np.zeros((3, len(self._grid)))
@@ -149,8 +157,7 @@ class CorrectedCdf:
         after = np.searchsorted(self._grid, values).clip(0, len(self._grid) - 1)
         counts, drawn = self._counts(values), self._drawn_shares(values)
         result = np.zeros(len(values))
-        for choice, part in self.choices.parts():
-            known = self._bounded(self._drawn, self._counted, choice, self.runs.level).value
+        for known, (choice, part) in zip(self._values_by_choice, self.choices.parts(), strict=True):
             found = self._bounded(drawn, counts, choice, self.runs.level).value
             highest = np.maximum(largest_up_to(known)[after - 1], found)
             result += part((highest + np.minimum(least_from(known)[after], found)) / 2)

@@ -86,7 +86,7 @@ def bonett_price(
 
 @dataclass(frozen=True, eq=False)
 class FoldChoice:
-    """What each fold predicts of an event, or of each of several: what its fit does, or a constant.
+    """Prediction of each fold for an event, or for each of several: by its fit, or a constant.
 
     Parameters
     ----------
