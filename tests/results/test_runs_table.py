@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 import uqpen
 from uqpen.core.columns import read_columns
 from uqpen.core.errors import ExportError
+from uqpen.designs import DESIGNS
 from uqpen.results.export import table_content
-from uqpen.results.runs_table import runs_table
+from uqpen.results.runs_table import run_table_parts, runs_table
 
 
 def file_of(table: pd.DataFrame, kind: str) -> bytes:
@@ -130,3 +132,59 @@ def test_parquet_is_written_or_names_the_package_that_it_needs(archive: uqpen.Ar
             file_of(table, "parquet")
     else:
         pd.testing.assert_frame_equal(pd.read_parquet(io.BytesIO(file_of(table, "parquet"))), table)
+
+
+DESIGN_TABLES = {
+    "monte-carlo": "runs = 8",
+    "latin-hypercube": "runs = 8\nreplicates = 2",
+    "sobol-sequence": "runs = 8\nreplicates = 2",
+    "halton": "runs = 8\nreplicates = 2",
+    "quadrature": "order = 2",
+    "full-factorial": "levels = 2",
+    "saltelli": "base = 32",
+    "morris": "trajectories = 3",
+    "one-at-a-time": "step = 0.01",
+    "subset-simulation": 'event = "y > 5"\nsamples = 100\nreplicates = 3',
+    "active-learning": 'event = "y > 5"',
+    "form": 'event = "y > 5"',
+    "importance-sampling": 'event = "y > 5"\nsamples = 200\nreplicates = 3',
+    "table": 'file = "points.csv"',
+}
+
+
+@pytest.mark.parametrize("kind", DESIGN_TABLES)
+def test_the_runs_of_each_kind_of_design_are_the_same_by_parts(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("x1,x2,x3\n0.1,0.2,0.3\n-1,1,2\n", encoding="utf-8")
+    text = f"""
+        seed = 1
+        [model]
+        use = "ishigami"
+        [inputs]
+        x1 = "0 ± 1"
+        x2 = "0 ± 1"
+        x3 = "0 ± 1"
+        [designs.one]
+        kind = "{kind}"
+        {DESIGN_TABLES[kind]}
+    """
+    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
+    whole = runs_table(tree)
+    parts = pd.concat([*run_table_parts(tree)], ignore_index=True)
+    assert len(whole) >= 2
+    pd.testing.assert_frame_equal(parts, whole)
+    assert file_of(parts, "csv") == b"".join(table_content(run_table_parts(tree), "csv"))
+
+
+def test_weights_that_are_whole_numbers_remain_real_numbers(archive: uqpen.Archive) -> None:
+    tree = archive.copy()
+    runs = tree["runs/draws"].to_dataset()
+    whole = {"weight": ("run", np.ones(runs.sizes["run"]))}
+    tree["runs/draws"] = xr.DataTree(runs.assign_coords(whole))
+    table = runs_table(tree)
+    assert table["weight"].dtype == np.float64
+    assert table["replicate"].dtype == "Int64"
+
+
+def test_each_kind_of_design_is_among_them() -> None:
+    of_several_models, of_a_file = "multifidelity", "data"
+    assert DESIGN_TABLES.keys() | {of_several_models, of_a_file} == DESIGNS.keys()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -53,8 +53,7 @@ def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
     ]
     table = pd.concat(frames, ignore_index=True)
     own = [*dict.fromkeys(name for runs in designs.values() for name in _run_coordinates(runs))]
-    # A design without replicates leaves theirs missing; the others' stay whole numbers.
-    table[own] = table[own].convert_dtypes()
+    table = table.astype(_whole_numbers(designs.values()))
     before = [*(["model"] if len(models) > 1 else []), "design", RUN, *own]
     behind = ["status", "reason"]
     between = [name for name in table if name not in {"model", *before, *behind}]
@@ -67,15 +66,15 @@ def run_table_parts(tree: xr.DataTree, *, si: bool = False) -> Iterator[pd.DataF
     All parts have its columns.
     """
     models = model_trees(tree)
-    columns = runs_table(_without_rows(tree), si=si).dtypes
-    numbered = {name: kind for name, kind in columns.items() if kind == "Int64"}
+    columns = runs_table(_without_rows(tree), si=si).columns
+    whole_numbers = _whole_numbers(runs for _, runs in _designs(tree))
     for model, groups in models.items():
         for design in group_names(groups, RUNS):
             runs = LoadedDataset(read_group(groups, RUNS, design))
             for start, stop in block_ranges(runs.size):
                 part = _design_table(runs.read(start, stop), si=si, start=start)
-                whole = part.assign(model=model, design=design).reindex(columns=columns.index)
-                yield whole.astype(numbered)
+                named = part.assign(model=model, design=design)
+                yield named.reindex(columns=columns).astype(whole_numbers)
 
 
 def _without_rows(tree: xr.DataTree) -> xr.DataTree:
@@ -110,6 +109,18 @@ def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
         for name, coordinate in runs.coords.items()
         if coordinate.dims == (RUN,) and name != RUN
     }
+
+
+def _whole_numbers(designs: Iterable[xr.Dataset]) -> dict[str, str]:
+    """Return the type of each coordinate of runs that is a whole number wherever it is there.
+
+    A design without replicates has missing values there, so the type is one with these.
+    """
+    kinds: dict[str, set[str]] = {}
+    for runs in designs:
+        for name, values in _run_coordinates(runs).items():
+            kinds.setdefault(name, set()).add(values.dtype.kind)
+    return {name: "Int64" for name, found in kinds.items() if found <= {"i", "u"}}
 
 
 def _design_table(runs: xr.Dataset, *, si: bool, start: int = 0) -> pd.DataFrame:
