@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import re
+import select
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -168,7 +171,7 @@ class TestServer:
     def ask(
         self, server: WatchServer, path: str, method: str = "GET", host: str | None = None
     ) -> tuple[int, Any, bytes]:
-        connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=PATIENCE)
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)
         headers = {} if host is None else {"Host": host}
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()
@@ -206,11 +209,11 @@ class TestServer:
     def test_a_request_for_another_host_is_refused(self, host: str) -> None:
         """The name of a foreign page may be made to stand for this machine."""
         with serve_watch_page(lambda: STATE) as server:
-            host = host.format(port=server.server_port)
+            host = host.format(port=server.port)
             status, _, content = self.ask(server, "/state.json", host=host)
             assert status == 421
             assert b"Beam" not in content
-            assert self.ask(server, "/", host=f"localhost:{server.server_port}")[0] == 200
+            assert self.ask(server, "/", host=f"localhost:{server.port}")[0] == 200
 
     def test_nothing_can_be_changed_or_found(self) -> None:
         with serve_watch_page(lambda: STATE) as server:
@@ -222,9 +225,28 @@ class TestServer:
             assert (status, content) == (200, b"")
             assert int(headers["Content-Length"]) > 1000
 
+    def test_clients_that_say_nothing_take_a_limited_number_of_connections(self) -> None:
+        with serve_watch_page(lambda: STATE) as server, contextlib.ExitStack() as idle:
+            address = ("127.0.0.1", server.port)
+            clients = [
+                idle.enter_context(socket.create_connection(address, timeout=PATIENCE))
+                for _ in range(40)
+            ]
+            # The server closes those that it does not serve, and says nothing to the others.
+            closed, _, _ = select.select(clients, [], [], PATIENCE)
+            while len(closed) < 8:
+                closed, _, _ = select.select(clients, [], [], 0.05)
+            assert [client.recv(1) for client in closed] == [b""] * 8
+            assert server.connections == 32
+            idle.pop_all().close()
+            code = 0
+            while code != 200:  # until the server has seen that they have left
+                with contextlib.suppress(ConnectionError, http.client.HTTPException):
+                    code = self.ask(server, "/")[0]
+
     def test_it_ends_with_its_context(self) -> None:
         with serve_watch_page(lambda: STATE) as server:
-            port = server.server_port
+            port = server.port
             assert server.server_address[0] == "127.0.0.1", "no other machine reaches it"
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
         with pytest.raises(ConnectionRefusedError):
@@ -309,9 +331,9 @@ def test_a_port_in_use_is_a_mistake(command_line: Callable[..., Any], tmp_path: 
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     with serve_watch_page(lambda: STATE) as server:
-        outcome = command_line("study", "study.toml", "--watch", str(server.server_port))
+        outcome = command_line("study", "study.toml", "--watch", str(server.port))
     assert outcome.code == 2
-    assert f"--watch: cannot listen at port {server.server_port}" in outcome.err
+    assert f"--watch: cannot listen at port {server.port}" in outcome.err
     assert not (tmp_path / "calls").exists(), "no model has run"
 
 

@@ -10,7 +10,6 @@ import ipaddress
 import json
 import re
 import socket
-import socketserver
 import threading
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -18,7 +17,7 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any, Protocol
 
 from uqpen.models.umbridge_client import PROTOCOL
-from uqpen.server.client_errors import IgnoresDisconnections
+from uqpen.server.connections import LimitsConnections
 from uqpen.server.run_budget import RunBudget
 from uqpen.server.served_model import RefusedError, only_vector
 
@@ -62,7 +61,7 @@ class Offer(Protocol):
         """Return the output vectors of one run; a `RefusedError` says that it failed."""
 
 
-class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
+class ModelServer(LimitsConnections):
     """A UM-Bridge server.
 
     Parameters
@@ -78,7 +77,6 @@ class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
     """
 
     allow_reuse_address = True
-    daemon_threads = True
     request_queue_size = 128
 
     def __init__(
@@ -94,8 +92,7 @@ class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
         self.turn = threading.Lock()
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._name = _plain_name(host)
-        self._count_lock = threading.Lock()
-        self._connections = 0
+        self.most_connections = 2 * _MOST_CONNECTIONS
         super().__init__((host, port), _Handler)
 
     @property
@@ -108,7 +105,7 @@ class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
     @property
     def is_busy(self) -> bool:
         """True if it has more connections than it serves."""
-        return self._connections > _MOST_CONNECTIONS
+        return self.connections > _MOST_CONNECTIONS
 
     def is_named(self, name: str) -> bool:
         """Check that a request is meant for this server, by the host name that it is sent to.
@@ -125,22 +122,6 @@ class ModelServer(IgnoresDisconnections, socketserver.ThreadingTCPServer):
             or plain.endswith(".localhost")
             or _is_address(plain)
         )
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, if there are not too many."""
-        with self._count_lock:
-            self._connections += 1
-            is_refused = self._connections > 2 * _MOST_CONNECTIONS
-        if is_refused:
-            self.shutdown_request(request)
-        else:
-            super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        """Close a connection."""
-        with self._count_lock:
-            self._connections -= 1
-        super().shutdown_request(request)
 
     def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
         """Return the response to a request; a `RefusedError` stands for an error."""

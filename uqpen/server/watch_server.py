@@ -7,11 +7,11 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from typing import Any
 
-from uqpen.server.client_errors import IgnoresDisconnections
+from uqpen.server.connections import LimitsConnections
 
 __all__ = ["WatchServer", "serve_watch_page"]
 
@@ -37,7 +37,7 @@ _HEADERS = {
 }
 
 
-class WatchServer(IgnoresDisconnections, ThreadingHTTPServer):
+class WatchServer(LimitsConnections):
     """A server of one page, which only this machine reaches, and which changes nothing.
 
     Parameters
@@ -48,17 +48,23 @@ class WatchServer(IgnoresDisconnections, ThreadingHTTPServer):
         The port; 0 for any free one. `OSError` if it cannot be listened at.
     """
 
-    daemon_threads = True
+    allow_reuse_address = True
+    most_connections = 32
 
     def __init__(self, state: Callable[[], Mapping[str, Any]], port: int = 0) -> None:
         self.state = state
         super().__init__((_HOST, port), _Handler)
-        self.hosts = {f"{name}:{self.server_port}" for name in (_HOST, "localhost")}
+        self.hosts = {f"{name}:{self.port}" for name in (_HOST, "localhost")}
+
+    @property
+    def port(self) -> int:
+        """Port that it listens at."""
+        return int(self.server_address[1])
 
     @property
     def url(self) -> str:
         """Address of the page."""
-        return f"http://{_HOST}:{self.server_port}/"
+        return f"http://{_HOST}:{self.port}/"
 
 
 @contextmanager
@@ -83,7 +89,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: WatchServer
     server_version = "uqpen"
     sys_version = ""
-    timeout = 60  # seconds without a word from the client
+    timeout = 10  # seconds without a word from the client
 
     def do_GET(self) -> None:
         """Send the page, or the state of the study."""
