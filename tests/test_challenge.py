@@ -86,6 +86,8 @@ def test_the_budget_is_spent_by_runs_whether_they_fail_or_not(study: Path) -> No
         assert ask(address, "Evaluate", input=[[-9.0, 0.0]])[0] == 500
         assert ask(address, "ModelInfo")[1]["runsLeft"] == 1
         assert ask(address, "Evaluate", input=[[0.0]])[0] == 400  # no run was asked for
+        assert ask(address, "Evaluate", input=[[float("nan"), 0.0]])[0] == 400
+        assert ask(address, "Evaluate", input=[[0.0, float("-inf")]])[0] == 400
         assert ask(address, "ModelInfo")[1]["runsLeft"] == 1
         assert ask(address, "Evaluate", input=[[0.0, 0.0]])[0] == 200
         code, answer = ask(address, "Evaluate", input=[[0.0, 0.0]])
@@ -162,6 +164,30 @@ class TestCount:
         with pytest.raises(ModelError, match=message):
             RunBudget(path, 5, {"a": {"version": 1}})
         assert path.read_bytes() == content
+
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            ('load = "N"', 'load = "kN"'),
+            ('span = "m"', 'span = "mm"'),
+            ("[designs.some]", '[constraints]\nkeep = ["span > 1 m"]\n[designs.some]'),
+            ("± 0.5) m", "± 0.6) m"),
+        ],
+    )
+    def test_it_is_of_one_version_of_the_study(self, study: Path, old: str, new: str) -> None:
+        def identities() -> dict[str, Any]:
+            offers = hidden_offers(str(study), make_offers(str(study)))
+            return {offer.name: offer.identity for offer in offers}
+
+        path = study.with_name("count.jsonl")
+        with RunBudget(path, 5, identities()) as budget:
+            budget.grant("model", [1.0, 1.0])
+        with RunBudget(path, 5, identities()) as budget:
+            assert budget.left("model") == 4
+        assert old in STUDY
+        study.write_text(STUDY.replace(old, new))
+        with pytest.raises(ModelError, match="counts the runs of other models, or of another"):
+            RunBudget(path, 5, identities())
 
     @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
     def test_two_servers_cannot_count_in_one_file(self, tmp_path: Path) -> None:

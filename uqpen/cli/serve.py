@@ -167,16 +167,21 @@ def make_offers(
 
 def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
     """Offer the models of a study: the vector has its random inputs, the others are as it says."""
+    from uqpen.archive.provenance import provenance
+    from uqpen.study.fingerprint import model_fingerprint
     from uqpen.study.load import load_study
 
     study = load_study(path)
+    versions = provenance()  # a count goes on after an update
     for label, variant in study.models.items():
         model = variant.model
         known = {variable.name for variable in model.inputs}
         names = (entry.variable.name for entry in study.joint.random)
         varied = named or list(filter(known.__contains__, names))
         fixed = {**study.joint.nominal(), **variant.given}
-        yield _offer(label or model.name, model, varied, fixed, study.constraints)
+        settings = model_fingerprint(study, label).items()
+        fingerprint = {key: value for key, value in settings if key not in versions}
+        yield _offer(label or model.name, model, varied, fixed, study.constraints, fingerprint)
 
 
 def _archive_offers(
@@ -223,6 +228,7 @@ def _offer(
     varied: Sequence[str],
     values: Mapping[str, float],
     constraints: Sequence[Constraint] = (),
+    fingerprint: Mapping[str, str] | None = None,
 ) -> ServedModel:
     """Offer a model with some inputs in its vector, and the values of the others."""
     from uqpen.core.errors import ModelError
@@ -232,7 +238,7 @@ def _offer(
     if model.uncallable_reason:
         raise ModelError(f"{model.uncallable_reason}; a surrogate of an archive can be served")
     fixed = {name: value for name, value in values.items() if name not in varied}
-    return ServedModel(name, Evaluator(model, constraints), tuple(varied), fixed)
+    return ServedModel(name, Evaluator(model, constraints), tuple(varied), fixed, fingerprint or {})
 
 
 def _show(server: ModelServer, offers: Sequence[ServedModel]) -> None:

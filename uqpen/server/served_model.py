@@ -45,12 +45,16 @@ class ServedModel:
         The inputs that make up the vector, in its order.
     fixed_inputs : mapping of str to float
         The values of others, in SI units.
+    fingerprint : mapping of str to str
+        What a study says of the model, such as its units and constraints, and the hashes of its
+        files; empty without a study.
     """
 
     name: str
     evaluator: Evaluator
     varied_inputs: tuple[str, ...]
     fixed_inputs: Mapping[str, float] = field(default_factory=dict)
+    fingerprint: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         model, given = self.model, {*self.varied_inputs, *self.fixed_inputs}
@@ -81,7 +85,7 @@ class ServedModel:
     def identity(self) -> dict[str, Any]:
         """All that decides the result of a run with a vector, for JSON."""
         return {
-            "identity": self.model.identity(),
+            "identity": {**self.fingerprint, **self.model.identity()},
             "inputs": self.varied_inputs,
             "held": dict(self.fixed_inputs),
         }
@@ -126,11 +130,14 @@ class ServedModel:
 
 
 def only_vector(vectors: Any, size: int) -> list[float]:
-    """Return the only vector of an input; refuse one of another size."""
+    """Return the only vector of an input; refuse one of another size, or without finite numbers."""
     match vectors:
         case [[*vector]] if len(vector) == size and {*map(type, vector)} <= {int, float}:
             try:
-                return [float(value) for value in vector]
+                values = [float(value) for value in vector]
             except OverflowError:
                 raise RefusedError("InvalidInput", "a number is too large") from None
+            if not all(map(math.isfinite, values)):
+                raise RefusedError("InvalidInput", "a number is not finite")
+            return values
     raise RefusedError("InvalidInput", f"expected one vector of {size} numbers")
