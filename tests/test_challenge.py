@@ -170,7 +170,7 @@ class TestCount:
         [
             ('load = "N"', 'load = "kN"'),
             ('span = "m"', 'span = "mm"'),
-            ("[designs.some]", '[constraints]\nkeep = ["span > '1 m'"]\n[designs.some]'),
+            ("[designs.some]", "[constraints]\nkeep = [\"span > '1 m'\"]\n[designs.some]"),
             ("± 0.5) m", "± 0.6) m"),
         ],
     )

@@ -10,6 +10,9 @@ __all__ = ["main"]
 
 _INTERRUPTED = 130
 
+# Exit codes above this one are of interrupts and of requests to terminate.
+_BY_SIGNAL = 128
+
 
 def main() -> None:
     """Run the command line, and leave with its exit code; 130 at Ctrl-C, however early it comes."""
@@ -17,12 +20,15 @@ def main() -> None:
         from uqpen.cli.main import main as run
 
         run()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, RuntimeError) as error:
+        # Before Python 3.12, an exception of `__set_name__` is the cause of a RuntimeError.
+        if not any(isinstance(each, KeyboardInterrupt) for each in (error, error.__cause__)):
+            raise
         sys.stderr.write("interrupted\n")
         _end_children()
         sys.exit(_INTERRUPTED)
     except SystemExit as left:
-        if left.code == _INTERRUPTED:
+        if isinstance(left.code, int) and left.code > _BY_SIGNAL:
             _end_children()
         raise
     finally:

@@ -401,7 +401,10 @@ class TestProcess:
     def command(self, *arguments: str) -> list[str]:
         return [sys.executable, "-m", "uqpen", *arguments]
 
-    def test_ctrl_c_leaves_with_130_and_no_traceback(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    def test_an_interrupt_leaves_with_its_code_and_no_traceback(
+        self, tmp_path: Path, sent: signal.Signals
+    ) -> None:
         (tmp_path / "slow.py").write_text(SLOW)
         (tmp_path / "slow.toml").write_text(SLOW_STUDY)
         controller, terminal = pty.openpty()
@@ -418,12 +421,12 @@ class TestProcess:
                 seen += os.read(controller, 1000)
             while not list((tmp_path / "archives").rglob("*.npz")):
                 time.sleep(0.01)
-            process.send_signal(signal.SIGINT)
+            process.send_signal(sent)
             code = process.wait(timeout=60)
         while chunk := _read(controller):
             seen += chunk
         os.close(controller)
-        assert code == 130
+        assert code == 128 + sent
         assert b"runs are kept; the same command continues from there" in seen
         assert b"Traceback" not in seen
         left = {path.name for path in (tmp_path / "archives").iterdir()}
@@ -546,8 +549,16 @@ def _read(descriptor: int) -> bytes:
         return b""
 
 
-def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path: Path) -> None:
-    (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")
+@pytest.mark.parametrize(
+    "module",
+    [
+        "raise KeyboardInterrupt\n",
+        "class Interrupts:\n    def __set_name__(self, owner, name):\n"
+        "        raise KeyboardInterrupt\n\nclass Some:\n    member = Interrupts()\n",
+    ],
+)
+def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path: Path, module: str) -> None:
+    (tmp_path / "click.py").write_text(module)
     done = subprocess.run(
         [sys.executable, "-m", "uqpen", "study", "some.toml"],
         env={**os.environ, "PYTHONPATH": str(tmp_path)},

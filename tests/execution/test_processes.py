@@ -326,7 +326,10 @@ def test_a_script_that_would_start_itself_again_is_told(tmp_path: Path) -> None:
 SLOW = "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(60)\n"
 
 
-def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_no_process_and_no_file(tmp_path: Path, sent: signal.Signals) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
     (tmp_path / "mine.toml").write_text(study(tmp_path, SLOW))
     line = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2", "-o"]
     # As a terminal interrupts all processes, and as another program interrupts the one it knows.
@@ -338,6 +341,7 @@ def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 start_new_session=True,
+                env={**os.environ, "TMPDIR": str(folder)},
             ),
             send,
         )
@@ -347,11 +351,12 @@ def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
         with process:
             assert process.stdout is not None
             assert process.stdout.readline().startswith(b"run")
-            send(process.pid, signal.SIGINT)
+            send(process.pid, sent)
             # Nothing ends before the last process that could write to it.
             said = process.communicate(timeout=60)[1]
-        assert process.returncode == 130
+        assert process.returncode == 128 + sent
         assert said == b"interrupted: nothing was written\n"
+    assert not list(folder.iterdir())
 
 
 LAUNCHER = """\

@@ -14,7 +14,7 @@ from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.messages import show_message
 from uqpen.cli.printable import SPELLED_OUT
 from uqpen.core.errors import TooManyFailedError, UqpenError
-from uqpen.core.interrupts import record_interrupts
+from uqpen.core.interrupts import interrupt_exit_code, record_interrupts
 from uqpen.core.lookup import nearest, resolve
 from uqpen.core.output_streams import lasting_streams, stream_error
 
@@ -70,7 +70,7 @@ def main() -> None:
         if error := stream_error():
             show_message(f"standard output cannot be written: {error}")
             code = code or ExitCode.MISTAKE
-    sys.exit(code)
+    sys.exit(interrupt_exit_code() if code == ExitCode.INTERRUPTED else code)
 
 
 def _run(arguments: list[str]) -> int:

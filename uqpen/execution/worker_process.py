@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.interrupts import exit_at_interrupt
+from uqpen.core.interrupts import exit_at_interrupt, ignore_termination
 from uqpen.core.output_streams import lasting_streams
 from uqpen.core.processors import use_one_thread
 from uqpen.core.units import DIMENSIONLESS, scale
@@ -40,6 +40,7 @@ _ORPHANED = 1
 def run_batches(connection: Connection[Any, Any]) -> None:
     """Run batches until asked to end, or until the parent process is gone."""
     exit_at_interrupt()
+    ignore_termination()
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     _start_process_group()
