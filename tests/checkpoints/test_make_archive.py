@@ -32,15 +32,16 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 
-# Stops, as Ctrl-C would, at the run that it is told to.
+# Stops, as Ctrl-C would, at the run that it is told to: by the name of a file, as a file that a run
+# opens would belong to the model.
 MODEL = """\
 import pathlib, signal
 here = pathlib.Path(__file__).parent
 def simulate(x, y):
     with (here / "calls").open("a") as stream:
         stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+    stops = [int(file.name[5:]) for file in here.glob("stop_*")]
+    if len((here / "calls").read_text().split()) in stops:
         signal.raise_signal(signal.SIGINT)
     if x > 1:
         raise ValueError("x is too large")
@@ -106,10 +107,11 @@ def make(folder: Path, **options: Any) -> bytes:
 
 def interrupt(folder: Path, after: int) -> str:
     """Make an archive that is interrupted at a run, and what is told of it."""
-    (folder / "stop").write_text(str(after))
+    stop = folder / f"stop_{after}"
+    stop.touch()
     with pytest.raises(KeyboardInterrupt) as interrupted:
         make(folder)
-    (folder / "stop").unlink()
+    stop.unlink()
     return str(interrupted.value)
 
 
@@ -640,12 +642,12 @@ Command = Callable[..., Any]
 
 
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: Command) -> None:
-    (folder / "stop").write_text("21")
+    (folder / "stop_21").touch()
     outcome = command_line("study", "study.toml")
     assert outcome.code == 130
     said = "interrupted: 20 runs are kept; the same command continues from there\n"
     assert outcome.err.endswith(said)
-    (folder / "stop").unlink()
+    (folder / "stop_21").unlink()
     outcome = command_line("study", "study.toml")
     assert outcome.code == 0
     assert "one: 20 of 30 runs already done\n" in outcome.err
@@ -654,7 +656,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: C
 
 
 def test_a_changed_study_leaves_with_2(folder: Path, command_line: Command) -> None:
-    (folder / "stop").write_text("21")
+    (folder / "stop_21").touch()
     command_line("study", "study.toml")
     change(folder, "seed = 11", "seed = 12")
     outcome = command_line("study", "study.toml")

@@ -130,7 +130,7 @@ def _sources(
     for design in group_names(group, RUNS):
         if read_group(group, RUNS, design).sizes[RUN] > RUNS_IN_MEMORY:
             continue  # they are found by their inputs, for which all have to be in memory
-        for runs in _rounds(read_group(group, RUNS, design), model, comparison.imported):
+        for runs in _rounds(read_group(group, RUNS, design), model, comparison.dependencies):
             source = RunSource(
                 place,
                 runs,
@@ -157,7 +157,7 @@ def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
     return {name for name in before.keys() & now.keys() if before[name] != now[name]}
 
 
-def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterator[FinishedRuns]:
+def _rounds(runs: xr.Dataset, model: Model, dependencies: frozenset[str]) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
     inputs = input_columns(runs, model)
     if not all(_has_output(runs, output) for output in model.outputs):
@@ -168,7 +168,7 @@ def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterato
     if FAILED_RUN in runs:
         failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
         reasons |= {run: str(reason) for run, reason in failed if run in reasons}
-    whole = Results(outputs, status, reasons, imported)
+    whole = Results(outputs, status, reasons, dependencies)
     number = runs[ROUND].values if ROUND in runs else np.zeros(runs.sizes[RUN])
     for each in np.unique(number):
         at = np.flatnonzero(number == each)

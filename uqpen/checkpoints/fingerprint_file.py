@@ -25,6 +25,9 @@ _LONGEST, _BEFORE = 60, 20
 
 _MOST_LISTED = 6
 
+# Keys of hashes.
+_HASHED = ("file ", "module ", "environment variable ")
+
 
 def read_fingerprint(record: Path) -> dict[str, str] | None:
     """Read the fingerprint of the runs beside a record; None for a damaged one."""
@@ -63,7 +66,7 @@ def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> It
         was, is_now = (str(each.get(key, "not there")) for each in (before, now))
         if was == is_now:
             continue
-        is_hash = key.startswith("file ") or key.endswith("sha256")
+        is_hash = key.startswith(_HASHED) or key.endswith("sha256")
         if is_hash and key in before and key in now:
             yield Change(key, f"{key} has changed")
         else:

@@ -173,6 +173,10 @@ CONTENT = "content_sha256"
 # absent where all of them would be the same here to the bit.
 REUSED_RUNS = "reused_runs"
 
+# What the runs of a model depend on besides their inputs, a line each: at the root of an archive,
+# or at the group of the model in an archive of several.
+DEPENDENCIES = "run_dependencies"
+
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"
 REFERENCE = "reference"

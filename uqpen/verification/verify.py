@@ -16,7 +16,7 @@ from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.archive.read import read_as_written
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import KIND, REUSED_RUNS
+from uqpen.core.labels import DEPENDENCIES, KIND, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.document import Objects
@@ -229,7 +229,8 @@ def _repeat_statistics(
         study, tree = replace(study, analyses=()), without_user_defined_statistics(tree)
     if recipe := check_recipe(tree):
         yield recipe
-    ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, REUSED_RUNS, *besides]
+    ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, *besides]
+    ignored += [REUSED_RUNS, DEPENDENCIES]
     try:
         yield repeated_statistics(
             study,

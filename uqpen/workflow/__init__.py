@@ -90,7 +90,12 @@ def _run_designs(
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     # Of user-defined models; runs of built-in ones cost nothing.
     first_runs = {
-        name: FirstRuns(variant.model, study.failures, partial(_report_trial, progress, name))
+        name: FirstRuns(
+            variant.model,
+            study.failures,
+            partial(_report_trial, progress, name),
+            is_observed=True,
+        )
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
     }
