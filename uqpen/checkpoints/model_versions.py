@@ -14,7 +14,7 @@ from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import model_trees, read_group
 from uqpen.checkpoints.earlier_runs import depends_on_batch
 from uqpen.checkpoints.fingerprint_file import fingerprint_changes
-from uqpen.core.dependency import IMPORTED, MODULE, Dependency
+from uqpen.core.dependency import IMPORTED, LIBRARY, MODULE, OPENED, Dependency
 from uqpen.core.labels import DEPENDENCIES
 from uqpen.core.model import Model
 from uqpen.models.dependencies import current_sha256
@@ -78,13 +78,17 @@ def compare_models(
         return ModelComparison((reason,))
     texts = tomllib.loads(str(tree.attrs["study_text"])), tomllib.loads(study.text)
     files = {file.name: file for file in archived_files(read_group(tree, FILES))}
-    own = files_by_name(model.files(), study.folder)
+    known = [*map(Dependency.from_line, model.dependencies())]
+    # Those that it opens are compared below: a start may have written what the next one reads.
+    opened = {each.name for each in known if each.role in (OPENED, LIBRARY)}
+    named = files_by_name(model.files(), study.folder)
+    own = {file: snapshot for file, snapshot in named.items() if file not in opened}
     attributes = {
         str(key): str(value) for key, value in model_trees(tree)[archived_name].attrs.items()
     }
     lines = frozenset(filter(None, attributes.get(DEPENDENCIES, "").split("\n")))
     archived = sorted(map(Dependency.from_line, lines))
-    dependencies = _compared_dependencies(model, archived, study.folder)
+    dependencies = _compared_dependencies(model, known, archived, study.folder)
     before, now = _identity(attributes), model.identity()
     changed = list(
         fingerprint_changes(
@@ -124,14 +128,14 @@ class _ComparedDependencies(NamedTuple):
 
 
 def _compared_dependencies(
-    model: Model, archived: Sequence[Dependency], folder: Path
+    model: Model, loaded: Sequence[Dependency], archived: Sequence[Dependency], folder: Path
 ) -> _ComparedDependencies:
     """Return the dependencies of archived runs, and the same ones as they are now.
 
     Modules that the model has loaded now are compared, too, if the archive has none of their names:
     a source decides what is imported. That it opens another file follows from one that has changed.
     """
-    known = {each[:2]: each.sha256 for each in map(Dependency.from_line, model.dependencies())}
+    known = {each[:2]: each.sha256 for each in loaded}
     before: dict[str, str] = {}
     now: dict[str, str] = {}
     context = surroundings.on_import_path() if (surroundings := _folder(model)) else nullcontext()
@@ -153,7 +157,7 @@ def _unknown_version(model: Model) -> str:
     folder = _folder(model)
     if model.unknown_dependency:
         return f"its model has versions that cannot be distinguished: {model.unknown_dependency}"
-    if isinstance(model, PythonFunction) and folder is not None and not folder.files():
+    if isinstance(model, PythonFunction) and folder is not None and not folder.imported:
         return f"no archive says which version of {model.name} its runs were made with"
     return ""
 

@@ -54,7 +54,8 @@ class FirstRuns:
         Receives the text on a trial run that has failed.
     is_observed : bool
         Whether one run is to be observed, for what the runs of the model depend on. It is the trial
-        run, or the first that this start makes, where none of those restored was.
+        run, or the first that this start makes, where none of those restored was. A run that fails
+        may have ended early, so the first of those after it is observed, too.
     """
 
     def __init__(
@@ -96,7 +97,8 @@ class FirstRuns:
         FirstRunsFailedError
             If as many runs as the policy names have failed alike.
         """
-        if self.is_observation_due and _OBSERVED in batch_result.results.files:
+        results = batch_result.results
+        if _OBSERVED in results.files and (results.status == Status.OK).any():
             self.is_observation_due = False
         if self._is_over:
             return

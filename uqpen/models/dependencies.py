@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from uqpen.core.dependency import (
+    CHANGED,
     ENVIRONMENT,
     LIBRARY,
     MODULE,
@@ -48,8 +49,14 @@ class Dependencies:
 
     @property
     def lines(self) -> frozenset[str]:
-        """All that was seen, in the form of `Results.files`."""
-        return frozenset(each.line for each in self._at_loading | self._in_run)
+        """All that was seen, in the form of `Results.files`.
+
+        A file that a run changes has no hash, even if it was read before.
+        """
+        found = self._at_loading | self._in_run
+        return frozenset(
+            each.line for each in found if not (each.sha256 and each.name in self._changed)
+        )
 
     @property
     def lines_of_runs(self) -> frozenset[str]:
@@ -97,7 +104,12 @@ class Dependencies:
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the files in the study's folder that were opened."""
-        return tuple(self._snapshots[path] for path in sorted(self._snapshots))
+        changed = {self.folder / name for name in self._changed}
+        return tuple(self._snapshots[path] for path in sorted(self._snapshots.keys() - changed))
+
+    @property
+    def _changed(self) -> set[str]:
+        return {each.name for each in self._in_run if each.role == CHANGED}
 
     def _seen(self, imported: Collection[str]) -> set[Dependency]:
         found = set()

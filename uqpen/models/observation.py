@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.util import source_from_cache
 from types import FrameType
@@ -40,6 +41,7 @@ _SYSTEM = (
 _PLACE = (
     *("HOME", "PATH", "PWD", "OLDPWD", "TMPDIR", "TMP", "TEMP", "USER", "LOGNAME", "USERNAME"),
     *("HOSTNAME", "SHELL", "TERM", "COLUMNS", "LINES", "DISPLAY"),
+    *("LANG", "LANGUAGE"),
 )
 _PLACES = ("SLURM_", "PBS_", "LSB_", "XDG_", "LC_", "DASK_", "OMP_", "OPENBLAS_", "MKL_", "UQPEN_")
 
@@ -74,7 +76,7 @@ class Observation:
         self._programs: set[str] = set()
         self._hosts: set[str] = set()
         self._variables: dict[str, str | None] = {}
-        self._read: set[str] = set()
+        self._read: Counter[str] = Counter()
         self._set: set[str] = set()
         self._is_noting = False
 
@@ -117,11 +119,18 @@ class Observation:
             yield Dependency(PROGRAM, name), ""
         for name in sorted(self._hosts):
             yield Dependency(CONNECTION, name), ""
-        if len(os.environ) > _FEW and self._read >= {*os.environ}:  # copied as a whole
-            yield Dependency(ENVIRONMENT, ""), ""
-        else:
-            for name, value in sorted(self._variables.items()):
-                yield Dependency(ENVIRONMENT, name, value_sha256(name, value)), ""
+        yield from ((each, "") for each in self._environment())
+
+    def _environment(self) -> Iterator[Dependency]:
+        """Yield the variables that were read."""
+        # Where all are read alike, the environment was copied as a whole, which reads each of them.
+        copies = min((self._read[name] for name in os.environ), default=0)
+        copies *= len(os.environ) > _FEW
+        if copies:
+            yield Dependency(ENVIRONMENT, "")
+        for name, value in sorted(self._variables.items()):
+            if self._read[name] > copies:
+                yield Dependency(ENVIRONMENT, name, value_sha256(name, value))
 
     def note_event(self, event: str, arguments: tuple[Any, ...]) -> None:
         """Note an audit event of Python."""
@@ -139,8 +148,9 @@ class Observation:
     def note_variable(self, name: str | bytes, value: str | bytes | None) -> None:
         """Note a variable of the environment that is read, None for one that is not set."""
         text = os.fsdecode(name)
-        if _is_users():
-            self._read.add(text)
+        is_guess = self._is_noting and value is None  # a word that may be no variable
+        if not is_guess and _is_users():
+            self._read[text] += 1
             if text not in self._set and text not in _PLACE and not text.startswith(_PLACES):
                 found = None if value is None else os.fsdecode(value)
                 self._variables.setdefault(text, found)
