@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import stat
 from pathlib import Path
 from typing import NamedTuple
+
+from uqpen.core.files import LARGEST
 
 __all__ = [
     "CHANGED",
@@ -90,14 +94,26 @@ class Dependency(NamedTuple):
 
 
 def file_sha256(path: str | Path) -> str:
-    """Return the hash of a file; empty where there is none that can be read."""
+    """Return the hash of a file; empty where there is none that can be read.
+
+    A large file is read once as long as nobody writes it.
+    """
+    file = Path(path)
     try:
-        if not Path(path).is_file():  # a device or a pipe may have no end
+        about = file.stat()
+        if not stat.S_ISREG(about.st_mode):  # a device or a pipe may have no end
             return ""
-        with Path(path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        if about.st_size > LARGEST:
+            return _large_file_sha256(file, about.st_mtime_ns, about.st_ctime_ns, about.st_size)
+        return hashlib.sha256(file.read_bytes()).hexdigest()
     except (OSError, ValueError):
         return ""
+
+
+@functools.lru_cache(maxsize=256)
+def _large_file_sha256(file: Path, *_: int) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def value_sha256(name: str, value: str | None) -> str:

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from uqpen.models.installed import (
-    is_apart,
     is_installed,
+    is_of_no_model,
     loaded_own_modules,
     module_file,
     module_sha256,
@@ -248,7 +248,7 @@ def _module_parts(value: ModuleType, label: str, seen: dict[int, int]) -> Iterat
 def _is_own(module: ModuleType) -> bool:
     """Check for a module of the user's, which does not change with a version."""
     file = module_file(module)
-    return bool(file) and not is_apart(module.__name__) and not is_installed(file)
+    return bool(file) and not is_of_no_model(module.__name__) and not is_installed(file)
 
 
 def _own_modules(name: str, module: ModuleType) -> dict[str, ModuleType]:

@@ -16,8 +16,8 @@ from typing import Any
 from uqpen.core.dependency import file_sha256
 
 __all__ = [
-    "is_apart",
     "is_installed",
+    "is_of_no_model",
     "is_standard",
     "loaded_own_modules",
     "module_attributes",
@@ -57,10 +57,10 @@ def is_installed(file: str) -> bool:
     installed as editable is not, nor is a file that was put beside installed ones.
     """
     file = os.path.abspath(file)
-    if file.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER)):
-        return _is_recorded(file) if _is_single(file) else True
     if file.startswith(_SYSTEM):
         return True
+    if file.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER)):
+        return _is_recorded(file) if _is_single(file) else True
     real = os.path.realpath(file)
     if real != file and real.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER, *_SYSTEM)):
         return is_installed(real)
@@ -139,7 +139,7 @@ def module_sha256(name: str, module: ModuleType) -> str:
     return sha256
 
 
-def is_apart(name: str) -> bool:
+def is_of_no_model(name: str) -> bool:
     """Check for the main program and this package, which belong to no model."""
     return name in ("__main__", "__mp_main__") or name.partition(".")[0] == _PACKAGE
 
@@ -149,7 +149,7 @@ def loaded_own_modules() -> dict[str, ModuleType]:
     return {
         name: module
         for name, module in list(sys.modules.items())
-        if not is_apart(name) and (file := module_file(module)) and not is_installed(file)
+        if not is_of_no_model(name) and (file := module_file(module)) and not is_installed(file)
     }
 
 

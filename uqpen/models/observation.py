@@ -113,7 +113,7 @@ class Observation:
                 name = relative_name(path, folder)
                 if role == OPENED and _stamp(path) != self._opened[path]:
                     yield Dependency(CHANGED, name), path
-                elif sha256 := _hash(path, _stamp(path)):
+                elif sha256 := file_sha256(path):
                     yield Dependency(role, name, sha256), path
         for name in sorted(self._programs):
             yield Dependency(PROGRAM, name), ""
@@ -286,21 +286,17 @@ def _source(path: str) -> str:
 
 def _is_noise(path: str) -> bool:
     """Check for a file of the system, of an installed package, or of a cache."""
-    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    if path.startswith((*_SYSTEM, cache + os.sep)) or _CACHED in path.split(os.sep):
+    if path.startswith(_SYSTEM) or f"{os.sep}{_CACHED}{os.sep}" in path or is_installed(path):
         return True
-    return os.path.realpath(path) == os.path.realpath(sys.executable) or is_installed(path)
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    if path.startswith(cache + os.sep):
+        return True
+    return os.path.realpath(path) == os.path.realpath(sys.executable)
 
 
 def _reads_first(flags: int) -> bool:
     """Check that a file is opened to be read and changed, so that its content counts."""
     return bool(flags & os.O_RDWR) and not flags & (os.O_TRUNC | os.O_EXCL | os.O_APPEND)
-
-
-@functools.lru_cache(maxsize=256)
-def _hash(path: str, _: Stamp) -> str:
-    """Return the hash of a file, which is read once as long as nobody writes it."""
-    return file_sha256(path)
 
 
 def _stamp(path: str) -> Stamp:

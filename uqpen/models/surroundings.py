@@ -16,8 +16,8 @@ from uqpen.core.dependency import IMPORTED, MODULE, Dependency
 from uqpen.core.files import FileSnapshot
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.installed import (
-    is_apart,
     is_installed,
+    is_of_no_model,
     loaded_own_modules,
     module_file,
     module_sha256,
@@ -192,7 +192,7 @@ class ModelFolder:
         else:
             self._outside = {}
         for name, module in imported:
-            if not is_apart(name) and self._is_inside(module_file(module)):
+            if not is_of_no_model(name) and self._is_inside(module_file(module)):
                 found[name] = sys.modules.pop(name)
             else:
                 self._outside[name] = module
@@ -214,7 +214,7 @@ class ModelFolder:
     def _add_module(self, name: str, module: ModuleType) -> None:
         """Add a module that lies elsewhere, unless it is installed."""
         file = module_file(module)
-        if not file or is_apart(name) or name.startswith(MODEL_MODULE) or is_installed(file):
+        if not file or is_of_no_model(name) or name.startswith(MODEL_MODULE) or is_installed(file):
             return
         self._files.add(file)
         self._imported |= {Dependency(MODULE, name, module_sha256(name, module))}
