@@ -34,6 +34,11 @@ def f(x):
         raise KeyboardInterrupt
     return {"y": factor * x + float((here.parent / "lib" / "far.txt").read_text())}
 """
+PROGRAM = """\
+def f(x):
+    with open(file) as stream:
+        return {"y": float(stream.read()) * x}
+"""
 STUDY = """\
 seed = 1
 [model]
@@ -243,3 +248,46 @@ class TestInstalled:
         assert is_installed(str(tmp_path / "one.py"))
         assert is_installed(str(tmp_path / "one" / "__init__.py"))
         assert not is_installed(str(tmp_path / "dropped.py"))
+
+
+def test_a_run_that_fails_early_is_not_all_that_is_observed(folder: Path) -> None:
+    # The first run alone fails, before it opens a file.
+    first = (
+        "    if not (here / 'called').exists():\n        (here / 'called').touch()\n        1 / 0\n"
+    )
+    (folder / "m.py").write_text(MODEL.replace("    factor =", first + "    factor ="))
+    make(folder)
+    assert int(uqpen.open_archive(folder / "study.nc")["runs/d"]["status"][0]) != 0
+    assert recorded(folder)["k.txt"] == "opened"
+
+
+def test_without_a_trial_run_the_first_run_is_observed(folder: Path) -> None:
+    (folder / "study.toml").write_text(STUDY + "[failures]\ntrial = false\n")
+    make(folder)
+    assert recorded(folder)["k.txt"] == "opened"
+
+
+def test_files_in_the_folder_are_archived_so_that_runs_can_be_repeated(folder: Path) -> None:
+    source = MODEL.replace("import outside", "").replace('(here.parent / "lib" / "far.txt")', "k")
+    (folder / "m.py").write_text(source.replace("    factor", "    k = here / 'k.txt'\n    factor"))
+    make(folder)
+    (folder / "k.txt").unlink()
+    for result in uqpen.verify(folder / "study.nc", trust=True, runs=5):
+        assert result.verdict.name == "EQUAL", result
+
+
+def test_a_function_of_a_program_is_known_by_the_files_that_it_opens(folder: Path) -> None:
+    program: dict[str, Any] = {"file": str(folder / "k.txt")}
+    exec(PROGRAM, program)
+
+    def study() -> uqpen.Study:
+        designs = {"d": uqpen.MonteCarlo(runs=10)}
+        given: dict[str, Any] = {"inputs": {"x": "0 ± 1"}, "outputs": {"y": "1"}}
+        return uqpen.Study(program["f"], designs=designs, seed=1, folder=folder, **given)
+
+    uqpen.make_archive(study(), folder / "study.nc")
+    assert recorded(folder)["k.txt"] == "opened"
+    uqpen.make_archive(study(), folder / "again.nc", reuse=[folder / "study.nc"])
+    (folder / "k.txt").write_text("3")
+    with pytest.raises(CheckpointError, match=r"file k\.txt has changed"):
+        uqpen.make_archive(study(), folder / "other.nc", reuse=[folder / "study.nc"])

@@ -99,3 +99,27 @@ def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
     assert not source.is_known
     assert source.sha256 == ""
     assert source.unknown == unknown
+
+
+class Odd:
+    def __getattr__(self, name: str) -> Any:
+        raise KeyError(name)
+
+    def __call__(self, x: float) -> float:
+        return x
+
+
+def test_an_object_that_raises_for_an_attribute_is_unknown() -> None:
+    assert function_source(closure(Odd())).unknown == '"value" is an object of class Odd'
+
+
+def test_nested_code_and_imports_in_it_are_part_of_it() -> None:
+    def numbers(x: float) -> Any:
+        def inner() -> Any:
+            from statistics import mean
+
+            return mean([x])
+
+        return inner()
+
+    assert sha256(numbers)

@@ -286,7 +286,7 @@ def _inner_imports(code: CodeType, package: str) -> Iterator[ModuleType]:
     _UnknownSourceError
         If one of them cannot be imported.
     """
-    instructions = [*dis.get_instructions(code)]
+    instructions = [each for each in dis.get_instructions(code) if each.opname != "EXTENDED_ARG"]
     for position, instruction in enumerate(instructions):
         if instruction.opname != "IMPORT_NAME":
             continue
@@ -340,10 +340,13 @@ def _global_names(code: CodeType) -> Iterator[str]:
 
 def _is_named(value: Any) -> bool:
     """Check that a module has this very object under its name: names can be made up."""
-    found: Any = sys.modules.get(_home(value))
-    for name in str(value.__qualname__).split(".") if hasattr(value, "__qualname__") else ():
-        found = getattr(found, name, None)
-    return found is value and found is not None
+    try:
+        found: Any = sys.modules.get(_home(value))
+        for name in str(value.__qualname__).split("."):
+            found = getattr(found, name)
+    except Exception:  # an object may raise anything where an attribute is asked for
+        return False
+    return found is value
 
 
 def _home(value: Any) -> str:

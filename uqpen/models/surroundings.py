@@ -23,6 +23,7 @@ from uqpen.models.installed import (
     module_sha256,
     reachable_modules,
 )
+from uqpen.models.observation import relative_name
 from uqpen.models.reasons import changed_file_error
 
 __all__ = ["MODEL_MODULE", "ModelFolder"]
@@ -116,8 +117,7 @@ class ModelFolder:
             self._contents[file] = path.read_bytes()
             self._files.add(file)
             sha256 = hashlib.sha256(self._contents[file]).hexdigest()
-            name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
-            self._imported |= {Dependency(IMPORTED, name.as_posix(), sha256)}
+            self._imported |= {Dependency(IMPORTED, relative_name(file, str(self.folder)), sha256)}
 
     def add_reported(self, lines: frozenset[str]) -> None:
         """Add what runs in any process have reported.
