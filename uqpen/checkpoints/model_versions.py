@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.fingerprint import flatten_tables
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ModelComparison", "compare_models"]
+__all__ = ["ModelComparison", "compare_models", "compared_names"]
 
 _SOURCE, _VERSION = "source_sha256", "version"
 
@@ -109,15 +109,40 @@ def compare_models(
     domain = [change.text for change in fingerprint_changes(*map(_constraints, texts))]
     changes = [change.text for change in changed if not change.is_limit]
     changes += domain if depends_on_batch(model) else []
-    names = [*own, *(each.name for each in archived if each.sha256)]
+    same, uncompared = compared_names(model, lines, study.folder)
     return ModelComparison(
         tuple(changes),
         lines,
         not any(change.is_limit for change in changed),
         not domain,
-        tuple(dict.fromkeys(names)),
-        tuple(dict.fromkeys([*model.uncompared, *filter(None, (d.uncompared for d in archived))])),
+        same,
+        uncompared,
     )
+
+
+def compared_names(
+    model: Model, lines: Iterable[str], folder: Path
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is compared of a model whose runs are taken, and what is not.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    lines : iterable of str
+        What the runs depend on, as in `Results.files`.
+    folder : Path
+        Folder of the study.
+
+    Returns
+    -------
+    same, uncompared : tuple of str
+        As in `ModelComparison`.
+    """
+    found = sorted({Dependency.from_line(line) for line in {*lines, *model.dependencies()}})
+    names = [*files_by_name(model.files(), folder), *(each.name for each in found if each.sha256)]
+    unhashed = filter(None, (each.uncompared for each in found))
+    return tuple(dict.fromkeys(names)), tuple(dict.fromkeys([*model.uncompared, *unhashed]))
 
 
 class _ComparedDependencies(NamedTuple):
