@@ -107,6 +107,8 @@ def test_one_run_says_what_the_runs_of_a_study_depend_on(folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.processor
 def test_the_record_is_the_same_wherever_runs_are_made(folder: Path, tmp_path: Path) -> None:
+    # Workers are forks of a server, which another test may have started without the variable.
+    (folder / "m.py").write_text(MODEL.replace('os.environ["FACTOR_OF_MODEL"]', "'12'"))
     content = make(folder)
     with processes(2) as pool:
         assert make(folder, "workers.nc", map=pool) == content
@@ -115,7 +117,9 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder: Path, tmp_path: P
         make(folder, "interrupted.nc")
     (folder / "stop").unlink()
     assert make(folder, "interrupted.nc") == content
-    assert make(write(tmp_path / "another" / "deeper")) == content
+    another = write(tmp_path / "another" / "deeper")
+    (another / "m.py").write_text((folder / "m.py").read_text())
+    assert make(another) == content
 
 
 @pytest.mark.parametrize(
@@ -160,6 +164,20 @@ def test_an_interrupted_study_does_not_go_on_with_another_file(folder: Path) -> 
     (folder / "stop").unlink()
     (folder / "k.txt").write_text("3")
     with pytest.raises(ModelError, match=r'"k\.txt" was changed while the study ran'):
+        make(folder)
+
+
+def test_an_interrupted_study_does_not_go_on_with_another_variable(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopping = "x > 0 and any(here.glob('stop'))"
+    (folder / "m.py").write_text(MODEL.replace('(here / "stop").exists()', stopping))
+    (folder / "stop").touch()
+    with pytest.raises(KeyboardInterrupt):
+        make(folder)
+    (folder / "stop").unlink()
+    monkeypatch.setenv("FACTOR_OF_MODEL", "3")
+    with pytest.raises(ModelError, match='"FACTOR_OF_MODEL" had another value'):
         make(folder)
 
 

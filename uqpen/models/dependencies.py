@@ -22,7 +22,7 @@ from uqpen.core.dependency import (
 )
 from uqpen.core.files import LARGEST, FileSnapshot
 from uqpen.models.observation import Observation
-from uqpen.models.reasons import changed_file_error
+from uqpen.models.reasons import changed_file_error, changed_variable_error
 
 __all__ = ["Dependencies", "current_sha256"]
 
@@ -98,7 +98,9 @@ class Dependencies:
                 continue
             if each.sha256 and each.role != MODULE:
                 if current_sha256(each, self.folder) != each.sha256:
-                    raise changed_file_error(each.name)
+                    is_variable = each.role == ENVIRONMENT
+                    error = changed_variable_error if is_variable else changed_file_error
+                    raise error(each.name)
                 self._read(each, self.folder / each.name)
             self._in_run.add(each)
 
