@@ -39,6 +39,14 @@ def f(x):
     with open(file) as stream:
         return {"y": float(stream.read()) * x}
 """
+# A program writes what the code then reads.
+WRITING = """\
+import pathlib, subprocess, tempfile
+(folder / "in.txt").write_text("1")
+out = {}
+subprocess.run(["cp", folder / "in.txt", out], check=True)
+out.read_text()
+"""
 STUDY = """\
 seed = 1
 [model]
@@ -198,6 +206,8 @@ def observed(code: str, folder: Path) -> set[Dependency]:
         ("import os; os.close(os.open(folder / 'a.txt', os.O_RDONLY))", {"a.txt"}),
         ("(folder / 'new.txt').write_text(''); (folder / 'new.txt').read_text()", set()),
         ("import tempfile; tempfile.TemporaryFile().close()", set()),
+        (WRITING.format("folder / 'out.txt'"), {"cp"}),
+        (WRITING.format("pathlib.Path(tempfile.mkdtemp(dir=folder)) / 'out.txt'"), {"cp"}),
         ("import pathlib; pathlib.Path('/proc/self/stat').read_text()", set()),
         ("import scipy.integrate, json.tool, xml.dom.minidom", set()),
         ("import os; os.environ.get('NOT_SET')", {"NOT_SET"}),

@@ -20,7 +20,6 @@ __all__ = [
     "is_of_no_model",
     "is_standard",
     "loaded_own_modules",
-    "module_attributes",
     "module_file",
     "module_sha256",
     "reachable_modules",
@@ -97,7 +96,7 @@ def _records(folder: str) -> list[bytes]:
     return found
 
 
-def module_attributes(module: object) -> dict[str, Any]:
+def _module_attributes(module: object) -> dict[str, Any]:
     """Return the names of a module; none of another object that stands among the modules.
 
     Packages put objects there whose attributes import others, or raise.
@@ -114,7 +113,7 @@ def module_file(module: object) -> str:
 
     That of a module in a zip file is the zip file. A namespace package has no file.
     """
-    attributes = module_attributes(module)
+    attributes = _module_attributes(module)
     specification = attributes.get("__spec__")
     archive = getattr(getattr(specification, "loader", None), "archive", None)
     if isinstance(archive, str):
@@ -172,7 +171,7 @@ def reachable_modules(
         for name in _imported_names(source, package):
             if name in candidates and name not in found:
                 found[name] = candidates[name]
-                own = str(module_attributes(candidates[name]).get("__package__") or "")
+                own = str(_module_attributes(candidates[name]).get("__package__") or "")
                 try:
                     waiting.append((own, Path(module_file(candidates[name])).read_bytes()))
                 except OSError:

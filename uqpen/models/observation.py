@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.util import source_from_cache
@@ -53,6 +54,8 @@ _ASKING = ("ctypes/util.py", "platform.py", "uuid.py")
 
 _SHELLS = ("sh", "bash", "dash", "zsh", "ksh", "cmd.exe")
 
+_INTERPRETER = os.path.realpath(sys.executable)
+
 _WRITING = os.O_WRONLY | os.O_RDWR
 
 Stamp = tuple[int, int]
@@ -72,6 +75,8 @@ class Observation:
     def __init__(self) -> None:
         self._opened: dict[str, Stamp] = {}
         self._written: set[str] = set()
+        self._folders: tuple[str, ...] = ()
+        self._since = 0
         self._libraries: set[str] = set()
         self._programs: set[str] = set()
         self._hosts: set[str] = set()
@@ -92,6 +97,7 @@ class Observation:
         original = environment.__getitem__
         environment.__getitem__ = _observed(original)
         _observation = self
+        self._since = time.time_ns()
         try:
             yield
         finally:
@@ -163,8 +169,18 @@ class Observation:
             return
         if isinstance(flags, int) and flags & _WRITING and not _reads_first(flags):
             self._written.add(path)
-        elif os.path.isfile(path):
+        elif os.path.isfile(path) and not self._is_made(path):
             self._opened[path] = _stamp(path)
+
+    def _is_made(self, path: str) -> bool:
+        """Check for a file that the code itself has made, also by a program that it has started."""
+        if path in self._written or path.startswith(self._folders):
+            return True
+        return _stamp(path)[0] >= self._since
+
+    def _note_folder(self, path: object, *_: object) -> None:
+        if isinstance(path, str | bytes | os.PathLike):
+            self._folders += (os.path.abspath(os.fsdecode(path)) + os.sep,)
 
     def _note_database(self, file: object) -> None:
         if isinstance(file, str | bytes | os.PathLike):
@@ -175,7 +191,7 @@ class Observation:
     def _note_library(self, name: object, *_: object) -> None:
         if isinstance(name, str | bytes | os.PathLike) and _is_users():
             path = os.path.abspath(os.fsdecode(name))
-            if os.path.isfile(path):
+            if os.path.isfile(path) and not self._is_made(path):
                 self._libraries.add(path)
 
     def _note_process(
@@ -205,8 +221,11 @@ class Observation:
         paths = [os.path.abspath(os.path.join(start, os.path.expandvars(word))) for word in words]
         own = [each for each in paths if os.path.isfile(each) and not _is_noise(each)]
         for path in own:
-            self._opened.setdefault(path, _stamp(path))
-        self._programs.add(os.path.basename(own[0] if own else words[0]))
+            if not self._is_made(path):
+                self._opened.setdefault(path, _stamp(path))
+        first = os.path.basename(words[0])
+        is_interpreter = first in _SHELLS or os.path.realpath(words[0]) == _INTERPRETER
+        self._programs.add(os.path.basename(own[0]) if own and is_interpreter else first)
 
     def _note_connection(self, _: object, address: object) -> None:
         # Not the port, which may be another one each time.
@@ -226,6 +245,7 @@ _NOTES: dict[str, Callable[..., None]] = {
     "os.posix_spawn": Observation._note_process,
     "os.spawn": lambda self, mode, path, args, *_: self._note_process(path, args),
     "os.system": Observation._note_command,
+    "os.mkdir": Observation._note_folder,
     "os.fork": Observation._note_fork,
     "os.forkpty": Observation._note_fork,
     "socket.connect": Observation._note_connection,
@@ -291,7 +311,7 @@ def _is_noise(path: str) -> bool:
     cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     if path.startswith(cache + os.sep):
         return True
-    return os.path.realpath(path) == os.path.realpath(sys.executable)
+    return os.path.realpath(path) == _INTERPRETER
 
 
 def _reads_first(flags: int) -> bool:
