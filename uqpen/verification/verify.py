@@ -35,7 +35,6 @@ from uqpen.verification.archived_study import (
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.content_checks import check_files, check_hashes, check_text
-from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.earlier_surrogates import check_surrogate_recipe
 from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.made_with import (
@@ -59,6 +58,7 @@ from uqpen.verification.repetition import (
 )
 from uqpen.verification.restored_study import restored_study
 from uqpen.verification.user_defined_statistics import without_user_defined_statistics
+from uqpen.workflow.repetition import TOLERANCE
 
 __all__ = ["verify"]
 
