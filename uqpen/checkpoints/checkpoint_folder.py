@@ -16,6 +16,7 @@ from uqpen.checkpoints.fingerprint_file import (
     fingerprint_changes,
     list_changes,
     read_fingerprint,
+    was_record_of,
 )
 from uqpen.checkpoints.part_files import (
     has_runs,
@@ -106,7 +107,12 @@ class CheckpointFolder:
                 remove_checkpoint(folder)
                 continue
             record = folder / FILE_NAME
-            before = read_fingerprint(record)
+            before, now = read_fingerprint(record), self._fingerprints[model, design]
+            if before is None and was_record_of(record, now):
+                self._progress.warn(f"{record}: is damaged; it was of this study, so its runs stay")
+                with self.writing():
+                    write_file(record, encode_fingerprint(now))
+                continue
             if before is None:
                 # Without it nobody knows the study and settings of its runs.
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
