@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 
 from uqpen.checkpoints.block_store import block_stores
@@ -228,6 +229,20 @@ class CheckpointFolder:
         with self.writing(), self._pace.measured():
             for kept in self._open:
                 self.runs += kept.write()
+
+    def part_sources(self, model: str) -> list[RunSource]:
+        """Return the stored runs of a model's designs; of many in whole blocks, the first block."""
+        found = []
+        for design in (design for name, design in self._fingerprints if name == model):
+            folder = self._runs_folder(model, design)
+            parts = [*filter(None, map(self.read_runs, part_files(folder)))]
+            for store in block_stores(folder):
+                parts += islice(store.finished_runs(), 1)
+            found += [
+                RunSource(self.folder.name, runs, is_complete=False, design=design)
+                for runs in parts
+            ]
+        return found
 
     def finished_runs(self) -> Iterator[tuple[str, FinishedRuns]]:
         """Yield the stored runs of each part, with the name of the model."""

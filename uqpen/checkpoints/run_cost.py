@@ -1,4 +1,4 @@
-"""Cost of the runs of an archive, by its log."""
+"""Cost of the runs of an archive, and of one of them, by its log."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-__all__ = ["are_costly"]
+__all__ = ["are_costly", "run_seconds"]
 
 # Runs of an archive that took less, all designs together, are made again sooner than found again.
 _COSTLY_SECONDS = 60.0
@@ -15,6 +15,7 @@ _UNKNOWN = math.inf
 
 # As `Journal` and `make_archive` write them.
 _TIMED = re.compile(r": \d+ runs in (\d+\.\d+) s, \d+ of them failed$")
+_FIRST = re.compile(r": the first runs(?: of (\S+))? took (\d+\.\d+) s$")
 _RESTORED = re.compile(r": \d+ runs were made before$")
 _TAKEN = re.compile(r": \d+ runs were taken from (.*)$")
 _WRITTEN = re.compile(r": is written$")
@@ -32,10 +33,7 @@ def are_costly(log: Path, archive: str) -> bool:
     archive : str
         Its name. What the runs of other archives have cost is not known.
     """
-    try:
-        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return True
+    lines = _lines(log)
     before, seconds = _UNKNOWN, 0.0
     has_runs_of_before = False
     for line in lines:
@@ -55,3 +53,28 @@ def are_costly(log: Path, archive: str) -> bool:
             seconds, has_runs_of_before = 0.0, False
     # A start that could not write its last line may have made the archive.
     return before + seconds >= _COSTLY_SECONDS
+
+
+def run_seconds(log: Path, model: str) -> float | None:
+    """Return how long the first runs of a model took when some were last made; None if unknown.
+
+    They are the fewest runs that are made by themselves: one, or a batch of a vectorised function.
+
+    Parameters
+    ----------
+    log : Path
+        The log beside an archive.
+    model : str
+        The name of the model in a study with several; empty for the only one.
+    """
+    found = (_FIRST.search(line) for line in _lines(log))
+    seconds = [float(first[2]) for first in found if first and (first[1] or "") == model]
+    return seconds[-1] if seconds else None
+
+
+def _lines(log: Path) -> list[str]:
+    """Return the lines of a log; none where it cannot be read."""
+    try:
+        return log.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []

@@ -17,7 +17,7 @@ from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 
-__all__ = ["EarlierArchive", "open_named", "open_replaced", "sources_of_archives"]
+__all__ = ["EarlierArchive", "log_path", "open_named", "open_replaced", "sources_of_archives"]
 
 
 class EarlierArchive(NamedTuple):
@@ -29,12 +29,15 @@ class EarlierArchive(NamedTuple):
         Its path, for display.
     tree : DataTree
         Its content.
+    log : Path
+        The log beside it.
     is_named : bool
         True if the user has named it, so that it is a mistake if none of its runs can be taken.
     """
 
     place: str
     tree: xr.DataTree
+    log: Path
     is_named: bool
 
 
@@ -44,7 +47,7 @@ def open_replaced(path: Path, journal: Journal) -> EarlierArchive | None:
         return None
     place = _shown(path)
     try:
-        return EarlierArchive(place, open_intact(path), is_named=False)
+        return EarlierArchive(place, open_intact(path), log_path(path), is_named=False)
     except ArchiveError as error:
         reason = str(error).removeprefix(f"{path}: ")
         journal.inform(f"{place}: none of its runs is taken: {reason}")
@@ -61,7 +64,7 @@ def open_named(paths: Sequence[str | Path], replaced: Path) -> list[EarlierArchi
     """
     others = [Path(path) for path in paths]
     return [
-        EarlierArchive(_shown(path), open_intact(path), is_named=True)
+        EarlierArchive(_shown(path), open_intact(path), log_path(path), is_named=True)
         for path in others
         if path.resolve() != replaced.resolve()
     ]
@@ -115,6 +118,11 @@ def _made_with(study: ValidatedStudy, tree: xr.DataTree) -> str:
     texts = ", ".join(f"{name} {one} (here {other})" for name, one, other in differences)
     origin = f"study {str(tree.attrs['study_sha256'])[:16]}"
     return f"{origin}, made with {texts or 'the same versions and kind of processor as here'}"
+
+
+def log_path(archive: Path) -> Path:
+    """Return the path of the log beside an archive."""
+    return archive.absolute().with_name(f"{archive.name}.log")
 
 
 def _shown(path: Path) -> str:

@@ -172,6 +172,7 @@ CONTENT = "content_sha256"
 # What runs of earlier archives were made with, at the root of an archive that has taken them. It is
 # absent where all of them would be the same here to the bit.
 REUSED_RUNS = "reused_runs"
+NOT_MADE_AGAIN = "runs that were taken, and none of them was made again first"
 
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"

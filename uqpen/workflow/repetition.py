@@ -101,10 +101,22 @@ def run_differences(
     again: xr.Dataset,
     outputs: Sequence[Output],
     scales: Mapping[str, float] = MappingProxyType({}),
+    words: tuple[str, str] = ("in the archive", "now"),
 ) -> Iterator[Difference]:
     """Yield the variables whose values differ, each with the first run that differs.
 
-    `scales` has the largest value of an output among all runs, if these are some of them.
+    Parameters
+    ----------
+    runs_name : str
+        The name of the runs, for display.
+    archived, again : Dataset
+        The same runs, as they are kept and as they were made again.
+    outputs : sequence of Output
+        The outputs that are compared.
+    scales : mapping of str to float
+        The largest value of an output among all runs, if these are some of them.
+    words : tuple of str
+        Where, or when, the two have their values.
     """
     for name in (STATUS, *(output.name for output in outputs)):
         one, other = archived[name].values, again[name].values
@@ -118,8 +130,8 @@ def run_differences(
             count = f"; {at.size} of its runs differ" if at.size > 1 else "; it differs"
             yield Difference(
                 f"{runs_name}: {name} of run {numbers[0]}{place_text(archived[name], first)} is "
-                f"{one[first]!s} in the archive and "
-                f"{other[first]!s} now{count}{difference_text(difference)}",
+                f"{one[first]!s} {words[0]} and "
+                f"{other[first]!s} {words[1]}{count}{difference_text(difference)}",
                 difference,
             )
 
