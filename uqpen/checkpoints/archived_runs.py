@@ -182,7 +182,11 @@ def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterato
         failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
         reasons |= {run: str(reason) for run, reason in failed if run in reasons}
     whole = Results(outputs, status, reasons, imported)
-    number = runs[ROUND].values if ROUND in runs else np.zeros(runs.sizes[RUN])
+    if ROUND not in runs:
+        if runs.sizes[RUN]:
+            yield FinishedRuns(np.arange(runs.sizes[RUN]), inputs, whole)
+        return
+    number = runs[ROUND].values
     for each in np.unique(number):
         at = np.flatnonzero(number == each)
         own = {name: values[at] for name, values in inputs.items()}
@@ -210,8 +214,6 @@ def _has_output(runs: xr.Dataset, output: Output) -> bool:
 
 def _values(runs: xr.Dataset, output: Output) -> FloatArray:
     """Return the values of an output as a model returns them."""
-    values = runs[output.name].values.astype(np.float64)
-    if output.categories:
-        # A failed run has a category of its own there.
-        values[values < 0] = np.nan
-    return values
+    values = runs[output.name].values.astype(np.float64, copy=False)
+    # A failed run has a category of its own there.
+    return np.where(values < 0, np.nan, values) if output.categories else values

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from itertools import islice
 from pathlib import Path
 
 from uqpen.checkpoints.block_store import block_stores
@@ -55,6 +54,9 @@ __all__ = ["FAILED", "CheckpointFolder"]
 
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
+
+# Reading more of the finished runs for a comparison would take a tenth of a second.
+_MANY = 2**19
 
 FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
@@ -231,27 +233,28 @@ class CheckpointFolder:
                 self.runs += kept.write()
 
     def part_sources(self, model: str) -> list[RunSource]:
-        """Return the stored runs of a model's designs; of many in whole blocks, the first block."""
+        """Return stored runs of a model's designs, of each about the first half million."""
         found = []
         for design in (design for name, design in self._fingerprints if name == model):
-            folder = self._runs_folder(model, design)
-            parts = [*filter(None, map(self.read_runs, part_files(folder)))]
-            for store in block_stores(folder):
-                parts += islice(store.finished_runs(), 1)
-            found += [
-                RunSource(self.folder.name, runs, is_complete=False, design=design)
-                for runs in parts
-            ]
+            count = 0
+            for runs in self._stored(model, design):
+                found.append(RunSource(self.folder.name, runs, is_complete=False, design=design))
+                count += len(runs.runs)
+                if count >= _MANY:
+                    break
         return found
 
     def finished_runs(self) -> Iterator[tuple[str, FinishedRuns]]:
         """Yield the stored runs of each part, with the name of the model."""
         for model, design in self._fingerprints:
-            for file in part_files(self._runs_folder(model, design)):
-                if (result := self.read_runs(file)) is not None:
-                    yield model, result
-            for store in block_stores(self._runs_folder(model, design)):
-                yield from ((model, result) for result in store.finished_runs())
+            yield from ((model, runs) for runs in self._stored(model, design))
+
+    def _stored(self, model: str, design: str) -> Iterator[FinishedRuns]:
+        """Yield the stored runs of a design, part by part."""
+        folder = self._runs_folder(model, design)
+        yield from filter(None, map(self.read_runs, part_files(folder)))
+        for store in block_stores(folder):
+            yield from store.finished_runs()
 
     def discard_failed(self) -> None:
         """Discard the missing runs, so that they are made again; keep the inadmissible ones."""

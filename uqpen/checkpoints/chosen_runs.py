@@ -23,6 +23,9 @@ BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
 # As many as a batch has: they meet a change of 1 % of the inputs' space for sure.
 _MOST = 1024
 
+# Of very many runs, so many are sorted to bound the lowest values of all.
+_SOME = 8192
+
 
 class ChosenRuns(NamedTuple):
     """Finished runs that are made again, in this order.
@@ -119,8 +122,10 @@ def order_runs(columns: Arrays, generator: np.random.Generator) -> IntArray:
 def _lowest(values: FloatArray, number: int) -> IntArray:
     """Return the positions of the lowest values, in ascending order."""
     number = min(number, len(values))
-    at = np.argpartition(values, number - 1)[:number]
-    return np.asarray(at[np.argsort(values[at], kind="stable")], dtype=np.int64)
+    # A value of some of them bounds the lowest of all, which are then a few.
+    some = np.sort(values[:: len(values) // _SOME + 1])
+    at = np.flatnonzero(values <= some[min(number, len(some) - 1)])
+    return np.asarray(at[np.argsort(values[at], kind="stable")][:number], dtype=np.int64)
 
 
 def _count_ok(sources: Sequence[RunSource]) -> int:
@@ -184,22 +189,21 @@ def _chosen_batch(
     sources: Sequence[RunSource], order: IntArray, status: Status
 ) -> ChosenRuns | None:
     """Return the batch that has most of some runs, whole ones first."""
-    start, found = 0, []
-    marks = np.zeros(sum(len(each.runs.runs) for each in sources), dtype=np.bool_)
-    marks[order] = True
-    for source in sources:
-        for batch, is_whole in _batches(source):
-            statuses = source.runs.results.status[batch]
-            if not np.isin(statuses, BY_MACHINE).any():
-                # A model does not get the inadmissible points of a batch.
-                at = start + batch[statuses != Status.INADMISSIBLE]
-                found.append((int(marks[at].sum()), is_whole, at))
-        start += len(source.runs.runs)
-    found = [each for each in found if each[0]]
-    if not found:
-        return None
-    _, is_whole, at = max(found, key=lambda each: (each[1], each[0]))
-    return _chosen(sources, at, status, is_batch=True, is_whole=is_whole)
+    statuses = np.concatenate([each.runs.results.status for each in sources])
+    marks = np.zeros(len(statuses), dtype=np.int64)
+    marks[order] = 1
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
+    batches = [
+        (is_whole, int(marks[start + batch].sum()), start + batch)
+        for start, source in zip(starts, sources, strict=False)
+        for batch, is_whole in _batches(source)
+    ]
+    for is_whole, number, at in sorted(batches, key=lambda each: each[:2], reverse=True):
+        if number and not np.isin(statuses[at], BY_MACHINE).any():
+            # A model does not get the inadmissible points of a batch.
+            admissible = at[statuses[at] != Status.INADMISSIBLE]
+            return _chosen(sources, admissible, status, is_batch=True, is_whole=is_whole)
+    return None
 
 
 def _batches(source: RunSource) -> Iterator[tuple[IntArray, bool]]:

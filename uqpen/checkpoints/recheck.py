@@ -16,7 +16,7 @@ from uqpen.archive.files import files_by_name
 from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.run_cost import run_seconds
+from uqpen.checkpoints.run_cost import batch_seconds, run_seconds
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS
@@ -62,7 +62,7 @@ _MANY = 100
 
 _MOST_NAMED = 4
 
-_NOISE = "its model gives other results for the same inputs:"
+_NOISE = "its model gives other results for the same inputs"
 _CHANGE = (
     "the model has changed in a way that its files do not show, or its results depend on the "
     "order of its runs"
@@ -118,6 +118,16 @@ class _ChosenHash(NamedTuple):
     number: int
     sha256: str
     runs: int
+
+    @property
+    def start(self) -> int:
+        """The number of its first run."""
+        return self.number * BATCH_SIZE
+
+    @property
+    def stop(self) -> int:
+        """The number of the run after its last."""
+        return min(self.start + BATCH_SIZE, self.runs)
 
 
 class Recheck:
@@ -186,9 +196,10 @@ class Recheck:
         batch = None if chosen else _chosen_hash(runs.omitted, generator)
         if not (chosen or batch):
             return Finding()
-        seconds = run_seconds(runs.log, name)
-        if batch and seconds is not None and not model.vectorized:
-            seconds *= BATCH_SIZE
+        if batch:
+            seconds = batch_seconds(runs.log, batch.design, batch.stop - batch.start)
+        else:
+            seconds = run_seconds(runs.log, name)
         if reason := self._reason_against(seconds, left):
             self._inform(name, runs, f"no run is made again, {reason}")
             return Finding(is_unchecked=True)
@@ -232,7 +243,7 @@ class Recheck:
         limit = _COSTLY_ALONE if left is None else _COSTLY
         if seconds is None or seconds <= limit or (left is not None and left >= _MANY):
             return ""
-        return f"as one takes {duration_text(seconds)}; --recheck makes one"
+        return f"as that takes {duration_text(seconds)}; --recheck makes one nevertheless"
 
     def _inform(self, name: str, runs: Takeable, text: str) -> None:
         """Say what was compared, and how."""
@@ -334,7 +345,7 @@ class _Comparison:
         own = np.intersect1d(own, self._comparable(at, other))
         words = ("at first", "when it is made once more")
         if noise := self._differences(again.isel({RUN: own}), other.isel({RUN: own}), words):
-            return f"{_NOISE}\n  {noise[0].what}"
+            return f"{_NOISE}:\n  {noise[0].what}"
         return f"{reason}\n  {_CHANGE}"
 
     def _differences(
@@ -371,10 +382,7 @@ class _HashComparison:
     ) -> None:
         self._study, self._batch, self._map = study, batch, map
         self._variant = study.models[name].with_model(model)
-        self.total = batch.runs
-        first = batch.number * BATCH_SIZE
-        self._last = min(first + BATCH_SIZE, batch.runs) - 1
-        self.compared = self._last - first + 1
+        self.total, self.compared = batch.runs, batch.stop - batch.start
 
     def make(self, seconds: float | None) -> str:
         """Make the batch again; return why all runs are refused, empty if they are not."""
@@ -383,9 +391,9 @@ class _HashComparison:
         if again == batch.sha256:
             return ""
         if again != self._hash():
-            return f"{_NOISE.removesuffix(':')}"
-        first = batch.number * BATCH_SIZE
-        return f"{batch.design}: runs {first} to {self._last} are others now\n  {_CHANGE}"
+            return _NOISE
+        runs = f"runs {batch.start} to {batch.stop - 1}"
+        return f"{batch.design}: {runs} are others now\n  {_CHANGE}"
 
     def _hash(self) -> str:
         batch = self._batch

@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-__all__ = ["are_costly", "run_seconds"]
+__all__ = ["are_costly", "batch_seconds", "run_seconds"]
 
 # Runs of an archive that took less, all designs together, are made again sooner than found again.
 _COSTLY_SECONDS = 60.0
@@ -14,7 +14,7 @@ _COSTLY_SECONDS = 60.0
 _UNKNOWN = math.inf
 
 # As `Journal` and `make_archive` write them.
-_TIMED = re.compile(r": \d+ runs in (\d+\.\d+) s, \d+ of them failed$")
+_TIMED = re.compile(r"(\S+): (\d+) runs in (\d+\.\d+) s, \d+ of them failed$")
 _FIRST = re.compile(r": the first runs(?: of (\S+))? took (\d+\.\d+) s$")
 _RESTORED = re.compile(r": \d+ runs were made before$")
 _TAKEN = re.compile(r": \d+ runs were taken from (.*)$")
@@ -38,7 +38,7 @@ def are_costly(log: Path, archive: str) -> bool:
     has_runs_of_before = False
     for line in lines:
         if timed := _TIMED.search(line):
-            seconds += float(timed[1])
+            seconds += float(timed[3])
         elif _RESTORED.search(line):
             seconds = _UNKNOWN  # a start that was killed has no times
         elif taken := _TAKEN.search(line):
@@ -70,6 +70,13 @@ def run_seconds(log: Path, model: str) -> float | None:
     found = (_FIRST.search(line) for line in _lines(log))
     seconds = [float(first[2]) for first in found if first and (first[1] or "") == model]
     return seconds[-1] if seconds else None
+
+
+def batch_seconds(log: Path, design: str, runs: int) -> float | None:
+    """Return how long a number of runs of a design takes at its last pace; None if unknown."""
+    found = filter(None, (_TIMED.search(line) for line in _lines(log)))
+    paces = [float(each[3]) / int(each[2]) for each in found if each[1] == design and int(each[2])]
+    return runs * paces[-1] if paces else None
 
 
 def _lines(log: Path) -> list[str]:

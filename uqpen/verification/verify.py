@@ -16,7 +16,7 @@ from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.archive.read import read_as_written
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import KIND, REUSED_RUNS
+from uqpen.core.labels import KIND, NOT_MADE_AGAIN, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.document import Objects
@@ -136,8 +136,10 @@ def verify(
     else:
         if FILES in tree.children:
             yield check_files(tree)
-        others = environment_differences(written)
-        message = ", ".join(others) or "the same versions and kind of processor as here"
+        reports = environment_differences(written)
+        others = [each for each in reports if not each.endswith(NOT_MADE_AGAIN)]
+        same = [] if others else ["the same versions and kind of processor as here"]
+        message = ", ".join([*same, *reports])
         outcome = CheckOutcome.CLOSE if others else CheckOutcome.EQUAL
         yield CheckResult("made with", outcome, message)
         options = _Options(
