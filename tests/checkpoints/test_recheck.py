@@ -359,7 +359,7 @@ def test_runs_of_other_versions_are_equal_within_a_tolerance(
         made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
         assert "30 of 30 runs made again are equal within 1e-09" in made.told.texts[0]
     else:
-        with pytest.raises(CheckpointError, match="by up to [0-9.]+e-07 of the largest value"):
+        with pytest.raises(CheckpointError, match=r"by up to [0-9.]+e-07 of the largest value"):
             made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
 
 

@@ -321,12 +321,12 @@ class _Comparison:
 
     def _other_ending(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how a run has another status or reason now; empty if none has."""
-        results, statuses = self._chosen.runs.results, again[STATUS].values
-        reasons = _reasons(again)
+        before, statuses = self._kept[STATUS].values, again[STATUS].values
+        reasons_before, reasons = _reasons(self._kept), _reasons(again)
         for position in own.tolist():
             run = int(at[position])
-            then, now = Status(int(results.status[run])), Status(int(statuses[position]))
-            said, says = results.reasons.get(run, ""), reasons.get(position, "")
+            then, now = Status(int(before[run])), Status(int(statuses[position]))
+            said, says = reasons_before.get(run, ""), reasons.get(position, "")
             if then is not now or mask_numbers(said) != mask_numbers(says):
                 name = f"{self._designs}: run {self._chosen.runs.runs[run]}"
                 return f"{name} was {_ending(then, said)}, and is {_ending(now, says)} now"

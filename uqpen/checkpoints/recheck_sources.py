@@ -15,7 +15,7 @@ from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.recheck import Recheck, Takeable
 from uqpen.checkpoints.reused_runs import ReusedRuns
-from uqpen.checkpoints.run_sources import EarlierArchive
+from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
 from uqpen.checkpoints.set_aside import SET_ASIDE
 from uqpen.core.labels import RUNS
 from uqpen.execution.omitted_runs import are_omitted
@@ -83,7 +83,9 @@ def runs_that_are_as_made(
     unchecked = [
         (name, source.design)
         for name, own in parts.items()
-        if recheck.look(name, _of_folder(kept, kept.folder.name, own), left[name]).is_unchecked
+        if recheck.look(
+            name, _of_folder(kept, shown_path(kept.folder), own), left[name]
+        ).is_unchecked
         for source in own
     ]
     while True:
@@ -94,7 +96,7 @@ def runs_that_are_as_made(
             if place in archives:
                 runs = _of_archive(archives[place], own)
             else:
-                runs = _of_folder(kept, str(Path(kept.folder.name, SET_ASIDE)), own)
+                runs = _of_folder(kept, kept.folder / SET_ASIDE, own)
             finding = recheck.look(name, runs, left[name])
             if finding.is_unchecked:
                 reused.mark_not_made_again(name, place)
@@ -132,9 +134,9 @@ def _of_archive(
     return Takeable(archive.place, sources, archive.log, remedy, archive.is_named, omitted or {})
 
 
-def _of_folder(kept: CheckpointFolder, place: str, sources: Sequence[RunSource]) -> Takeable:
+def _of_folder(kept: CheckpointFolder, place: Path, sources: Sequence[RunSource]) -> Takeable:
     remedy = f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
-    return Takeable(place, sources, kept.folder.with_suffix(".log"), remedy)
+    return Takeable(shown_path(place), sources, kept.folder.with_suffix(".log"), remedy)
 
 
 def _count(sources: Sequence[RunSource]) -> int:

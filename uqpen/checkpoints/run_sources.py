@@ -17,7 +17,14 @@ from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 
-__all__ = ["EarlierArchive", "log_path", "open_named", "open_replaced", "sources_of_archives"]
+__all__ = [
+    "EarlierArchive",
+    "log_path",
+    "open_named",
+    "open_replaced",
+    "shown_path",
+    "sources_of_archives",
+]
 
 
 class EarlierArchive(NamedTuple):
@@ -45,7 +52,7 @@ def open_replaced(path: Path, journal: Journal) -> EarlierArchive | None:
     """Read the archive that the new one replaces; None, with a note, where it cannot be used."""
     if not path.exists():
         return None
-    place = _shown(path)
+    place = shown_path(path)
     try:
         return EarlierArchive(place, open_intact(path), log_path(path), is_named=False)
     except ArchiveError as error:
@@ -64,7 +71,7 @@ def open_named(paths: Sequence[str | Path], replaced: Path) -> list[EarlierArchi
     """
     others = [Path(path) for path in paths]
     return [
-        EarlierArchive(_shown(path), open_intact(path), log_path(path), is_named=True)
+        EarlierArchive(shown_path(path), open_intact(path), log_path(path), is_named=True)
         for path in others
         if path.resolve() != replaced.resolve()
     ]
@@ -125,7 +132,7 @@ def log_path(archive: Path) -> Path:
     return archive.absolute().with_name(f"{archive.name}.log")
 
 
-def _shown(path: Path) -> str:
+def shown_path(path: Path) -> str:
     """Return a path as short as it can be written here."""
     path = path.absolute()
     here = Path.cwd()
