@@ -137,7 +137,7 @@ def _has_status(sources: Sequence[RunSource], status: Status) -> BoolArray:
 
 
 def _first_failure(sources: Sequence[RunSource]) -> tuple[Status, BoolArray]:
-    """Return the status of the runs of which one is to fail again, and a mask of them."""
+    """Return the status of a failed run that has to fail again, and a mask of all runs with it."""
     for status in (Status.FAILED, Status.NOT_FINITE):
         if (mask := _has_status(sources, status)).any():
             return status, mask

@@ -16,7 +16,7 @@ from uqpen.archive.files import files_by_name
 from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.run_cost import batch_seconds, run_seconds
+from uqpen.checkpoints.run_cost import run_seconds, seconds_at_last_pace
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS
@@ -49,7 +49,7 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = ["Finding", "Recheck", "Takeable"]
+__all__ = ["Recheck", "RecheckOutcome", "Takeable"]
 
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
@@ -57,8 +57,8 @@ _AT_MOST = 1.0
 # No run is made again that takes longer, in seconds: where others are made, too, and where none is.
 _COSTLY, _COSTLY_ALONE = 60.0, 10.0
 
-# Of so many runs that are made anyway, one more is 1 %.
-_MANY = 100
+# A longer one is made again if it takes this share of the time of those that are made anyway.
+_SHARE = 0.01
 
 _MOST_NAMED = 4
 
@@ -96,7 +96,7 @@ class Takeable(NamedTuple):
     omitted: Mapping[str, xr.Dataset] = MappingProxyType({})
 
 
-class Finding(NamedTuple):
+class RecheckOutcome(NamedTuple):
     """Outcome of making runs again.
 
     Attributes
@@ -149,7 +149,7 @@ class Recheck:
         self, study: ValidatedStudy, wanted: bool | None, map: Map, journal: Journal
     ) -> None:
         self._study, self._wanted, self._map, self._journal = study, wanted, map, journal
-        self._findings: dict[tuple[str, str], Finding] = {}
+        self._outcomes: dict[tuple[str, str], RecheckOutcome] = {}
 
     def applies(self, name: str) -> bool:
         """Check for a model whose runs are made again: no built-in one, and no data file.
@@ -159,7 +159,7 @@ class Recheck:
         model = self._study.models[name].model
         return not (isinstance(model, BuiltInModel) or model.uncallable_reason)
 
-    def look(self, name: str, runs: Takeable, left: int | None = None) -> Finding:
+    def look(self, name: str, runs: Takeable, left: int | None = None) -> RecheckOutcome:
         """Make some of the runs of a model again, once for each place, and compare them.
 
         Parameters
@@ -179,30 +179,31 @@ class Recheck:
             With a text for the user.
         """
         key = (runs.place, name)
-        if key not in self._findings:
+        if key not in self._outcomes:
             try:
-                self._findings[key] = self._look(name, runs, left)
+                self._outcomes[key] = self._look(name, runs, left)
             except KeyboardInterrupt:
                 kept = "all finished runs are kept; the same command continues from there"
                 raise KeyboardInterrupt(kept) from None
-        return self._findings[key]
+        return self._outcomes[key]
 
-    def _look(self, name: str, runs: Takeable, left: int | None) -> Finding:
+    def _look(self, name: str, runs: Takeable, left: int | None) -> RecheckOutcome:
         if not self.applies(name):
-            return Finding()
+            return RecheckOutcome()
         model = self._study.models[name].model
         generator = Stream(self._study.seed, "recheck", name).generator()
         chosen = choose_runs(model, runs.sources, generator)
         batch = None if chosen else _chosen_hash(runs.omitted, generator)
         if not (chosen or batch):
-            return Finding()
+            return RecheckOutcome()
         if batch:
-            seconds = batch_seconds(runs.log, batch.design, batch.stop - batch.start)
+            size = batch.stop - batch.start
+            seconds = seconds_at_last_pace(runs.log, size, batch.design)
         else:
             seconds = run_seconds(runs.log, name)
-        if reason := self._reason_against(seconds, left):
+        if reason := self._reason_against(seconds, left, runs.log):
             self._inform(name, runs, f"no run is made again, {reason}")
-            return Finding(is_unchecked=True)
+            return RecheckOutcome(is_unchecked=True)
         self._journal.start_preparation(model.name)
         with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
             # The folders of runs that are kept stay as they are.
@@ -217,16 +218,16 @@ class Recheck:
             refusal = comparison.make(seconds)
         if refusal:
             self._refuse(name, runs, refusal)
-            return Finding(is_refused=True)
+            return RecheckOutcome(is_refused=True)
         if not comparison.compared:
             reason = "those made again timed out or crashed, which depends on the machine"
             self._inform(name, runs, f"no run is compared: {reason}")
-            return Finding(is_unchecked=True)
+            return RecheckOutcome(is_unchecked=True)
         made, total = map(grouped_number, (comparison.compared, comparison.total))
         verb = "are" if comparison.compared > 1 else "is"
         text = f"{made} of {total} runs made again {verb} equal{comparison.tolerance_text}"
         self._inform(name, runs, text)
-        return Finding()
+        return RecheckOutcome()
 
     def _refuse(self, name: str, runs: Takeable, refusal: str) -> None:
         """Say, or raise, why runs cannot be taken."""
@@ -236,13 +237,17 @@ class Recheck:
             raise CheckpointError(text)
         self._journal.inform(text)
 
-    def _reason_against(self, seconds: float | None, left: int | None) -> str:
+    def _reason_against(self, seconds: float | None, left: int | None, log: Path) -> str:
         """Return the reason for making no run again; empty if there is none."""
         if self._wanted is not None:
             return "" if self._wanted else "as asked by --no-recheck"
-        limit = _COSTLY_ALONE if left is None else _COSTLY
-        if seconds is None or seconds <= limit or (left is not None and left >= _MANY):
+        if seconds is None or seconds <= (_COSTLY_ALONE if left is None else _COSTLY):
             return ""
+        if left is not None:
+            # The workers of the others wait meanwhile.
+            others = seconds_at_last_pace(log, left)
+            if seconds <= _SHARE * (left * seconds if others is None else others):
+                return ""
         return f"as that takes {duration_text(seconds)}; --recheck makes one nevertheless"
 
     def _inform(self, name: str, runs: Takeable, text: str) -> None:
@@ -263,12 +268,12 @@ class _Comparison:
         # The model itself is run: points that a constraint excludes since were admissible.
         self._evaluator = Evaluator(model)
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
-        self._options = EvaluationOptions(map=map, progress=_Silent(), failures=retries)
+        self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
         self._kept = evaluate(
             self._evaluator,
             _points(chosen.runs.inputs, chosen.runs.runs),
             {},
-            EvaluationOptions(checkpoint=_Finished(chosen), progress=_Silent()),
+            EvaluationOptions(checkpoint=_Finished(chosen), progress=_NoReports()),
         )
         self.compared, self.total = 0, chosen.total
         is_same = chosen.is_whole and not any(each.made_with for each in runs.sources)
@@ -298,7 +303,7 @@ class _Comparison:
         return np.flatnonzero(is_compared & ~np.isin(again[STATUS].values, BY_MACHINE))
 
     def _parts(self, seconds: float | None) -> Iterator[IntArray]:
-        """Yield the runs that are made at once; each part tells how many take a second."""
+        """Yield the runs that are made at once; their pace decides how many take a second."""
         every = np.arange(len(self._chosen.runs.runs))
         if self._chosen.is_batch:
             yield every
@@ -399,7 +404,7 @@ class _HashComparison:
         batch = self._batch
         number = [batch.number]
         again = hashes_again(
-            self._study, self._variant, batch.design, batch.runs, number, self._map, _Silent()
+            self._study, self._variant, batch.design, batch.runs, number, self._map, _NoReports()
         )
         return next(each for _, each in again)
 
@@ -417,7 +422,7 @@ def _chosen_hash(
     return None
 
 
-class _Silent(Progress):
+class _NoReports(Progress):
     """Receiver of the reports on runs that are no part of the study."""
 
     def warn(self, text: str) -> None:

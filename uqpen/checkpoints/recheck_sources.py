@@ -30,14 +30,14 @@ _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
 def is_as_made(study: ValidatedStudy, archive: EarlierArchive, recheck: Recheck) -> bool:
     """Check that some runs of an archive of this very study are the same when made again."""
-    findings = []
+    outcomes = []
     for name in filter(recheck.applies, study.models):
         found = archived_sources(study, name, archive.tree, archive.place, first_blocks=True)
         group = model_trees(archive.tree)[name]
         designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
         omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
-        findings.append(recheck.look(name, _of_archive(archive, found.sources, omitted)))
-    return not any(each.is_refused for each in findings)
+        outcomes.append(recheck.look(name, _of_archive(archive, found.sources, omitted)))
+    return not any(each.is_refused for each in outcomes)
 
 
 def runs_that_are_as_made(
@@ -83,9 +83,7 @@ def runs_that_are_as_made(
     unchecked = [
         (name, source.design)
         for name, own in parts.items()
-        if recheck.look(
-            name, _of_folder(kept, shown_path(kept.folder), own), left[name]
-        ).is_unchecked
+        if recheck.look(name, _of_folder(kept, kept.folder, own), left[name]).is_unchecked
         for source in own
     ]
     while True:
@@ -97,10 +95,10 @@ def runs_that_are_as_made(
                 runs = _of_archive(archives[place], own)
             else:
                 runs = _of_folder(kept, kept.folder / SET_ASIDE, own)
-            finding = recheck.look(name, runs, left[name])
-            if finding.is_unchecked:
+            outcome = recheck.look(name, runs, left[name])
+            if outcome.is_unchecked:
                 reused.mark_not_made_again(name, place)
-            if finding.is_refused:
+            if outcome.is_refused:
                 refused.add((name, place))
         if not refused:
             break

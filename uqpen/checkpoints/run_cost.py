@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-__all__ = ["are_costly", "batch_seconds", "run_seconds"]
+__all__ = ["are_costly", "run_seconds", "seconds_at_last_pace"]
 
 # Runs of an archive that took less, all designs together, are made again sooner than found again.
 _COSTLY_SECONDS = 60.0
@@ -72,11 +72,14 @@ def run_seconds(log: Path, model: str) -> float | None:
     return seconds[-1] if seconds else None
 
 
-def batch_seconds(log: Path, design: str, runs: int) -> float | None:
-    """Return how long a number of runs of a design takes at its last pace; None if unknown."""
+def seconds_at_last_pace(log: Path, runs: int, design: str = "") -> float | None:
+    """Return how long a number of runs takes, as the last ones of a design, or of any, have taken.
+
+    That is less than their times added where there are several workers. None if it is unknown.
+    """
     found = filter(None, (_TIMED.search(line) for line in _lines(log)))
-    paces = [float(each[3]) / int(each[2]) for each in found if each[1] == design and int(each[2])]
-    return runs * paces[-1] if paces else None
+    timed = [each for each in found if design in ("", each[1]) and int(each[2])]
+    return runs * float(timed[-1][3]) / int(timed[-1][2]) if timed else None
 
 
 def _lines(log: Path) -> list[str]:
