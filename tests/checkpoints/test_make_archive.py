@@ -16,13 +16,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from study_calls import StudyCalls
 
 import uqpen
+from uqpen.checkpoints.fingerprint_file import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
+from uqpen.core.progress_broadcast import ProgressBroadcast
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes
@@ -101,7 +104,9 @@ def calls(folder: Path) -> int:
 
 def make(folder: Path, **options: Any) -> bytes:
     """The bytes of the archive of the study in a folder."""
-    uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / "study.nc", **options)
+    told = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
+    study = uqpen.load_study(folder / "study.toml")
+    uqpen.make_archive(study, folder / "study.nc", progress=told, **options)
     return (folder / "study.nc").read_bytes()
 
 
@@ -110,7 +115,7 @@ def interrupt(folder: Path, after: int) -> str:
     stop = folder / f"stop_{after}"
     stop.touch()
     with pytest.raises(KeyboardInterrupt) as interrupted:
-        make(folder)
+        make(folder, recheck=False)
     stop.unlink()
     return str(interrupted.value)
 
@@ -279,7 +284,8 @@ def test_another_environment_is_refused(folder: Path) -> None:
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     made_of = json.loads(record.read_text())
     version = made_of["version_numpy"]
-    record.write_text(json.dumps({**made_of, "version_numpy": "0.1"}))
+    del made_of["checksum"]
+    record.write_bytes(encode_fingerprint({**made_of, "version_numpy": "0.1"}))
     with pytest.raises(CheckpointError, match=rf"version_numpy was 0\.1, is {version}"):
         make(folder)
 
@@ -442,6 +448,38 @@ def test_runs_without_a_record_are_made_again(folder: Path, whole: bytes) -> Non
     (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
     progress = Told()
     assert make(folder, progress=progress) == whole
+    assert progress.before == []
+    assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
+
+
+@pytest.mark.parametrize("place", ["seed", "checksum", "bracket", "first", "last"])
+def test_a_flipped_bit_in_a_record_costs_no_run(folder: Path, whole: bytes, place: str) -> None:
+    interrupt(folder, 21)
+    record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
+    content = bytearray(record.read_bytes())
+    at = {
+        "seed": content.index(b'"11"') + 2,
+        "checksum": content.index(b'"checksum": "') + 20,
+        "bracket": content.index(b'": "', 100),
+        "first": 0,
+        "last": len(content) - 1,
+    }[place]
+    content[at] ^= 1
+    record.write_bytes(content)
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    expected = f"{record}: is damaged; it was of this study, so its runs stay"
+    assert progress.warnings == [expected]
+
+
+def test_the_runs_of_a_damaged_record_of_another_study_are_made_again(folder: Path) -> None:
+    interrupt(folder, 21)
+    record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
+    record.write_bytes(record.read_bytes().replace(b"11", b"13"))
+    change(folder, "seed = 11", "seed = 12")
+    progress = Told()
+    make(folder, progress=progress)
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
 
