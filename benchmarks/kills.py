@@ -227,9 +227,11 @@ def _killed(
     if again.code != 0:
         return 0, f"the next start ended with {again.code}: {said}"
     found = sum(map(int, re.findall(r"(\d+) of \d+ runs (?:already done|from)", said)))
+    compared = sum(map(int, re.findall(r"(\d+)\s+of\s+\d+\s+runs\s+made\s+again", said)))
     lag = called - found
-    if _calls(folder) - called != RUNS + runs - found:
-        return lag, f"{found} runs were kept, but {_calls(folder) - called} made again"
+    made = _calls(folder) - called - compared
+    if made != RUNS + runs - found:
+        return lag, f"{found} runs were kept, but {made} made again"
     if (folder / "study.nc").read_bytes() != expected:
         return lag, "the archive is not the same"
     left = [file.name for file in folder.iterdir() if file.name.startswith((".", "study.nc."))]

@@ -11,15 +11,16 @@ import pytest
 import uqpen
 from uqpen.execution.processes import processes
 
-# Stops, as Ctrl-C would, at a number of calls.
+# Stops, as Ctrl-C would, at a number of calls: that of a file's name, as a file that a run opens
+# would belong to the model.
 MODEL = """\
 import pathlib, signal
 here = pathlib.Path(__file__).parent
 def model(a, b):
     with (here / "calls").open("a") as stream:
         stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+    stops = [int(file.name[5:]) for file in here.glob("stop_*")]
+    if len((here / "calls").read_text().split()) in stops:
         signal.raise_signal(signal.SIGINT)
     return {"depth": DEPTH}
 """
@@ -48,10 +49,10 @@ def check_interruptions_and_workers(
         (folder / name / "study.toml").write_text(STUDY + design)
         study, path = uqpen.load_study(folder / name / "study.toml"), folder / name / "study.nc"
         if stop is not None:
-            (folder / name / "stop").write_text(str(stop))
+            (folder / name / f"stop_{stop}").touch()
             with pytest.raises(KeyboardInterrupt):
                 uqpen.make_archive(study, path)
-            (folder / name / "stop").unlink()
+            (folder / name / f"stop_{stop}").unlink()
         uqpen.make_archive(study, path, **options)
         return path.read_bytes()
 

@@ -68,6 +68,7 @@ def make_archive(
     fresh: bool = False,
     lost_again: bool = False,
     read_again: bool = False,
+    recheck: bool | None = None,
     reuse: Sequence[str | Path] = (),
 ) -> Archive:
     """Make the runs of a study, analyse them, and write everything into one archive.
@@ -92,6 +93,9 @@ def make_archive(
     read_again : bool
         True to read the outputs of a program's runs again where their folders are kept, in place
         of making the runs. If finished runs have no folder, this needs `fresh`.
+    recheck : bool, optional
+        Whether some of the finished runs are made again before all are taken, to see that they are
+        the same. By default, they are unless a run takes long. If not, the archive says so.
     reuse : sequence of str or Path
         Further archives. Their runs are not made again, either.
 
@@ -103,14 +107,18 @@ def make_archive(
         If the archive or its checkpoint cannot be written, or an archive cannot be read.
     CheckpointError
         If there are kept runs that this study would not make, or `reuse` names an archive of
-        another model; it states the changes.
+        another model; it states the changes, or how a run that is made again differs.
     """
     with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         tree = checkpoints.make_archive(
             study,
             path,
             ResumeOptions(
-                fresh=fresh, repeat_failed=lost_again, read_again=read_again, reuse=reuse
+                fresh=fresh,
+                repeat_failed=lost_again,
+                read_again=read_again,
+                recheck=recheck,
+                reuse=reuse,
             ),
             map=spread,
             progress=reporter,

@@ -26,8 +26,9 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.diff import diff_archives
-from uqpen.verification.differences import TOLERANCE, find_differences
+from uqpen.verification.differences import find_differences
 from uqpen.verification.verify import verify
+from uqpen.workflow.repetition import TOLERANCE
 
 # To open an archive of an earlier schema and to make its study again takes a second each.
 pytestmark = pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from study_calls import StudyCalls
 
 import uqpen
 
@@ -51,7 +52,8 @@ def calls(folder: Path, text: str, name: str = "study.nc", *, fresh: bool = Fals
     """Return the number of runs that the archive of a study takes."""
     (folder / "calls").write_text("")
     (folder / "study.toml").write_text(text)
-    uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / name, fresh=fresh)
+    study, told = uqpen.load_study(folder / "study.toml"), StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, fresh=fresh, progress=told)
     return len((folder / "calls").read_text().split())
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_calls import StudyCalls
 
 import uqpen
 from uqpen.checkpoints.runs_file import FinishedRuns, read_runs, write_runs
@@ -58,7 +59,8 @@ def folder(tmp_path: Path) -> Path:
 
 def make(folder: Path, name: str = "study.nc", workers: int = 1) -> bytes:
     study = uqpen.load_study(folder / "study.toml")
-    uqpen.make_archive(study, folder / name, workers=workers)
+    told = StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, workers=workers, progress=told)
     return (folder / name).read_bytes()
 
 

@@ -16,13 +16,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from study_calls import StudyCalls
 
 import uqpen
+from uqpen.checkpoints.fingerprint_file import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
+from uqpen.core.progress_broadcast import ProgressBroadcast
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes
@@ -32,15 +35,16 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 
-# Stops, as Ctrl-C would, at the run that it is told to.
+# Stops, as Ctrl-C would, at the run that it is told to: by the name of a file, as a file that a run
+# opens would belong to the model.
 MODEL = """\
 import pathlib, signal
 here = pathlib.Path(__file__).parent
 def simulate(x, y):
     with (here / "calls").open("a") as stream:
         stream.write("call\\n")
-    stop = here / "stop"
-    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+    stops = [int(file.name[5:]) for file in here.glob("stop_*")]
+    if len((here / "calls").read_text().split()) in stops:
         signal.raise_signal(signal.SIGINT)
     if x > 1:
         raise ValueError("x is too large")
@@ -100,16 +104,19 @@ def calls(folder: Path) -> int:
 
 def make(folder: Path, **options: Any) -> bytes:
     """The bytes of the archive of the study in a folder."""
-    uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / "study.nc", **options)
+    told = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
+    study = uqpen.load_study(folder / "study.toml")
+    uqpen.make_archive(study, folder / "study.nc", progress=told, **options)
     return (folder / "study.nc").read_bytes()
 
 
 def interrupt(folder: Path, after: int) -> str:
     """Make an archive that is interrupted at a run, and what is told of it."""
-    (folder / "stop").write_text(str(after))
+    stop = folder / f"stop_{after}"
+    stop.touch()
     with pytest.raises(KeyboardInterrupt) as interrupted:
-        make(folder)
-    (folder / "stop").unlink()
+        make(folder, recheck=False)
+    stop.unlink()
     return str(interrupted.value)
 
 
@@ -277,7 +284,8 @@ def test_another_environment_is_refused(folder: Path) -> None:
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     made_of = json.loads(record.read_text())
     version = made_of["version_numpy"]
-    record.write_text(json.dumps({**made_of, "version_numpy": "0.1"}))
+    del made_of["checksum"]
+    record.write_bytes(encode_fingerprint({**made_of, "version_numpy": "0.1"}))
     with pytest.raises(CheckpointError, match=rf"version_numpy was 0\.1, is {version}"):
         make(folder)
 
@@ -440,6 +448,38 @@ def test_runs_without_a_record_are_made_again(folder: Path, whole: bytes) -> Non
     (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
     progress = Told()
     assert make(folder, progress=progress) == whole
+    assert progress.before == []
+    assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
+
+
+@pytest.mark.parametrize("place", ["seed", "checksum", "bracket", "first", "last"])
+def test_a_flipped_bit_in_a_record_costs_no_run(folder: Path, whole: bytes, place: str) -> None:
+    interrupt(folder, 21)
+    record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
+    content = bytearray(record.read_bytes())
+    at = {
+        "seed": content.index(b'"11"') + 2,
+        "checksum": content.index(b'"checksum": "') + 20,
+        "bracket": content.index(b'": "', 100),
+        "first": 0,
+        "last": len(content) - 1,
+    }[place]
+    content[at] ^= 1
+    record.write_bytes(content)
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    expected = f"{record}: is damaged; it was of this study, so its runs stay"
+    assert progress.warnings == [expected]
+
+
+def test_the_runs_of_a_damaged_record_of_another_study_are_made_again(folder: Path) -> None:
+    interrupt(folder, 21)
+    record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
+    record.write_bytes(record.read_bytes().replace(b"11", b"13"))
+    change(folder, "seed = 11", "seed = 12")
+    progress = Told()
+    make(folder, progress=progress)
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
 
@@ -640,12 +680,12 @@ Command = Callable[..., Any]
 
 
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: Command) -> None:
-    (folder / "stop").write_text("21")
+    (folder / "stop_21").touch()
     outcome = command_line("study", "study.toml")
     assert outcome.code == 130
     said = "interrupted: 20 runs are kept; the same command continues from there\n"
     assert outcome.err.endswith(said)
-    (folder / "stop").unlink()
+    (folder / "stop_21").unlink()
     outcome = command_line("study", "study.toml")
     assert outcome.code == 0
     assert "one: 20 of 30 runs already done\n" in outcome.err
@@ -654,7 +694,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: C
 
 
 def test_a_changed_study_leaves_with_2(folder: Path, command_line: Command) -> None:
-    (folder / "stop").write_text("21")
+    (folder / "stop_21").touch()
     command_line("study", "study.toml")
     change(folder, "seed = 11", "seed = 12")
     outcome = command_line("study", "study.toml")

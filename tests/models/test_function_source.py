@@ -39,6 +39,10 @@ def defaulted(x: float, *, y: float = 1.0) -> float:
     return x + y
 
 
+def evaluated(x: float) -> Any:
+    return eval("FACTOR * x")
+
+
 def sha256(function: Any) -> str:
     source = function_source(function)
     assert source.is_known, source.unknown
@@ -87,7 +91,7 @@ def test_its_text_is_its_source() -> None:
         (Solver(), '"Solver" is an object of class Solver'),
         (closure(Solver()), '"value" is an object of class Solver'),
         (closure(Solver), '"value" is a class of your own'),
-        (eval("lambda x: x"), 'the source of "lambda" cannot be read'),
+        (evaluated, 'it calls "eval", which may read anything'),
     ],
 )
 def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
@@ -95,3 +99,27 @@ def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
     assert not source.is_known
     assert source.sha256 == ""
     assert source.unknown == unknown
+
+
+class Odd:
+    def __getattr__(self, name: str) -> Any:
+        raise KeyError(name)
+
+    def __call__(self, x: float) -> float:
+        return x
+
+
+def test_an_object_that_raises_for_an_attribute_is_unknown() -> None:
+    assert function_source(closure(Odd())).unknown == '"value" is an object of class Odd'
+
+
+def test_nested_code_and_imports_in_it_are_part_of_it() -> None:
+    def numbers(x: float) -> Any:
+        def inner() -> Any:
+            from statistics import mean
+
+            return mean([x])
+
+        return inner()
+
+    assert sha256(numbers)

@@ -52,7 +52,8 @@ def test_curves_that_end_are_archived_and_verified(tmp_path: Path) -> None:
         seed=1,
         folder=tmp_path,
     )
-    tree = uqpen.make_archive(study, tmp_path / "a.nc")
+    with pytest.warns(RuntimeWarning, match="class of your own"):
+        tree = uqpen.make_archive(study, tmp_path / "a.nc")
     runs = tree["runs/some"]
     assert runs["curve"].dims == ("run", "place")
     assert (runs["status"] == Status.OK).all()

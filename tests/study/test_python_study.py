@@ -330,7 +330,7 @@ class TestArchives:
             uqpen.make_archive(study, tmp_path / "area.nc", progress=Interrupted())
         assert not list(tmp_path.rglob("*.npz"))
         assert warnings == [
-            'an interrupted start is not resumed: "area" is an object of class method, so another '
+            'an interrupted start is not resumed: "area" is an object of class Solver, so another '
             "version of the model cannot be distinguished from this one"
         ]
 

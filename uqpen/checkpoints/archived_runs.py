@@ -24,6 +24,7 @@ from uqpen.core.labels import (
     FAILED_RUN,
     FAILURE_REASON,
     KIND,
+    NOT_MADE_AGAIN,
     REUSED_RUNS,
     ROUND,
     RUN,
@@ -33,6 +34,7 @@ from uqpen.core.labels import (
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
+from uqpen.core.streams import BLOCK
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.fingerprint import is_user_defined
 from uqpen.study.study import ValidatedStudy
@@ -84,9 +86,11 @@ def unused_designs(tree: xr.DataTree) -> dict[str, str]:
 
 
 def archived_sources(
-    study: ValidatedStudy, name: str, tree: xr.DataTree, place: str
+    study: ValidatedStudy, name: str, tree: xr.DataTree, place: str, *, first_blocks: bool = False
 ) -> ArchivedSources:
     """Return the runs of an archive that are runs of a model.
+
+    Of a design with very many runs there is none, or the first block only.
 
     Parameters
     ----------
@@ -96,6 +100,8 @@ def archived_sources(
         The result of `open_intact`.
     place : str
         The name of the archive, for display.
+    first_blocks : bool
+        Whether designs with very many runs have their first block.
     """
     names = list(model_trees(tree))
     # The model of the same name first: its changes are told if there is no other.
@@ -105,7 +111,7 @@ def archived_sources(
         source
         for archived, comparison in comparisons.items()
         if not comparison.changes
-        for source in _sources(study, name, tree, archived, comparison, place)
+        for source in _sources(study, name, tree, archived, comparison, place, first_blocks)
     )
     return ArchivedSources(found, () if found else comparisons[names[0]].changes)
 
@@ -117,6 +123,7 @@ def _sources(
     archived_name: str,
     comparison: ModelComparison,
     place: str,
+    first_blocks: bool,
 ) -> Iterator[RunSource]:
     model = study.models[name].model
     left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
@@ -128,15 +135,20 @@ def _sources(
     group = model_trees(tree)[archived_name]
     changed = _changed_designs(study, tree)
     for design in group_names(group, RUNS):
-        if read_group(group, RUNS, design).sizes[RUN] > RUNS_IN_MEMORY:
-            continue  # they are found by their inputs, for which all have to be in memory
-        for runs in _rounds(read_group(group, RUNS, design), model, comparison.imported):
+        archived = read_group(group, RUNS, design)
+        is_whole = archived.sizes[RUN] <= RUNS_IN_MEMORY
+        if not is_whole:
+            if not first_blocks:
+                continue  # they are found by their inputs, for which all have to be in memory
+            archived = archived.isel({RUN: slice(BLOCK)})
+        for runs in _rounds(archived, model, comparison.dependencies):
             source = RunSource(
                 place,
                 runs,
-                is_complete=True,
+                is_complete=is_whole,
                 made_with=(*made_with, *_inherited(tree, archived_name, design)),
                 changed_design=design if design in changed else "",
+                design=design,
             ).without_statuses(left_out)
             if source is not None:
                 yield source
@@ -146,7 +158,8 @@ def _inherited(tree: xr.DataTree, model: str, design: str) -> Iterator[str]:
     """Yield what an archive says of runs of a design that it has taken from others."""
     label = f"{model}: {design}: " if model else f"{design}: "
     for line in str(tree.attrs.get(REUSED_RUNS, "")).split("\n"):
-        if line.startswith(label):
+        # Whether they are made again is decided wherever they are taken.
+        if line.startswith(label) and not line.endswith(NOT_MADE_AGAIN):
             yield line.removeprefix(label)
 
 
@@ -157,7 +170,7 @@ def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
     return {name for name in before.keys() & now.keys() if before[name] != now[name]}
 
 
-def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterator[FinishedRuns]:
+def _rounds(runs: xr.Dataset, model: Model, dependencies: frozenset[str]) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
     inputs = input_columns(runs, model)
     if not all(_has_output(runs, output) for output in model.outputs):
@@ -168,8 +181,12 @@ def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterato
     if FAILED_RUN in runs:
         failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
         reasons |= {run: str(reason) for run, reason in failed if run in reasons}
-    whole = Results(outputs, status, reasons, imported)
-    number = runs[ROUND].values if ROUND in runs else np.zeros(runs.sizes[RUN])
+    whole = Results(outputs, status, reasons, dependencies)
+    if ROUND not in runs:
+        if runs.sizes[RUN]:
+            yield FinishedRuns(np.arange(runs.sizes[RUN]), inputs, whole)
+        return
+    number = runs[ROUND].values
     for each in np.unique(number):
         at = np.flatnonzero(number == each)
         own = {name: values[at] for name, values in inputs.items()}
@@ -197,8 +214,6 @@ def _has_output(runs: xr.Dataset, output: Output) -> bool:
 
 def _values(runs: xr.Dataset, output: Output) -> FloatArray:
     """Return the values of an output as a model returns them."""
-    values = runs[output.name].values.astype(np.float64)
-    if output.categories:
-        # A failed run has a category of its own there.
-        values[values < 0] = np.nan
-    return values
+    values = runs[output.name].values.astype(np.float64, copy=False)
+    # A failed run has a category of its own there.
+    return np.where(values < 0, np.nan, values) if output.categories else values

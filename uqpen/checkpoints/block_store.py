@@ -232,5 +232,7 @@ def block_stores(folder: Path) -> Iterator[BlockStore]:
     for record in sorted(folder.glob(block_files(folder)[1].name)):
         number, size = int(record.name.partition("_")[0]), 0
         store = BlockStore(folder, number, size)
-        yield store
-        store.close()
+        try:
+            yield store
+        finally:
+            store.close()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection
 
-from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.reused_runs import ReusedRuns
 from uqpen.study.study import ValidatedStudy
@@ -14,7 +13,6 @@ __all__ = ["unusable_runs"]
 
 def unusable_runs(
     study: ValidatedStudy,
-    sources: Mapping[str, Sequence[RunSource]],
     reused: ReusedRuns,
     known: Collection[str],
 ) -> dict[str, str]:
@@ -24,10 +22,8 @@ def unusable_runs(
     ----------
     study : ValidatedStudy
         The study.
-    sources : mapping of str to sequence of RunSource
-        The sources of runs by the name of a model.
     reused : ReusedRuns
-        The same runs.
+        The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
 
@@ -38,7 +34,7 @@ def unusable_runs(
     """
     texts = {}
     for name in study.designs:
-        for model, found in sources.items():
+        for model, found in reused.sources.items():
             runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
             if runs and name not in known and not _finds_any(study, name, model, reused):
                 texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
@@ -47,9 +43,4 @@ def unusable_runs(
 
 def _finds_any(study: ValidatedStudy, name: str, model: str, reused: ReusedRuns) -> bool:
     """Check whether one of the first points of a design has an earlier run."""
-    points = first_points(study, name, model)
-    earlier = reused.earlier_runs(model, points)
-    if earlier is None:
-        return False
-    runs = len(next(iter(points.values())))
-    return bool((reused.find(earlier, points, 0, runs) >= 0).any())
+    return bool(reused.used_places(model, first_points(study, name, model)))

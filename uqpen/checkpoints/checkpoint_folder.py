@@ -16,6 +16,7 @@ from uqpen.checkpoints.fingerprint_file import (
     fingerprint_changes,
     list_changes,
     read_fingerprint,
+    was_record_of,
 )
 from uqpen.checkpoints.part_files import (
     has_runs,
@@ -53,6 +54,9 @@ __all__ = ["FAILED", "CheckpointFolder"]
 
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
+
+# Reading more of the finished runs for a comparison would take a tenth of a second.
+_MANY = 2**19
 
 FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
@@ -106,7 +110,12 @@ class CheckpointFolder:
                 remove_checkpoint(folder)
                 continue
             record = folder / FILE_NAME
-            before = read_fingerprint(record)
+            before, now = read_fingerprint(record), self._fingerprints[model, design]
+            if before is None and was_record_of(record, now):
+                self._progress.warn(f"{record}: is damaged; it was of this study, so its runs stay")
+                with self.writing():
+                    write_file(record, encode_fingerprint(now))
+                continue
             if before is None:
                 # Without it nobody knows the study and settings of its runs.
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
@@ -223,14 +232,29 @@ class CheckpointFolder:
             for kept in self._open:
                 self.runs += kept.write()
 
+    def part_sources(self, model: str) -> list[RunSource]:
+        """Return stored runs of a model's designs, of each about the first half million."""
+        found = []
+        for design in (design for name, design in self._fingerprints if name == model):
+            count = 0
+            for runs in self._stored(model, design):
+                found.append(RunSource(self.folder.name, runs, is_complete=False, design=design))
+                count += len(runs.runs)
+                if count >= _MANY:
+                    break
+        return found
+
     def finished_runs(self) -> Iterator[tuple[str, FinishedRuns]]:
         """Yield the stored runs of each part, with the name of the model."""
         for model, design in self._fingerprints:
-            for file in part_files(self._runs_folder(model, design)):
-                if (result := self.read_runs(file)) is not None:
-                    yield model, result
-            for store in block_stores(self._runs_folder(model, design)):
-                yield from ((model, result) for result in store.finished_runs())
+            yield from ((model, runs) for runs in self._stored(model, design))
+
+    def _stored(self, model: str, design: str) -> Iterator[FinishedRuns]:
+        """Yield the stored runs of a design, part by part."""
+        folder = self._runs_folder(model, design)
+        yield from filter(None, map(self.read_runs, part_files(folder)))
+        for store in block_stores(folder):
+            yield from store.finished_runs()
 
     def discard_failed(self) -> None:
         """Discard the missing runs, so that they are made again; keep the inadmissible ones."""

@@ -44,6 +44,8 @@ class RunSource:
         Their folder, if they are in no archive.
     changed_design : str
         Name of their design, if the study has it with other settings.
+    design : str
+        Name of their design; empty if they have none.
     """
 
     place: str
@@ -52,6 +54,7 @@ class RunSource:
     made_with: tuple[str, ...] = ()
     folder: Path | None = None
     changed_design: str = ""
+    design: str = ""
 
     def without_statuses(self, statuses: Collection[Status]) -> RunSource | None:
         """Return it without the runs of some statuses; None if no other is left."""
@@ -136,9 +139,17 @@ class EarlierRuns:
         """Record that runs are taken, given positions or -1; yield their sources and statuses."""
         at = at[at >= 0]
         self._is_used[at] = True
-        numbers = np.searchsorted(self._starts, at, side="right") - 1
+        numbers = self._source_numbers(at)
         for number in np.unique(numbers).tolist():
             yield self.sources[number], self.statuses(at[numbers == number])
+
+    def sources_of(self, at: IntArray) -> list[RunSource]:
+        """Return the sources of runs, given their positions or -1."""
+        numbers = np.unique(self._source_numbers(at[at >= 0]))
+        return [self.sources[number] for number in numbers.tolist()]
+
+    def _source_numbers(self, at: IntArray) -> IntArray:
+        return np.searchsorted(self._starts, at, side="right") - 1
 
     def used_up(self) -> Iterator[RunSource]:
         """Yield the sources all of whose runs have been taken."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,28 +17,48 @@ __all__ = [
     "fingerprint_changes",
     "list_changes",
     "read_fingerprint",
+    "was_record_of",
 ]
 
 FILE_NAME = "made_of.json"
+
+_CHECKSUM = "checksum"
 
 # Excerpt of a text that has changed: its length, and its length before the first difference.
 _LONGEST, _BEFORE = 60, 20
 
 _MOST_LISTED = 6
 
+# Keys of hashes.
+_HASHED = ("file ", "module ", "environment variable ")
+
 
 def read_fingerprint(record: Path) -> dict[str, str] | None:
     """Read the fingerprint of the runs beside a record; None for a damaged one."""
     try:
         content: Any = json.loads(record.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        checksum = content.pop(_CHECKSUM)
+    except (OSError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
         return None
-    return content if isinstance(content, dict) else None
+    return content if checksum == _checksum(content) else None
 
 
 def encode_fingerprint(fingerprint: Mapping[str, str]) -> bytes:
-    """Encode a fingerprint as the content of a record."""
-    return json.dumps(fingerprint, indent=1).encode()
+    """Encode a fingerprint as the content of a record, with its checksum."""
+    return json.dumps({_CHECKSUM: _checksum(fingerprint), **fingerprint}, indent=1).encode()
+
+
+def was_record_of(record: Path, fingerprint: Mapping[str, str]) -> bool:
+    """Check that a damaged record had a fingerprint: its checksum, or all else, is left of it."""
+    try:
+        damaged, whole = record.read_bytes(), encode_fingerprint(fingerprint)
+    except OSError:
+        return False
+    return any(line in damaged for line in whole.split(b"\n", 2)[1:])
+
+
+def _checksum(fingerprint: Mapping[str, str]) -> str:
+    return hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()
 
 
 class Change(NamedTuple):
@@ -63,7 +84,7 @@ def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> It
         was, is_now = (str(each.get(key, "not there")) for each in (before, now))
         if was == is_now:
             continue
-        is_hash = key.startswith("file ") or key.endswith("sha256")
+        is_hash = key.startswith(_HASHED) or key.endswith("sha256")
         if is_hash and key in before and key in now:
             yield Change(key, f"{key} has changed")
         else:

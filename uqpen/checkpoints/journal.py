@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import platform
 import time
@@ -46,6 +47,9 @@ class Journal(Progress):
         self._runs = self._failed = 0
         self._reused: Counter[str] = Counter()
         self._began = 0.0
+        self._model = ""
+        self._runs_began: float | None = None
+        self._first_seconds: dict[str, float] = {}
 
     def __enter__(self) -> Journal:
         version = provenance()["version_uqpen"]
@@ -101,6 +105,7 @@ class Journal(Progress):
         self._progress.start_design(name, runs)
 
     def start_runs(self, model: str, finished_runs: Callable[[], list[xr.Dataset]]) -> None:
+        self._model, self._runs_began = model, time.monotonic()
         self._progress.start_runs(model, finished_runs)
 
     def end_block(self, model: str, runs: xr.Dataset) -> None:
@@ -125,6 +130,7 @@ class Journal(Progress):
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._runs += runs
         self._failed += failed
+        self._record_first_runs()
         self._progress.advance(runs, failed, in_progress)
 
     def start_analysis(self) -> None:
@@ -135,6 +141,18 @@ class Journal(Progress):
         if len(self._warnings) < _MOST_WARNINGS or text in self._warnings:
             self._warnings[text] += 1
         self._progress.warn(text)
+
+    def _record_first_runs(self) -> None:
+        """Write how long the first runs of a model took, where no earlier ones were faster."""
+        if self._runs_began is None:
+            return
+        took = time.monotonic() - self._runs_began
+        self._runs_began = None
+        # Those of the first design may have waited for workers.
+        if took < self._first_seconds.get(self._model, math.inf):
+            self._first_seconds[self._model] = took
+            whose = f" of {self._model}" if self._model else ""
+            self.write_line(f"{self._name}: the first runs{whose} took {took:.3f} s")
 
     def _finish(self) -> None:
         """Write the summary line of the last design."""

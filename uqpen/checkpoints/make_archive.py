@@ -17,6 +17,8 @@ from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
+from uqpen.checkpoints.recheck import Recheck
+from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced_designs import runs_not_kept
 from uqpen.checkpoints.replaced_runs import lacks_runs
 from uqpen.checkpoints.resume_options import ResumeOptions
@@ -98,7 +100,12 @@ def make_archive(
     ):
         earlier = _open_archives(path, resume, journal)
         replaced = earlier.replaced
-        if replaced and _is_complete(study, replaced.tree, resume):
+        recheck = Recheck(study, resume.recheck, map, journal)
+        if (
+            replaced
+            and _is_complete(study, replaced.tree, resume)
+            and is_as_made(study, replaced, recheck)
+        ):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
@@ -106,7 +113,9 @@ def make_archive(
         if resume.read_again:
             study = reading_again(study, kept, repeats_others=resume.fresh)
         _discard_runs(kept, resume)
-        reused = _reused_runs(study, kept, earlier, journal, resume)
+        reused = _reused_runs(
+            study, kept, earlier, journal, resume, recheck, has_parts=not is_unknown
+        )
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
             own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
@@ -197,18 +206,27 @@ def _reused_runs(
     earlier: _EarlierArchives,
     journal: Journal,
     resume: ResumeOptions,
+    recheck: Recheck,
+    *,
+    has_parts: bool,
 ) -> ReusedRuns:
-    """Return the earlier runs that a study may take, and report those that it cannot take."""
+    """Return the earlier runs that a study may take, and report those that it cannot take.
+
+    Some of those that it would take are made again; `has_parts` if it takes those of its designs.
+    """
     archived = sources_of_archives(study, earlier.all, journal)
     sources = {
         name: _model_sources(study, name, kept, archived[name], resume) for name in study.models
     }
-    reused = ReusedRuns(study, sources, journal)
+    places = {archive.place: archive for archive in earlier.all}
+    reused = runs_that_are_as_made(
+        study, sources, places, kept, recheck, journal, has_parts=has_parts
+    )
     for archive in earlier.all:
         for name, reason in unused_designs(archive.tree).items():
             journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
     not_kept = runs_not_kept(study, earlier.replaced.tree) if earlier.replaced else {}
-    for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
+    for name, text in (not_kept | unusable_runs(study, reused, not_kept)).items():
         journal.inform(f"{name}: {text}")
     return reused
 

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
 import tomllib
-from collections.abc import Mapping
-from pathlib import PurePosixPath
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_name
+from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import model_trees, read_group
 from uqpen.checkpoints.earlier_runs import depends_on_batch
 from uqpen.checkpoints.fingerprint_file import fingerprint_changes
-from uqpen.core.errors import ArchiveError
+from uqpen.core.dependency import IMPORTED, LIBRARY, MODULE, OPENED, Dependency
+from uqpen.core.labels import DEPENDENCIES
 from uqpen.core.model import Model
+from uqpen.models.dependencies import current_sha256
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study.fingerprint import flatten_tables
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ModelComparison", "compare_models"]
+__all__ = ["ModelComparison", "compare_models", "compared_names"]
 
 _SOURCE, _VERSION = "source_sha256", "version"
 
@@ -34,18 +36,26 @@ class ModelComparison(NamedTuple):
     ----------
     changes : tuple of str
         What has changed, in words; empty if both would make the same runs.
-    imported : frozenset of str
-        The files that the archive's runs have imported, as in `Results.files`.
+    dependencies : frozenset of str
+        What the archive's runs depend on besides their inputs, as in `Results.files`.
     is_same_limit : bool
         True if both have the same limit on the time of a run.
     is_same_domain : bool
         True if both studies have the same constraints.
+    same : tuple of str
+        Names of files, modules and variables of the environment that were compared, and are the
+        same. The model's table in the study is not named.
+    uncompared : tuple of str
+        What decides the runs and was not compared, in words, such as
+        ``"what ./solver reads and starts"``.
     """
 
     changes: tuple[str, ...]
-    imported: frozenset[str] = frozenset()
+    dependencies: frozenset[str] = frozenset()
     is_same_limit: bool = True
     is_same_domain: bool = True
+    same: tuple[str, ...] = ()
+    uncompared: tuple[str, ...] = ()
 
 
 def compare_models(
@@ -53,8 +63,8 @@ def compare_models(
 ) -> ModelComparison:
     """Compare a model of an archive with one of a study; nothing of the archive is executed.
 
-    The files of the archive are compared with those on the disk, also those that its runs have
-    imported.
+    What the archive's runs depend on is compared with what is there now, under the same names, also
+    what only a run has imported or read.
 
     Parameters
     ----------
@@ -68,35 +78,103 @@ def compare_models(
         return ModelComparison((reason,))
     texts = tomllib.loads(str(tree.attrs["study_text"])), tomllib.loads(study.text)
     files = {file.name: file for file in archived_files(read_group(tree, FILES))}
-    own = files_by_name(model.files(), study.folder)
-    then, now = _archived_identity(tree, archived_name), model.identity()
-    imports = _find_imports(study, model, files, then.get(_SOURCE, ""))
+    known = [*map(Dependency.from_line, model.dependencies())]
+    # Those that it opens are compared below: a start may have written what the next one reads.
+    opened = {each.name for each in known if each.role in (OPENED, LIBRARY)}
+    named = files_by_name(model.files(), study.folder)
+    own = {file: snapshot for file, snapshot in named.items() if file not in opened}
+    attributes = {
+        str(key): str(value) for key, value in model_trees(tree)[archived_name].attrs.items()
+    }
+    lines = frozenset(filter(None, attributes.get(DEPENDENCIES, "").split("\n")))
+    archived = sorted(map(Dependency.from_line, lines))
+    dependencies = _compared_dependencies(model, known, archived, study.folder)
+    before, now = _identity(attributes), model.identity()
     changed = list(
         fingerprint_changes(
             {
                 **_table(texts[0], archived_name),
-                **_versions(then, model),
+                **_versions(before, model),
                 **{f"file {file}": files[file].sha256 for file in own if file in files},
+                **dependencies.before,
             },
             {
                 **_table(texts[1], name),
                 **_versions(now, model),
                 **{f"file {file}": snapshot.sha256 for file, snapshot in own.items()},
+                **dependencies.now,
             },
         )
     )
     domain = [change.text for change in fingerprint_changes(*map(_constraints, texts))]
     changes = [change.text for change in changed if not change.is_limit]
     changes += domain if depends_on_batch(model) else []
-    if imports is None and not changes:
-        changes.append(f"model {_SOURCE} has changed")
-    changes += [f"file {file.name} has changed" for file in imports or () if _differs(study, file)]
+    same, uncompared = compared_names(model, lines, study.folder)
     return ModelComparison(
         tuple(changes),
-        frozenset(f"{file.sha256}  {file.name}" for file in imports or ()),
+        lines,
         not any(change.is_limit for change in changed),
         not domain,
+        same,
+        uncompared,
     )
+
+
+def compared_names(
+    model: Model, lines: Iterable[str], folder: Path
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is compared of a model whose runs are taken, and what is not.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    lines : iterable of str
+        What the runs depend on, as in `Results.files`.
+    folder : Path
+        Folder of the study.
+
+    Returns
+    -------
+    same, uncompared : tuple of str
+        As in `ModelComparison`.
+    """
+    found = sorted({Dependency.from_line(line) for line in {*lines, *model.dependencies()}})
+    names = [*files_by_name(model.files(), folder), *(each.name for each in found if each.sha256)]
+    unhashed = filter(None, (each.uncompared for each in found))
+    return tuple(dict.fromkeys(names)), tuple(dict.fromkeys([*model.uncompared, *unhashed]))
+
+
+class _ComparedDependencies(NamedTuple):
+    """Hashes of dependencies in an archive and now, by their names in a message."""
+
+    before: dict[str, str]
+    now: dict[str, str]
+
+
+def _compared_dependencies(
+    model: Model, loaded: Sequence[Dependency], archived: Sequence[Dependency], folder: Path
+) -> _ComparedDependencies:
+    """Return the dependencies of archived runs, and the same ones as they are now.
+
+    Modules that the model has loaded now are compared, too, if the archive has none of their names:
+    a source decides what is imported. That it opens another file follows from one that has changed.
+    """
+    known = {each[:2]: each.sha256 for each in loaded}
+    before: dict[str, str] = {}
+    now: dict[str, str] = {}
+    context = surroundings.on_import_path() if (surroundings := _folder(model)) else nullcontext()
+    with context:
+        for each in archived:
+            if each.sha256:
+                found = known.get(each[:2]) or current_sha256(each, folder)
+                before[each.label] = each.sha256
+                now |= {each.label: found} if found else {}
+    roles = (IMPORTED, MODULE)
+    now |= {
+        Dependency(*key).label: sha256 for key, sha256 in sorted(known.items()) if key[0] in roles
+    }
+    return _ComparedDependencies(before, now)
 
 
 def _unknown_version(model: Model) -> str:
@@ -104,7 +182,7 @@ def _unknown_version(model: Model) -> str:
     folder = _folder(model)
     if model.unknown_dependency:
         return f"its model has versions that cannot be distinguished: {model.unknown_dependency}"
-    if isinstance(model, PythonFunction) and folder is not None and not folder.files():
+    if isinstance(model, PythonFunction) and folder is not None and not folder.imported:
         return f"no archive says which version of {model.name} its runs were made with"
     return ""
 
@@ -114,11 +192,10 @@ def _folder(model: Model) -> ModelFolder | None:
     return model.surroundings if isinstance(model, PythonFunction | UserDefinedModel) else None
 
 
-def _archived_identity(tree: xr.DataTree, name: str) -> dict[str, str]:
-    attributes = model_trees(tree)[name].attrs.items()
+def _identity(attributes: Mapping[str, str]) -> dict[str, str]:
+    """Return the identity of a model among the attributes of its group."""
     start = "model_"
-    found = {str(key): str(value) for key, value in attributes}
-    return {key.removeprefix(start): found[key] for key in found if key.startswith(start)}
+    return {key.removeprefix(start): attributes[key] for key in attributes if key.startswith(start)}
 
 
 def _versions(identity: Mapping[str, str], model: Model) -> dict[str, str]:
@@ -137,52 +214,3 @@ def _table(content: Mapping[str, Any], name: str) -> dict[str, str]:
 
 def _constraints(content: Mapping[str, Any]) -> dict[str, str]:
     return dict(flatten_tables({"constraints": content.get("constraints", {})}))
-
-
-def _find_imports(
-    study: ValidatedStudy, model: Model, files: Mapping[str, ArchivedFile], sha256: str
-) -> list[ArchivedFile] | None:
-    """Find the archived files that only runs have imported; None if the source is another one.
-
-    The hash of the model's source says which of the archived modules they are: others belong to
-    designs, surrogates or statistics.
-    """
-    folder = _folder(model)
-    if folder is None:
-        return []
-    own = {file.path: file.content or file.path.read_bytes() for file in folder.files()}
-    loaded = {file.path for file in study.files()}
-    late = {
-        folder.folder / file.name: file
-        for file in files.values()
-        if file.is_whole and _is_module(file.name) and folder.folder / file.name not in own
-    }
-    unknown = {path: file for path, file in late.items() if path not in loaded}
-    for imports in ({}, unknown, late):
-        contents = own | {path: _content(file) for path, file in imports.items()}
-        source = b"".join(content for _, content in sorted(contents.items()))
-        if hashlib.sha256(source).hexdigest() == sha256:
-            return list(imports.values())
-    return None
-
-
-def _is_module(name: str) -> bool:
-    """Check for the name of a module in the folder of the study."""
-    path = PurePosixPath(name)
-    return path.suffix == ".py" and not path.is_absolute() and ".." not in path.parts
-
-
-def _content(file: ArchivedFile) -> bytes:
-    try:
-        return file.read()
-    except ArchiveError:  # a damaged one has no hash in common with any source
-        return b""
-
-
-def _differs(study: ValidatedStudy, file: ArchivedFile) -> bool:
-    """Check whether a file in the folder of a study is another than the archived one."""
-    try:
-        content = (study.folder / file.name).read_bytes()
-    except OSError:
-        return True
-    return hashlib.sha256(content).hexdigest() != file.sha256

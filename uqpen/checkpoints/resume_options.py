@@ -22,6 +22,9 @@ class ResumeOptions:
     read_again : bool
         Whether the outputs of runs whose folders are kept are read from these, without a run. If
         finished runs have no folder, this needs `fresh`.
+    recheck : bool or None
+        Whether some of the finished runs are made again before all are taken; None for all but
+        costly ones.
     reuse : sequence of str or Path, or None
         Further archives whose runs may be taken; None for no archive, not even the one that is
         replaced.
@@ -30,6 +33,7 @@ class ResumeOptions:
     fresh: bool = False
     repeat_failed: bool = False
     read_again: bool = False
+    recheck: bool | None = None
     reuse: Sequence[str | Path] | None = ()
 
     @property

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from uqpen.checkpoints.chosen_runs import BY_MACHINE
 from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
 from uqpen.core.arrays import Arrays, IntArray
+from uqpen.core.labels import NOT_MADE_AGAIN
 from uqpen.core.status import Status
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
@@ -19,8 +21,6 @@ from uqpen.study.study import ValidatedStudy
 
 __all__ = ["ReusedRuns"]
 
-# Whether a run ends so may depend on the machine.
-_BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
 _LOST_BY_MACHINE = "runs that timed out or crashed in an earlier study"
 
 
@@ -43,6 +43,7 @@ class ReusedRuns:
         sources: Mapping[str, Sequence[RunSource]],
         progress: Progress,
     ) -> None:
+        self.sources = sources
         self._study = study
         self._progress = progress
         self._earlier = {
@@ -50,6 +51,7 @@ class ReusedRuns:
             for name, found in sources.items()
         }
         self._made_with: set[str] = set()
+        self._not_made_again: set[tuple[str, str]] = set()
 
     def checkpoint(self, own: Checkpoint, design: str, model: str) -> Checkpoint:
         """Return a checkpoint that restores earlier runs, too, of a model in a round of a design.
@@ -81,8 +83,27 @@ class ReusedRuns:
         for source, statuses in earlier.use(at):
             self._progress.count_reused(len(statuses), source.place)
             self._made_with.update(f"{label}: {text}" for text in source.made_with)
-            if np.isin(statuses, _BY_MACHINE).any():
+            if np.isin(statuses, BY_MACHINE).any():
                 self._made_with.add(f"{label}: {_LOST_BY_MACHINE}")
+            if (model, source.place) in self._not_made_again:
+                self.record_not_made_again(design, model)
+
+    def mark_not_made_again(self, model: str, place: str) -> None:
+        """Note that none of a model's runs from a place was made again before they are taken."""
+        self._not_made_again.add((model, place))
+
+    def record_not_made_again(self, design: str, model: str) -> None:
+        """Record that such runs of a design are taken."""
+        label = f"{model}: {design}" if model else design
+        self._made_with.add(f"{label}: {NOT_MADE_AGAIN}")
+
+    def used_places(self, model: str, inputs: Arrays) -> set[str]:
+        """Return the places of a model's runs that are at the first points of a round."""
+        earlier = self.earlier_runs(model, inputs)
+        if earlier is None:
+            return set()
+        at = self.find(earlier, inputs, 0, len(next(iter(inputs.values()))))
+        return {source.place for source in earlier.sources_of(at)}
 
     def used_folders(self) -> set[Path]:
         """Return the folders all of whose runs have been taken."""

@@ -17,7 +17,14 @@ from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 
-__all__ = ["EarlierArchive", "open_named", "open_replaced", "sources_of_archives"]
+__all__ = [
+    "EarlierArchive",
+    "log_path",
+    "open_named",
+    "open_replaced",
+    "shown_path",
+    "sources_of_archives",
+]
 
 
 class EarlierArchive(NamedTuple):
@@ -29,12 +36,15 @@ class EarlierArchive(NamedTuple):
         Its path, for display.
     tree : DataTree
         Its content.
+    log : Path
+        The log beside it.
     is_named : bool
         True if the user has named it, so that it is a mistake if none of its runs can be taken.
     """
 
     place: str
     tree: xr.DataTree
+    log: Path
     is_named: bool
 
 
@@ -42,9 +52,9 @@ def open_replaced(path: Path, journal: Journal) -> EarlierArchive | None:
     """Read the archive that the new one replaces; None, with a note, where it cannot be used."""
     if not path.exists():
         return None
-    place = _shown(path)
+    place = shown_path(path)
     try:
-        return EarlierArchive(place, open_intact(path), is_named=False)
+        return EarlierArchive(place, open_intact(path), log_path(path), is_named=False)
     except ArchiveError as error:
         reason = str(error).removeprefix(f"{path}: ")
         journal.inform(f"{place}: none of its runs is taken: {reason}")
@@ -61,7 +71,7 @@ def open_named(paths: Sequence[str | Path], replaced: Path) -> list[EarlierArchi
     """
     others = [Path(path) for path in paths]
     return [
-        EarlierArchive(_shown(path), open_intact(path), is_named=True)
+        EarlierArchive(shown_path(path), open_intact(path), log_path(path), is_named=True)
         for path in others
         if path.resolve() != replaced.resolve()
     ]
@@ -117,7 +127,12 @@ def _made_with(study: ValidatedStudy, tree: xr.DataTree) -> str:
     return f"{origin}, made with {texts or 'the same versions and kind of processor as here'}"
 
 
-def _shown(path: Path) -> str:
+def log_path(archive: Path) -> Path:
+    """Return the path of the log beside an archive."""
+    return archive.absolute().with_name(f"{archive.name}.log")
+
+
+def shown_path(path: Path) -> str:
     """Return a path as short as it can be written here."""
     path = path.absolute()
     here = Path.cwd()

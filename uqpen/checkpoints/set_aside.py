@@ -109,13 +109,15 @@ def set_aside_sources(
         changes = list(fingerprint_changes(own, fingerprint))
         if not all(change.is_limit for change in changes):
             continue
+        design = set_aside_design(folder)
         for runs in _rounds(folder, read):
             source = RunSource(
                 _KEPT,
                 runs,
                 is_complete=False,
                 folder=folder,
-                changed_design=set_aside_design(folder),
+                changed_design=design,
+                design=design,
             )
             found = source.without_statuses([Status.TIMED_OUT] if changes else [])
             if found is not None:

@@ -10,7 +10,7 @@ from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.model_versions import compare_models
-from uqpen.core.labels import RUNS
+from uqpen.core.labels import DEPENDENCIES, RUNS
 from uqpen.core.lookup import class_version
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
@@ -29,7 +29,9 @@ def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
     it is not unchanged.
     """
     expected = {**root_attributes(study), **level_attribute(study)}
-    kept = {key: value for key, value in expected.items() if not key.startswith("model_")}
+    # Models are compared below, also by what only their runs have used.
+    of_models = (*(key for key in expected if key.startswith("model_")), DEPENDENCIES)
+    kept = {key: value for key, value in expected.items() if key not in of_models}
     if any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items()):
         return False
     if tree.attrs.get(SCHEMA_ATTRIBUTE) != SCHEMA or not _is_identified(study):
@@ -40,11 +42,12 @@ def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
     comparisons = [compare_models(study, name, tree, name) for name in study.models]
     if any(each.changes or not each.is_same_limit for each in comparisons):
         return False
-    imported = frozenset[str]().union(*(each.imported for each in comparisons))
-    loaded = files_by_name(study.files(), study.folder).items()
-    files = {f"{file.sha256}  {name}" for name, file in loaded} | imported
+    # Some of these are opened or imported by a run alone.
+    compared = {name for each in comparisons for name in each.same}
+    loaded = files_by_name(study.files(), study.folder)
+    files = {name: file.sha256 for name, file in loaded.items() if name not in compared}
     archived = archived_files(read_group(tree, FILES))
-    return files == {f"{file.sha256}  {file.name}" for file in archived}
+    return files == {file.name: file.sha256 for file in archived if file.name not in compared}
 
 
 def has_missing_runs(tree: xr.DataTree) -> bool:

@@ -145,6 +145,11 @@ def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
     fresh = "Make all runs, also those that are finished, and replace the archive in any case."
     repeat_failed = "Repeat the finished runs that failed."
     read_again = "Read the kept folders of runs again, in place of making the runs."
+    recheck = (
+        "Make some finished runs again first, to see that they are the same; or none.  "
+        "[default: unless one takes long]"
+    )
+    command = click.option("--recheck/--no-recheck", default=None, help=recheck)(command)
     command = click.option("--read-again", is_flag=True, help=read_again)(command)
     repeat_option = click.option("--lost-again", "repeat_failed", is_flag=True, help=repeat_failed)
     command = repeat_option(command)

@@ -172,6 +172,12 @@ CONTENT = "content_sha256"
 # What runs of earlier archives were made with, at the root of an archive that has taken them. It is
 # absent where all of them would be the same here to the bit.
 REUSED_RUNS = "reused_runs"
+# A line of it ends so, where none of the runs was compared with a fresh one.
+NOT_MADE_AGAIN = "runs of which none was made again before they were taken"
+
+# What the runs of a model depend on besides their inputs, a line each: at the root of an archive,
+# or at the group of the model in an archive of several.
+DEPENDENCIES = "run_dependencies"
 
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"

@@ -124,6 +124,10 @@ class Model(ABC):
             A failed run is data, so it raises no exception.
         """
 
+    def evaluate_observed(self, inputs: Arrays) -> Results:
+        """Run a batch as `evaluate` does, and report in `Results.files` what its runs depend on."""
+        return self.evaluate(inputs)
+
     @property
     def run_limits(self) -> Limits:
         """Limits of one run, enforced by its caller or by the model itself."""
@@ -186,6 +190,18 @@ class Model(ABC):
         ModelError
             If other runs were made with another version of one of them.
         """
+
+    def dependencies(self) -> frozenset[str]:
+        """Return what its runs depend on besides their inputs, as far as it is known.
+
+        The form is that of `Results.files`.
+        """
+        return frozenset()
+
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        """Parts of it that `identity` and `dependencies` do not cover, in words."""
+        return ()
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the user's own files that it consisted of when it was run."""

@@ -29,8 +29,8 @@ class Results:
     reasons : mapping of int to str
         The reason why each failed run failed, by its position in the batch.
     files : set of str
-        The user's own files with which the runs were made, as lines of sha256sum: SHA-256 and path
-        from the study's folder.
+        Own modules with which the runs were made, and what was seen in a run that was observed;
+        each as `Dependency.line` (`uqpen.core.dependency`).
     """
 
     outputs: Arrays

@@ -18,10 +18,21 @@ __all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
 
 @dataclass(frozen=True)
 class Batch:
-    """Consecutive runs that are made together: the number of the first, and inputs in SI units."""
+    """Consecutive runs that are made together.
+
+    Parameters
+    ----------
+    start : int
+        The number of the first.
+    inputs : mapping of str to ndarray, shape (run,)
+        In SI units.
+    is_observed : bool
+        True if what the first run depends on is to be reported.
+    """
 
     start: int
     inputs: Arrays
+    is_observed: bool = False
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
@@ -29,15 +40,16 @@ class Batch:
     def halves(self) -> tuple[Batch, Batch]:
         """Split the batch into two; it must have two runs at least."""
         middle = len(self) // 2
-        return self._slice(0, middle), self._slice(middle, len(self))
+        return self.between(0, middle), self.between(middle, len(self))
 
     def singles(self) -> Iterator[Batch]:
         """Split the batch into batches of one run."""
-        return (self._slice(run, run + 1) for run in range(len(self)))
+        return (self.between(run, run + 1) for run in range(len(self)))
 
-    def _slice(self, begin: int, end: int) -> Batch:
+    def between(self, begin: int, end: int) -> Batch:
+        """Return the part of it from one position to another, the last excluded."""
         some = {name: values[begin:end] for name, values in self.inputs.items()}
-        return Batch(self.start + begin, some)
+        return Batch(self.start + begin, some, self.is_observed and not begin)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -129,6 +129,8 @@ def evaluate_blocks(
         if first_runs.is_trial_due:
             alone = Pace(worth_sending, is_alone=True)
             batches = islice(_batches(blocks, evaluator.model, alone), 1)
+        if first_runs.is_observation_due:
+            batches = _with_first_observed(batches)
         for batch_result in options.map(work, batches):
             pace.record(len(batch_result))
             under_way.add(batch_result)
@@ -219,6 +221,12 @@ def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:
     if model.vectorized:
         return vectorized_batches(blocks, is_batch_independent=model.is_batch_independent)
     return scalar_batches(blocks, pace)
+
+
+def _with_first_observed(batches: Iterator[Batch]) -> Iterator[Batch]:
+    for first in islice(batches, 1):
+        yield replace(first, is_observed=True)
+    yield from batches
 
 
 def _check_names(points: xr.Dataset, model: Model) -> None:

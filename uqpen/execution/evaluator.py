@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import Arrays, FloatArray
+from uqpen.core.arrays import FloatArray
 from uqpen.core.limits import Limits
 from uqpen.core.model import Model, Results, RunWarning, empty_outputs, violated_conditions
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
-from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.batch import Batch, BatchResult, join_results
 from uqpen.execution.child_process import run_in_child
 from uqpen.execution.invalid_values import invalid_runs
 from uqpen.execution.process_role import is_child_process
@@ -42,8 +42,11 @@ class Evaluator:
     model: Model
     constraints: Sequence[Constraint] = ()
 
-    def __call__(self, inputs: dict[str, FloatArray]) -> Results:
-        """Return the results of a batch of points, given in SI units."""
+    def __call__(self, inputs: dict[str, FloatArray], *, is_observed: bool = False) -> Results:
+        """Return the results of a batch of points, given in SI units.
+
+        If it is observed, they say what the model's runs depend on.
+        """
         if self.model.enforced_limits and not is_child_process():
             return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
         runs = len(next(iter(inputs.values())))
@@ -60,7 +63,8 @@ class Evaluator:
             return Results(outputs, status, reasons)
         # A constraint may be on an input that this model of several does not take.
         taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
-        results = self.model.evaluate({name: inputs[name][admissible] for name in taken})
+        call = self.model.evaluate_observed if is_observed else self.model.evaluate
+        results = call({name: inputs[name][admissible] for name in taken})
         status[admissible] = results.status
         reasons |= {int(admissible[run]): reason for run, reason in results.reasons.items()}
         for name, values in results.outputs.items():
@@ -108,7 +112,7 @@ class EvaluatorWork:
         if self.limits and not is_child_process():
             return run_in_child(self, batch)
         with warnings.catch_warnings(record=True) as caught:
-            results = self._evaluate_with_retries(batch.inputs)
+            results = join_results([*map(self._evaluate_with_retries, self._parts(batch))])
         messages = dict.fromkeys(map(_warning_text, caught))
         return BatchResult(batch.start, results, tuple(messages)[:_MOST_WARNINGS])
 
@@ -120,9 +124,18 @@ class EvaluatorWork:
         reasons = dict.fromkeys(range(runs), reason)
         return BatchResult(batch.start, Results(outputs, statuses, reasons))
 
-    def _evaluate_with_retries(self, inputs: Arrays) -> Results:
+    def _parts(self, batch: Batch) -> Iterator[Batch]:
+        """Yield a batch, or first the run in it that is observed alone."""
+        if batch.is_observed and len(batch) > 1 and not self.evaluator.model.vectorized:
+            yield batch.between(0, 1)
+            yield batch.between(1, len(batch))
+        else:
+            yield batch
+
+    def _evaluate_with_retries(self, batch: Batch) -> Results:
         """Return the results of a batch; retry its missing runs, each by itself."""
-        results = self.evaluator(dict(inputs))
+        inputs = batch.inputs
+        results = self.evaluator(dict(inputs), is_observed=batch.is_observed)
         for _ in range(self.retries):
             for run in np.flatnonzero(results.status > Status.INADMISSIBLE).tolist():
                 one = {name: values[run : run + 1] for name, values in inputs.items()}

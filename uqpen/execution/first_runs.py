@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from uqpen.core.arrays import Arrays
+from uqpen.core.dependency import OBSERVED, Dependency
 from uqpen.core.errors import FirstRunsFailedError
 from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
@@ -16,6 +17,9 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
 
 __all__ = ["FirstRuns"]
+
+
+_OBSERVED = Dependency(OBSERVED, "run").line
 
 
 class _FailedRun(NamedTuple):
@@ -48,6 +52,10 @@ class FirstRuns:
         Whether there is a trial run, and how many runs end the study if all fail alike.
     report : callable, optional
         Receives the text on a trial run that has failed.
+    is_observed : bool
+        Whether one run is to be observed, for what the runs of the model depend on. It is the trial
+        run, or the first that this start makes, where none of those restored was. A run that fails
+        may have ended early, so the first of those after it is observed, too.
     """
 
     def __init__(
@@ -55,6 +63,8 @@ class FirstRuns:
         model: Model,
         policy: FailurePolicy,
         report: Callable[[str], None] = lambda text: None,
+        *,
+        is_observed: bool = False,
     ) -> None:
         self._model, self._policy, self._report = model, policy, report
         self._failed: list[_FailedRun] = []
@@ -64,6 +74,8 @@ class FirstRuns:
         self._waiting: list[tuple[int, int, Arrays, BatchResult]] = []
         # True if the next batch is made alone, as the trial run is still to be made.
         self.is_trial_due = policy.trial
+        # True if the next batch is observed, as no run has said what runs of the model depend on.
+        self.is_observation_due = is_observed
 
     @property
     def are_undecided(self) -> bool:
@@ -85,6 +97,9 @@ class FirstRuns:
         FirstRunsFailedError
             If as many runs as the policy names have failed alike.
         """
+        results = batch_result.results
+        if _OBSERVED in results.files and (results.status == Status.OK).any():
+            self.is_observation_due = False
         if self._is_over:
             return
         self._added += 1

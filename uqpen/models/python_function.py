@@ -7,7 +7,8 @@ import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,9 +21,11 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.models.dependencies import Dependencies
 from uqpen.models.failed_line import line_in_folder, line_in_function
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
+from uqpen.models.observation import unseen_readers
 from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import FieldSources, UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
@@ -72,6 +75,8 @@ class PythonFunction(Model):
         The source of a function that is an object of this process, without a file to load it from.
     fields : FieldSources
         The grids on which runs return outputs, and the files with coordinates.
+    observed : Dependencies
+        Record of what the runs of an object depend on besides its source.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -84,6 +89,9 @@ class PythonFunction(Model):
     enforced_limits: Limits = Limits()
     source: FunctionSource | None = field(default=None, repr=False)
     fields: FieldSources = field(default=FieldSources(), repr=False)
+    observed: Dependencies = field(
+        default_factory=partial(Dependencies, Path()), repr=False, compare=False
+    )
     is_untrusted: bool = field(default=True, init=False)
 
     @property
@@ -118,16 +126,30 @@ class PythonFunction(Model):
         for output in self.outputs:
             measure = scale(self.units[output.name])
             outputs[output.name] = measure.array_to_si(outputs[output.name])
-        imported = self.surroundings.imported if self.surroundings else frozenset()
-        return Results(outputs, status, reasons, imported)
+        return Results(outputs, status, reasons, self._record.lines_of_runs)
+
+    def evaluate_observed(self, inputs: Arrays) -> Results:
+        with self._record.observed_run():
+            results = self.evaluate(inputs)
+        return replace(results, files=results.files | self._record.lines_of_runs)
 
     def record_files(self, files: frozenset[str]) -> None:
-        if self.surroundings:
-            self.surroundings.add_imported(files)
+        self._record.add_reported(files)
+
+    def dependencies(self) -> frozenset[str]:
+        return self._record.lines
+
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        text = self.source.text if self.source else ""
+        return tuple(unseen_readers(self.surroundings.text if self.surroundings else text))
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        own = self.surroundings.files() if self.surroundings else ()
-        return (*own, *self.fields.files)
+        return (*self._record.files(), *self.fields.files)
+
+    @property
+    def _record(self) -> ModelFolder | Dependencies:
+        return self.surroundings or self.observed
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process loads the function itself: its modules cannot be sent.
@@ -136,7 +158,8 @@ class PythonFunction(Model):
         if self.surroundings is None:
             function = pickle_by_value(self.function)
             limits = self.enforced_limits
-            return _unpickle, (function, *declared, None, limits, self.source, fields)
+            observed = Dependencies(self.observed.folder)
+            return _unpickle, (function, *declared, None, limits, self.source, fields, observed)
         return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
 
     def identity(self) -> dict[str, str]:

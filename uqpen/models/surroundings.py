@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import operator
 import os
 import sys
-import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from uqpen.core.dependency import IMPORTED, MODULE, Dependency
 from uqpen.core.files import FileSnapshot
+from uqpen.models.dependencies import Dependencies
+from uqpen.models.installed import (
+    is_installed,
+    is_of_no_model,
+    loaded_own_modules,
+    module_file,
+    module_sha256,
+    reachable_modules,
+)
+from uqpen.models.observation import relative_name
 from uqpen.models.reasons import changed_file_error
 
-__all__ = ["ModelFolder"]
+__all__ = ["MODEL_MODULE", "ModelFolder"]
 
-# Folders of Python and installed packages; a folder around them does not make them the user's.
-_INSTALLED = tuple(
-    sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
-)
-
-# Text between a hash and the name of its file, as sha256sum writes it.
-_BETWEEN = "  "
+# Begins the names of modules that are loaded from a file that the study names.
+MODEL_MODULE = "uqpen_study_"
 
 
 class ModelFolder:
@@ -32,6 +38,8 @@ class ModelFolder:
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
     imported yet others. So a model's modules are in place only while it is loaded or run. Their
     files are read as soon as they have been imported: an edit during the study has no effect.
+    Modules that lie elsewhere stay imported. Those of no installed package are known by their
+    hashes.
 
     Parameters
     ----------
@@ -43,13 +51,44 @@ class ModelFolder:
         self.folder = folder
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
-        self.imported: frozenset[str] = frozenset()
-        """Files imported as modules, in the form of `Results.files`."""
+        self._imported: frozenset[Dependency] = frozenset()
+        self._files: set[str] = set()
+        self._reported: frozenset[str] = frozenset()
+        self.dependencies = Dependencies(folder)
         # Modules known to lie outside the folder, in their order: more than a thousand, checked at
         # every batch.
         self._outside: dict[str, ModuleType] = {}
         # Number of modules, and the last one, when none of them was of the folder.
         self._checked: tuple[int, tuple[str, ModuleType] | None] = (0, None)
+
+    @property
+    def imported(self) -> frozenset[str]:
+        """Modules that it has imported, in the form of `Results.files`."""
+        return frozenset(each.line for each in self._imported)
+
+    @property
+    def lines(self) -> frozenset[str]:
+        """All that its runs depend on, as far as it is known, in the same form."""
+        return self.imported | self.dependencies.lines
+
+    @property
+    def lines_of_runs(self) -> frozenset[str]:
+        """What runs report: modules, and what was seen in the run that was observed."""
+        return self.imported | self.dependencies.lines_of_runs
+
+    @contextlib.contextmanager
+    def loading(self) -> Iterator[None]:
+        """Put the folder on the import path, and observe what is loaded within this context."""
+        with self.dependencies.observe_loading(self._files):
+            with self.on_import_path():
+                yield
+            self._add_reachable()
+
+    @contextlib.contextmanager
+    def observed_run(self) -> Iterator[None]:
+        """Observe a run within this context."""
+        with self.dependencies.observed_run(self._files):
+            yield
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
@@ -57,12 +96,15 @@ class ModelFolder:
         outside = self._remove_modules()
         sys.modules.update(self._modules)
         sys.path.insert(0, str(self.folder))
+        before, count = self._outside, len(self._outside)
         try:
             yield
         finally:
             self._modules = self._remove_modules()
             for module in self._modules.values():
-                self.read(str(module.__file__))
+                self.read(module_file(module))
+            for name, module in self._imported_since(before, count):
+                self._add_module(name, module)
             sys.modules.update(outside)
             # The model may have rearranged the path itself.
             with contextlib.suppress(ValueError):
@@ -73,9 +115,33 @@ class ModelFolder:
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
+            self._files.add(file)
             sha256 = hashlib.sha256(self._contents[file]).hexdigest()
-            name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
-            self.imported |= {f"{sha256}{_BETWEEN}{name}"}
+            self._imported |= {Dependency(IMPORTED, relative_name(file, str(self.folder)), sha256)}
+
+    def add_reported(self, lines: frozenset[str]) -> None:
+        """Add what runs in any process have reported.
+
+        Raises
+        ------
+        ModelError
+            If something of it differs from that here.
+        """
+        if lines == self._reported:
+            return
+        self._reported = lines
+        reported = {Dependency.from_line(line) for line in lines - self.lines}
+        for each in sorted(reported):
+            if each.role == IMPORTED:
+                self.read(str(self.folder / each.name))
+                if each not in self._imported:
+                    raise changed_file_error(each.name)
+            elif each.role == MODULE:
+                if any(each.name == own.name and own.role == MODULE for own in self._imported):
+                    raise changed_file_error(each.name)
+                self._imported |= {each}
+        others = (each.line for each in reported if each.role not in (IMPORTED, MODULE))
+        self.dependencies.add_reported([*others])
 
     def module_content(self, file: str) -> bytes | None:
         """Return the content of a module of the folder as it was imported; None for another file.
@@ -91,21 +157,19 @@ class ModelFolder:
         except OSError:  # it has been removed since, or is the name of code without a file
             return None
 
-    def add_imported(self, imported: frozenset[str]) -> None:
-        """Add files that any process has imported; ModelError if one differs from that here."""
-        for record in sorted(imported - self.imported):
-            name = record.partition(_BETWEEN)[2]
-            self.read(str(self.folder / name))
-            if record not in self.imported:
-                raise changed_file_error(name)
-
     def files(self) -> tuple[FileSnapshot, ...]:
-        """Return snapshots of the imported files."""
-        return tuple(FileSnapshot.from_content(path, content) for path, content in self._sorted())
+        """Return snapshots of the imported files, and of those that were opened."""
+        own = (FileSnapshot.from_content(path, content) for path, content in self._sorted())
+        return (*own, *self.dependencies.files())
 
     def sources(self) -> bytes:
         """Return the joined source of all imported modules."""
         return b"".join(content for _, content in self._sorted())
+
+    @property
+    def text(self) -> str:
+        """The joined source of all imported modules as a text."""
+        return self.sources().decode("utf-8", "replace")
 
     def _sorted(self) -> list[tuple[Path, bytes]]:
         return sorted((Path(file), content) for file, content in self._contents.items())
@@ -128,17 +192,47 @@ class ModelFolder:
         else:
             self._outside = {}
         for name, module in imported:
-            file = str(getattr(module, "__file__", None) or "")
-            is_ours = name in ("__main__", "__mp_main__") or name.partition(".")[0] == "uqpen"
-            if self._is_inside(file) and not is_ours:
+            if not is_of_no_model(name) and self._is_inside(module_file(module)):
                 found[name] = sys.modules.pop(name)
             else:
                 self._outside[name] = module
         self._checked = _extent()
         return found
 
+    def _imported_since(
+        self, before: dict[str, ModuleType], count: int
+    ) -> Iterator[tuple[str, ModuleType]]:
+        """Yield the modules outside the folder that were imported after the first ones."""
+        if self._outside is before:
+            if len(before) > count:
+                yield from itertools.islice(before.items(), count, None)
+        else:
+            yield from (
+                each for each in self._outside.items() if before.get(each[0]) is not each[1]
+            )
+
+    def _add_module(self, name: str, module: ModuleType) -> None:
+        """Add a module that lies elsewhere, unless it is installed."""
+        file = module_file(module)
+        if not file or is_of_no_model(name) or name.startswith(MODEL_MODULE) or is_installed(file):
+            return
+        self._files.add(file)
+        self._imported |= {Dependency(MODULE, name, module_sha256(name, module))}
+
+    def _add_reachable(self) -> None:
+        """Add modules that were imported before by others, and that those of the model import."""
+        candidates = {
+            name: module
+            for name, module in loaded_own_modules().items()
+            if not self._is_inside(module_file(module)) and module_file(module) not in self._files
+        }
+        packages = {module_file(each): each.__package__ or "" for each in self._modules.values()}
+        sources = [(packages.get(file, ""), content) for file, content in self._contents.items()]
+        for name, module in reachable_modules(sources, candidates).items():
+            self._add_module(name, module)
+
     def _is_inside(self, file: str) -> bool:
-        return file.startswith(f"{self.folder}{os.sep}") and not file.startswith(_INSTALLED)
+        return file.startswith(f"{self.folder}{os.sep}") and not is_installed(file)
 
 
 def _extent() -> tuple[int, tuple[str, ModuleType] | None]:

@@ -94,6 +94,10 @@ class UmbridgeModel(Model):
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.fields.files
 
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        return (f"the server {self.address}",)
+
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}
         return {"name": self.name, "kind": "UM-Bridge", **config}

@@ -9,6 +9,7 @@ import os
 import pickle
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +23,11 @@ from uqpen.core.limits import Limits
 from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
+from uqpen.models.dependencies import Dependencies
 from uqpen.models.failed_line import line_in_folder
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
+from uqpen.models.observation import unseen_readers
 from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
@@ -56,12 +59,17 @@ class UserDefinedModel(Model):
         The folder that the model must be called in; a hash of its source identifies the version.
     source : FunctionSource, optional
         Source of a class that is an object of this process, without a file to load it from.
+    observed : Dependencies
+        Record of what the runs of a model without such a folder depend on.
     """
 
     model: Model
     reference: str
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
     source: FunctionSource | None = field(default=None, repr=False)
+    observed: Dependencies = field(
+        default_factory=partial(Dependencies, Path()), repr=False, compare=False
+    )
     name: str = field(init=False)
     inputs: tuple[Input, ...] = field(init=False)
     outputs: tuple[Output, ...] = field(init=False)
@@ -109,19 +117,34 @@ class UserDefinedModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         with self._in_context("evaluate"):
             results = self._evaluate(inputs, len(next(iter(inputs.values()))))
-        imported = self.surroundings.imported if self.surroundings else frozenset()
-        return dataclasses.replace(results, files=results.files | imported)
+        return dataclasses.replace(results, files=results.files | self._record.lines_of_runs)
+
+    def evaluate_observed(self, inputs: Arrays) -> Results:
+        with self._record.observed_run():
+            results = self.evaluate(inputs)
+        return dataclasses.replace(results, files=results.files | self._record.lines_of_runs)
 
     def with_folder(self, folder: Path) -> Model:
         return dataclasses.replace(self, model=self.model.with_folder(folder))
 
     def record_files(self, files: frozenset[str]) -> None:
-        if self.surroundings:
-            self.surroundings.add_imported(files)
+        self._record.add_reported(files)
+
+    def dependencies(self) -> frozenset[str]:
+        return self._record.lines
+
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        text = self.source.text if self.source else ""
+        readers = unseen_readers(self.surroundings.text if self.surroundings else text)
+        return (*self.model.uncompared, *readers)
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        own = self.surroundings.files() if self.surroundings else ()
-        return (*own, *self.model.files())
+        return (*self._record.files(), *self.model.files())
+
+    @property
+    def _record(self) -> ModelFolder | Dependencies:
+        return self.surroundings or self.observed
 
     def identity(self) -> dict[str, str]:
         # The text of the study has its settings.
@@ -136,7 +159,8 @@ class UserDefinedModel(Model):
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.surroundings is None:
-            return _unpickle, (pickle_by_value(self.model), self.reference, self.source)
+            observed = Dependencies(self.observed.folder)
+            return _unpickle, (pickle_by_value(self.model), self.reference, self.source, observed)
         # Another process loads the class itself: its modules cannot be sent.
         return _restore, (self.surroundings.folder, self.reference, _settings(self.model))
 
@@ -253,8 +277,9 @@ def _settings(model: Model) -> dict[str, Any]:
     return {each.name: getattr(model, each.name) for each in fields if each.init}
 
 
-def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> UserDefinedModel:
-    return UserDefinedModel(pickle.loads(model), reference, None, source)
+def _unpickle(model: bytes, reference: str, *others: Any) -> UserDefinedModel:
+    """Restore a model from its pickled form, its source and its record."""
+    return UserDefinedModel(pickle.loads(model), reference, None, *others)
 
 
 def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> UserDefinedModel:

@@ -15,7 +15,7 @@ from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.models.failed_line import line_in_folder
 from uqpen.models.reasons import one_line
-from uqpen.models.surroundings import ModelFolder
+from uqpen.models.surroundings import MODEL_MODULE, ModelFolder
 from uqpen.models.user_code import error_text
 
 __all__ = ["find_function", "load_function", "load_module", "module_coordinates"]
@@ -75,11 +75,11 @@ def load_module(
     if not where or not name:
         raise ModelError(f'"{reference}" is not of the form "{form}"')
     surroundings = ModelFolder(folder)
-    with surroundings.on_import_path():
+    with surroundings.loading():
         module = _import_module(where, surroundings)
-    if where.endswith(".py"):
-        # It may lie outside the folder.
-        surroundings.read(str(folder / where))
+        if where.endswith(".py"):
+            # It may lie outside the folder.
+            surroundings.read(str(folder / where))
     return module, name, surroundings
 
 
@@ -137,7 +137,7 @@ def _load_file(path: Path) -> Any:
     if not path.is_file():
         raise ModelError(f'there is no file "{path.name}" beside the study')
     # Under a name of our own: a model in "random.py" must not stand in for Python's module.
-    specification = importlib.util.spec_from_file_location(f"uqpen_study_{path.stem}", path)
+    specification = importlib.util.spec_from_file_location(f"{MODEL_MODULE}{path.stem}", path)
     if specification is None or specification.loader is None:
         raise ModelError(f'"{path.name}" is not a Python file')
     module = importlib.util.module_from_spec(specification)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
+from uqpen.core.dependency import Dependency
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.keep import RUNS, STATISTICS
@@ -20,6 +21,7 @@ from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
     "POINT_TABLES",
+    "dependency_hashes",
     "flatten_tables",
     "is_user_defined",
     "model_fingerprint",
@@ -62,6 +64,7 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         **{f"model {name}": value for name, value in adapter.identity().items()},
         **versions,
         **{f"file {file.path.name}": file.sha256 for file in files},
+        **dependency_hashes(adapter.dependencies()),
         **provenance(),
         **(of_python_functions() if has_user_defined_code else {}),
     }
@@ -80,9 +83,16 @@ def model_fingerprint(study: ValidatedStudy, name: str) -> dict[str, str]:
         **dict(flatten_tables(tables)),
         **{f"model {key}": value for key, value in model.identity().items()},
         **{f"file {file.path.name}": file.sha256 for file in model.files()},
+        **dependency_hashes(model.dependencies()),
         **provenance(),
         **(of_python_functions() if is_user_defined(model) else {}),
     }
+
+
+def dependency_hashes(lines: Iterable[str]) -> dict[str, str]:
+    """Return the hashes of dependencies, by their names in a message."""
+    found = (Dependency.from_line(line) for line in lines)
+    return {each.label: each.sha256 for each in sorted(found) if each.sha256}
 
 
 def _point_settings(table: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from uqpen.core.errors import ModelError
 from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
+from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource, function_source
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.unloaded_model import UnloadedModel
@@ -55,10 +56,12 @@ def read_object(table: TableReader) -> Model | None:
     if settings is None or len(table.problems) > noted:
         return None
     name = settings.object
+    observed = Dependencies(table.folder)
     if isinstance(function, UnloadedModel):
         return function
     if isinstance(function, Model):
-        return UserDefinedModel(function, name, source=function_source(type(function)))
+        source = function_source(type(function))
+        return UserDefinedModel(function, name, source=source, observed=observed)
     if function is None:
         function, _ = unloaded_function(name)
         source = FunctionSource.absent(name, settings.source)
@@ -71,4 +74,4 @@ def read_object(table: TableReader) -> Model | None:
             table.add_problem((), str(error), expected)
             return None
     declared = (name, inputs, outputs, units, settings.vectorized, None, limits, source, fields)
-    return PythonFunction(function, *declared)
+    return PythonFunction(function, *declared, observed=observed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
 import sys
@@ -153,7 +154,8 @@ def read_instance(
     noted = len(table.problems)
     try:
         cls, surroundings = load_class(name, table.folder, kind)
-        made: Any = _make(cls, table, like)
+        with surroundings.loading() if surroundings else contextlib.nullcontext():
+            made: Any = _make(cls, table, like)
         if isinstance(made, Distribution):
             _try_distribution(made)
     except ModelError as error:

@@ -15,9 +15,10 @@ from uqpen.archive.files import FILES, archived_files, find_file_faults
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT, STATUS
-from uqpen.verification.differences import TOLERANCE, find_attribute_differences, find_differences
+from uqpen.verification.differences import find_attribute_differences, find_differences
 from uqpen.verification.disjoint_intervals import disjoint_intervals
 from uqpen.verification.runs_diff import diff_runs
+from uqpen.workflow.repetition import TOLERANCE
 
 __all__ = ["DiffSection", "diff_archives"]
 

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray
+from uqpen.workflow.repetition import (
+    Difference,
+    difference_text,
+    relative_difference,
+    unequal,
+)
 
 __all__ = [
     "NEGLIGIBLE",
-    "TOLERANCE",
-    "Difference",
-    "difference_text",
     "find_attribute_differences",
     "find_differences",
     "missing_keys",
-    "relative_difference",
-    "unequal",
 ]
-
-# What other versions or another machine may change: far more than last bits that a computation
-# carries along, far less than any interval; relative to the scale of a variable.
-TOLERANCE = 1e-9
 
 # Relative rounding error of a sum whose terms cancel; no statistic distinguishes it from 0.
 NEGLIGIBLE = 2.0**-60
@@ -35,63 +30,6 @@ NEGLIGIBLE = 2.0**-60
 # have the scale 1, others that of the coefficients.
 _SHARES_OF_VARIANCE = ("leave_one_out_error", "cross_validation_error")
 _IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
-
-
-class Difference(NamedTuple):
-    """Difference in a group.
-
-    Attributes
-    ----------
-    what : str
-        The variable or attribute, and its difference in words.
-    relative : float
-        Size, relative to the largest value; infinite where it has no meaning.
-    is_new : bool
-        True if the archive lacks it.
-    """
-
-    what: str
-    relative: float
-    is_new: bool = False
-
-
-def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> BoolArray:
-    """Mask of the elements that are not equal to the bit; all NaNs are equal."""
-    if one.dtype.kind == "f" and other.dtype.kind == "f":
-        same = (one == other) & (np.signbit(one) == np.signbit(other))
-        return ~(same | (np.isnan(one) & np.isnan(other)))
-    return np.asarray(one != other, dtype=bool)
-
-
-def relative_difference(
-    one: npt.NDArray[Any], other: npt.NDArray[Any], scale: float = 0.0
-) -> float:
-    """Return the largest difference of two arrays of one shape, relative to their largest value.
-
-    A larger scale replaces their largest value. Infinite where values differ that are not finite
-    numbers.
-    """
-    at = unequal(one, other)
-    if not at.any():
-        return 0.0
-    if one.dtype.kind != "f" or other.dtype.kind != "f":
-        return math.inf
-    if not (np.isfinite(one[at]).all() and np.isfinite(other[at]).all()):
-        return math.inf
-    finite = np.concatenate([each[np.isfinite(each)] for each in (one, other)])
-    largest = max(float(np.abs(finite).max()), scale)
-    # Halves, as the difference of the largest numbers of all is none.
-    difference = float(np.abs(one[at] / 2 - other[at] / 2).max())
-    return 2 * (difference / largest) if largest else 0.0
-
-
-def difference_text(difference: float) -> str:
-    """Return a relative difference in words, after "differ"; empty where it is not of numbers.
-
-    >>> difference_text(2.1e-16)
-    ' by up to 2.1e-16 of the largest value'
-    """
-    return "" if math.isinf(difference) else f" by up to {difference:.2g} of the largest value"
 
 
 def find_differences(

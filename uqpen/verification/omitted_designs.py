@@ -15,26 +15,20 @@ from uqpen.core.labels import (
     FAILURES_GROUP,
     JOINT_GROUP,
     MODEL_FORM,
-    RUN,
     STATISTICS_GROUP,
 )
-from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.drawn_points import Points
-from uqpen.designs.rounds import first_round
+from uqpen.core.streams import Stream
 from uqpen.execution import (
-    EvaluationOptions,
-    Evaluator,
-    FailurePolicy,
     Map,
     Progress,
-    evaluate,
     run_count,
 )
 from uqpen.execution.batching import BATCH_SIZE
-from uqpen.execution.omitted_runs import are_omitted, batch_hashes
-from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.execution.omitted_runs import are_omitted
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.user_defined_statistics import without_groups
+from uqpen.workflow.repetition import hashes_again
 
 __all__ = ["omitted_designs", "repeated_batches", "without_omitted"]
 
@@ -81,7 +75,7 @@ def repeated_batches(
             chosen = _drawn_batches(study, f"{model} {design}", archived.size, number)
             size = run_count(runs[model][design])
             name = f"{model}: {design}" if model else design
-            again = _hashes_again(study, variant, design, size, chosen, map, progress)
+            again = hashes_again(study, variant, design, size, chosen, map, progress)
             for batch, own in again:
                 if own != archived[batch]:
                     last = min((batch + 1) * BATCH_SIZE, size) - 1
@@ -100,55 +94,12 @@ def repeated_batches(
     return CheckResult("batches", outcome, f"{what}: different", details)
 
 
-def _hashes_again(
-    study: ValidatedStudy,
-    variant: Variant,
-    design: str,
-    size: int,
-    batches: list[int],
-    map: Map,
-    progress: Progress,
-) -> Iterator[tuple[int, str]]:
-    """Make batches of a design's runs again, and yield the number and the hash of each."""
-    points = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
-    progress.start_design(design, len(batches) * BATCH_SIZE)
-    policy = FailurePolicy(study.failures.retry)
-    options = EvaluationOptions(map=map, progress=progress, failures=policy)
-    for first, last in _consecutive_batches(batches):
-        again = evaluate(
-            Evaluator(variant.model, study.constraints),
-            _part(points, first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)).assign(
-                variant.given
-            ),
-            study.display_units(),
-            options,
-        )
-        yield from enumerate(batch_hashes(again), first)
-
-
 def _drawn_batches(study: ValidatedStudy, name: str, batches: int, number: int | None) -> list[int]:
     """Draw as many batches as have a number of runs, by the study's seed; in order."""
     wanted = batches if number is None else min(-(-number // BATCH_SIZE), batches)
     generator = Stream(study.seed, "verification", "batches").generator(name)
     drawn: IntArray = np.sort(generator.choice(batches, wanted, replace=False))
     return [int(each) for each in drawn]
-
-
-def _consecutive_batches(batches: list[int]) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last batch of each sequence without a gap in a block."""
-    of_block = BLOCK // BATCH_SIZE
-    first = 0
-    for place, batch in enumerate(batches):
-        is_last = place + 1 == len(batches) or batches[place + 1] != batch + 1
-        if is_last or (batch + 1) % of_block == 0:
-            yield batches[first], batch
-            first = place + 1
-
-
-def _part(points: Points, start: int, stop: int) -> xr.Dataset:
-    if isinstance(points, xr.Dataset):
-        return points.isel({RUN: slice(start, stop)})
-    return points.read(start, stop)
 
 
 def without_omitted(

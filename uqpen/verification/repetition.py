@@ -8,14 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import place_text
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
 from uqpen.core.blocks import block_ranges
-from uqpen.core.labels import CONTENT, MODEL_FORM, MODELS, RECIPE, RUN, RUNS, STATUS
+from uqpen.core.labels import CONTENT, MODEL_FORM, MODELS, RECIPE, RUN, RUNS
 from uqpen.core.limits import RUNS_IN_MEMORY
-from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, points_in_memory
 from uqpen.designs.rounds import first_round
@@ -23,19 +21,11 @@ from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Pr
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import run_inputs
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.differences import (
-    NEGLIGIBLE,
-    TOLERANCE,
-    Difference,
-    difference_text,
-    find_differences,
-    missing_keys,
-    relative_difference,
-    unequal,
-)
+from uqpen.verification.differences import NEGLIGIBLE, find_differences, missing_keys
 from uqpen.verification.interval_recipes import other_recipe, without_intervals
 from uqpen.verification.omitted_designs import omitted_designs
 from uqpen.workflow import analyse_runs, run_design
+from uqpen.workflow.repetition import TOLERANCE, Difference, run_differences
 
 __all__ = [
     "Runs",
@@ -96,7 +86,7 @@ def repeated_runs(
                 {},
                 options,
             )
-            found += _run_differences(
+            found += run_differences(
                 _runs_name(model, design), archived, again, variant.model.all_outputs
             )
     repeated = sum(len(positions) for _, _, positions in chosen)
@@ -122,7 +112,7 @@ def reread_runs(study: ValidatedStudy, runs: Runs) -> CheckResult:
             each._replace(what=f"{name}: {each.what}")
             for each in find_differences(inputs, again[list(inputs)].drop_attrs())
         ]
-        found += _run_differences(name, archived, again, variant.model.all_outputs)
+        found += run_differences(name, archived, again, variant.model.all_outputs)
     rows = sum(archived.sizes[RUN] for archived in runs[model].values())
     file = variant.model.name
     what = f"not repeatable, as they come from a file; {rows} read again from {file}"
@@ -243,28 +233,6 @@ def draw_runs(
         if positions.size:
             yield model, design, positions
         start += size
-
-
-def _run_differences(
-    runs_name: str, archived: xr.Dataset, again: xr.Dataset, outputs: Sequence[Output]
-) -> Iterator[Difference]:
-    """Yield the variables whose values differ, each with the first run that differs."""
-    for name in (STATUS, *(output.name for output in outputs)):
-        one, other = archived[name].values, again[name].values
-        places = np.argwhere(unequal(one, other))
-        at = np.unique(places[:, 0])
-        if at.size:
-            # In a field, the first value that differs, and where it is.
-            first = tuple(places[0])
-            numbers = archived[RUN].values[at]
-            difference = relative_difference(one, other)
-            count = f"; {at.size} of its runs differ" if at.size > 1 else "; it differs"
-            yield Difference(
-                f"{runs_name}: {name} of run {numbers[0]}{place_text(archived[name], first)} is "
-                f"{one[first]!s} in the archive and "
-                f"{other[first]!s} now{count}{difference_text(difference)}",
-                difference,
-            )
 
 
 def _check_result(name: str, what: str, found: list[Difference], tolerance: float) -> CheckResult:

@@ -13,7 +13,7 @@ from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
 from uqpen.execution import run_count
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.verification.differences import unequal
+from uqpen.workflow.repetition import unequal
 
 __all__ = ["RunsDiff", "diff_runs"]
 

@@ -16,7 +16,7 @@ from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.archive.read import read_as_written
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import KIND, REUSED_RUNS
+from uqpen.core.labels import DEPENDENCIES, KIND, NOT_MADE_AGAIN, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.document import Objects
@@ -35,7 +35,6 @@ from uqpen.verification.archived_study import (
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.content_checks import check_files, check_hashes, check_text
-from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.earlier_surrogates import check_surrogate_recipe
 from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.made_with import (
@@ -59,6 +58,7 @@ from uqpen.verification.repetition import (
 )
 from uqpen.verification.restored_study import restored_study
 from uqpen.verification.user_defined_statistics import without_user_defined_statistics
+from uqpen.workflow.repetition import TOLERANCE
 
 __all__ = ["verify"]
 
@@ -136,8 +136,10 @@ def verify(
     else:
         if FILES in tree.children:
             yield check_files(tree)
-        others = environment_differences(written)
-        message = ", ".join(others) or "the same versions and kind of processor as here"
+        reports = environment_differences(written)
+        others = [each for each in reports if not each.endswith(NOT_MADE_AGAIN)]
+        same = [] if others else ["the same versions and kind of processor as here"]
+        message = ", ".join([*same, *reports])
         outcome = CheckOutcome.CLOSE if others else CheckOutcome.EQUAL
         yield CheckResult("made with", outcome, message)
         options = _Options(
@@ -229,7 +231,8 @@ def _repeat_statistics(
         study, tree = replace(study, analyses=()), without_user_defined_statistics(tree)
     if recipe := check_recipe(tree):
         yield recipe
-    ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, REUSED_RUNS, *besides]
+    ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, *besides]
+    ignored += [REUSED_RUNS, DEPENDENCIES]
     try:
         yield repeated_statistics(
             study,

@@ -15,6 +15,7 @@ from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.models.source import BuiltInModel
+from uqpen.study.fingerprint import is_user_defined
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
@@ -90,7 +91,12 @@ def _run_designs(
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     # Of user-defined models; runs of built-in ones cost nothing.
     first_runs = {
-        name: FirstRuns(variant.model, study.failures, partial(_report_trial, progress, name))
+        name: FirstRuns(
+            variant.model,
+            study.failures,
+            partial(_report_trial, progress, name),
+            is_observed=is_user_defined(variant.model),
+        )
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
     }

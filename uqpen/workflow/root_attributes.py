@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.core.catalogue import INTERVAL_RECIPE
-from uqpen.core.labels import CONFIDENCE_LEVEL, LEFT_OUT, RECIPE
+from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, LEFT_OUT, RECIPE
 from uqpen.core.model import Model
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.study import ValidatedStudy
@@ -39,5 +39,9 @@ def level_attribute(study: ValidatedStudy) -> dict[str, float]:
 
 
 def model_identity(model: Model) -> dict[str, str]:
-    """Return the identity of a model as attributes of its group."""
-    return {f"model_{key}": value for key, value in model.identity().items()}
+    """Return the identity of a model, and what its runs depend on, as attributes of its group."""
+    lines = sorted(model.dependencies())
+    return {
+        **{f"model_{key}": value for key, value in model.identity().items()},
+        **({DEPENDENCIES: "\n".join(lines)} if lines else {}),
+    }

@@ -156,6 +156,10 @@ class Command(Model):
         own = tuple(file.read for file in self.program.beside) if self.program else ()
         return (*own, *self.fields.files)
 
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        return (f"what {self.words[0]} reads and starts",)
+
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 

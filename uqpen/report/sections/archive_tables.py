@@ -10,8 +10,9 @@ import numpy as np
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
+from uqpen.core.dependency import Dependency
 from uqpen.core.errors import StudyError
-from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES
+from uqpen.core.labels import CONTENT, DEPENDENCIES, REPLICATE, ROLE, RUN, RUNS, SURROGATES
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -52,7 +53,7 @@ _NAMES = {
 }
 # Characters of an attribute that are shown: a hash fits, and the table stays within the screen.
 _LONGEST_VALUE = 72
-_SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions")
+_SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions", DEPENDENCIES)
 
 
 def inputs_table(view: ArchiveView) -> OutputTable:
@@ -144,11 +145,16 @@ def model_table(view: ArchiveView) -> OutputTable:
 
 
 def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    return {
+    found = {
         _attribute_name(name): value
         for name, value in attributes.items()
         if str(name).startswith("model_")
     }
+    lines = str(attributes.get(DEPENDENCIES, "")).splitlines()
+    named = (Dependency.from_line(line) for line in lines)
+    if labels := [each.label for each in named if each.sha256]:
+        found["its runs depend on"] = ", ".join(labels)
+    return found
 
 
 def provenance_table(view: ArchiveView) -> OutputTable:

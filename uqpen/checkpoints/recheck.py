@@ -1,0 +1,476 @@
+"""Making some runs again before all of them are taken: they have to be the same."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
+from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.journal import Journal
+from uqpen.checkpoints.model_versions import compared_names
+from uqpen.checkpoints.run_cost import run_seconds, seconds_at_last_pace
+from uqpen.core.arrays import Arrays, IntArray
+from uqpen.core.errors import CheckpointError
+from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS
+from uqpen.core.masked_numbers import mask_numbers
+from uqpen.core.model import Model
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.streams import Stream
+from uqpen.execution import (
+    EvaluationOptions,
+    Evaluator,
+    FailurePolicy,
+    Map,
+    Progress,
+    evaluate,
+    run_count,
+    status_counts,
+)
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.batching import BATCH_SIZE
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.models.source import BuiltInModel
+from uqpen.results.digits import grouped_number
+from uqpen.results.progress_texts import duration_text
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.repetition import (
+    TOLERANCE,
+    Difference,
+    hashes_again,
+    run_differences,
+    unequal,
+)
+
+__all__ = ["Recheck", "RecheckOutcome", "Takeable"]
+
+# As many runs are made again as take so long, in seconds.
+_AT_MOST = 1.0
+
+# No run is made again that takes longer, in seconds: where others are made, too, and where none is.
+_COSTLY, _COSTLY_ALONE = 60.0, 10.0
+
+# A longer one is made again if it takes this share of the time of those that are made anyway.
+_SHARE = 0.01
+
+_MOST_NAMED = 4
+
+_NOISE = "its model gives other results for the same inputs"
+_CHANGE = (
+    "the model has changed in a way that its files do not show, or its results depend on the "
+    "order of its runs"
+)
+
+
+class Takeable(NamedTuple):
+    """Finished runs of a model in one place, which a study could take.
+
+    Attributes
+    ----------
+    place : str
+        Where they are, for display.
+    sources : sequence of RunSource
+        The runs.
+    log : Path
+        The log beside them.
+    remedy : str
+        What a user can do if they are not taken.
+    are_needed : bool
+        True if it is an error if they cannot be taken.
+    omitted : mapping of str to Dataset
+        Designs whose runs an archive has not kept, but hashes of them.
+    """
+
+    place: str
+    sources: Sequence[RunSource]
+    log: Path
+    remedy: str
+    are_needed: bool = True
+    omitted: Mapping[str, xr.Dataset] = MappingProxyType({})
+
+
+class RecheckOutcome(NamedTuple):
+    """Outcome of making runs again.
+
+    Attributes
+    ----------
+    is_refused : bool
+        True if none of the runs may be taken.
+    is_unchecked : bool
+        True if none was made again, and they may be taken nevertheless.
+    """
+
+    is_refused: bool = False
+    is_unchecked: bool = False
+
+
+class _ChosenHash(NamedTuple):
+    """Batch of a design whose runs are not kept: its number, its hash, and the number of runs."""
+
+    design: str
+    number: int
+    sha256: str
+    runs: int
+
+    @property
+    def start(self) -> int:
+        """The number of its first run."""
+        return self.number * BATCH_SIZE
+
+    @property
+    def stop(self) -> int:
+        """The number of the run after its last."""
+        return min(self.start + BATCH_SIZE, self.runs)
+
+
+class Recheck:
+    """Making of runs again that a study would take.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    wanted : bool or None
+        Whether runs are made again; None for all but costly ones.
+    map : callable
+        Like the built-in; it makes the runs.
+    journal : Journal
+        Receives a line on each place of runs.
+    """
+
+    def __init__(
+        self, study: ValidatedStudy, wanted: bool | None, map: Map, journal: Journal
+    ) -> None:
+        self._study, self._wanted, self._map, self._journal = study, wanted, map, journal
+        self._outcomes: dict[tuple[str, str], RecheckOutcome] = {}
+
+    def applies(self, name: str) -> bool:
+        """Check for a model whose runs are made again: no built-in one, and no data file.
+
+        An archive has the hash of the whole source of a built-in model.
+        """
+        model = self._study.models[name].model
+        return not (isinstance(model, BuiltInModel) or model.uncallable_reason)
+
+    def look(self, name: str, runs: Takeable, left: int | None = None) -> RecheckOutcome:
+        """Make some of the runs of a model again, once for each place, and compare them.
+
+        Parameters
+        ----------
+        name : str
+            The name of the model.
+        runs : Takeable
+            The runs that would be taken.
+        left : int or None
+            Number of runs that the study makes anyway; None if it makes none.
+
+        Raises
+        ------
+        CheckpointError
+            If they are needed, and cannot be taken; it states the difference.
+        KeyboardInterrupt
+            With a text for the user.
+        """
+        key = (runs.place, name)
+        if key not in self._outcomes:
+            try:
+                self._outcomes[key] = self._look(name, runs, left)
+            except KeyboardInterrupt:
+                kept = "all finished runs are kept; the same command continues from there"
+                raise KeyboardInterrupt(kept) from None
+        return self._outcomes[key]
+
+    def _look(self, name: str, runs: Takeable, left: int | None) -> RecheckOutcome:
+        if not self.applies(name):
+            return RecheckOutcome()
+        model = self._study.models[name].model
+        generator = Stream(self._study.seed, "recheck", name).generator()
+        chosen = choose_runs(model, runs.sources, generator)
+        batch = None if chosen else _chosen_hash(runs.omitted, generator)
+        if not (chosen or batch):
+            return RecheckOutcome()
+        if batch:
+            size = batch.stop - batch.start
+            seconds = seconds_at_last_pace(runs.log, size, batch.design)
+        else:
+            seconds = run_seconds(runs.log, name)
+        if reason := self._reason_against(seconds, left, runs.log):
+            self._inform(name, runs, f"no run is made again, {reason}")
+            return RecheckOutcome(is_unchecked=True)
+        self._journal.start_preparation(model.name)
+        with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
+            # The folders of runs that are kept stay as they are.
+            own = model.with_folder(Path(folder))
+            own.prepare()
+            self._journal.start_step("making finished runs again, for comparison")
+            comparison: _Comparison | _HashComparison
+            if chosen:
+                comparison = _Comparison(self._study, own, runs, chosen, self._map)
+            elif batch:
+                comparison = _HashComparison(self._study, name, own, batch, self._map)
+            refusal = comparison.make(seconds)
+        if refusal:
+            self._refuse(name, runs, refusal)
+            return RecheckOutcome(is_refused=True)
+        if not comparison.compared:
+            reason = "those made again timed out or crashed, which depends on the machine"
+            self._inform(name, runs, f"no run is compared: {reason}")
+            return RecheckOutcome(is_unchecked=True)
+        made, total = map(grouped_number, (comparison.compared, comparison.total))
+        verb = "are" if comparison.compared > 1 else "is"
+        text = f"{made} of {total} runs made again {verb} equal{comparison.tolerance_text}"
+        self._inform(name, runs, text)
+        return RecheckOutcome()
+
+    def _refuse(self, name: str, runs: Takeable, refusal: str) -> None:
+        """Say, or raise, why runs cannot be taken."""
+        where = f"{runs.place}: {name}" if name else runs.place
+        text = f"{where}: its runs are not taken: {refusal}\n{runs.remedy}"
+        if runs.are_needed:
+            raise CheckpointError(text)
+        self._journal.inform(text)
+
+    def _reason_against(self, seconds: float | None, left: int | None, log: Path) -> str:
+        """Return the reason for making no run again; empty if there is none."""
+        if self._wanted is not None:
+            return "" if self._wanted else "as asked by --no-recheck"
+        if seconds is None or seconds <= (_COSTLY_ALONE if left is None else _COSTLY):
+            return ""
+        if left is not None:
+            # The workers of the others wait meanwhile.
+            others = seconds_at_last_pace(log, left)
+            if seconds <= _SHARE * (left * seconds if others is None else others):
+                return ""
+        return f"as that takes {duration_text(seconds)}; --recheck makes one nevertheless"
+
+    def _inform(self, name: str, runs: Takeable, text: str) -> None:
+        """Say what was compared, and how."""
+        model = self._study.models[name].model
+        lines = frozenset[str]().union(*(each.runs.results.files for each in runs.sources))
+        same, uncompared = compared_names(model, lines, self._study.folder)
+        others = f"not compared: {', '.join(uncompared)}" if uncompared else ""
+        said = "; ".join(filter(None, [_same_text(same), text, others]))
+        self._journal.inform(f"{runs.place}: {name}: {said}" if name else f"{runs.place}: {said}")
+
+
+class _Comparison:
+    """Comparison of chosen runs with those that are made in their place."""
+
+    def __init__(
+        self, study: ValidatedStudy, model: Model, runs: Takeable, chosen: ChosenRuns, map: Map
+    ) -> None:
+        self._model, self._runs, self._chosen = model, runs, chosen
+        # The model itself is run: points that a constraint excludes since were admissible.
+        self._evaluator = Evaluator(model)
+        retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
+        self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
+        self._kept = evaluate(
+            self._evaluator,
+            _points(chosen.runs.inputs, chosen.runs.runs),
+            {},
+            EvaluationOptions(checkpoint=_Finished(chosen), progress=_NoReports()),
+        )
+        self.compared, self.total = 0, chosen.total
+        is_same = chosen.is_whole and not any(each.made_with for each in runs.sources)
+        self._tolerance = 0.0 if is_same else TOLERANCE
+        self._differs_at_all = False
+        self._designs = ", ".join(filter(None, chosen.designs)) or "its runs"
+
+    @property
+    def tolerance_text(self) -> str:
+        """How close the runs are, where they are not equal to the bit."""
+        return f" within {TOLERANCE:g}" if self._differs_at_all else ""
+
+    def make(self, seconds: float | None) -> str:
+        """Make runs for about a second; return why all runs are refused, empty if they are not."""
+        for at in self._parts(seconds):
+            again = self._make(at)
+            own = self._comparable(at, again)
+            reason = self._other_ending(at, own, again) or self._other_values(at, own, again)
+            if reason:
+                return self._refusal(at, own, again, reason)
+            self.compared += own.size
+        return ""
+
+    def _comparable(self, at: IntArray, again: xr.Dataset) -> IntArray:
+        """Return the positions of the runs that are compared: none that ended by the machine."""
+        is_compared = self._chosen.runs.results.status[at] == self._chosen.status
+        return np.flatnonzero(is_compared & ~np.isin(again[STATUS].values, BY_MACHINE))
+
+    def _parts(self, seconds: float | None) -> Iterator[IntArray]:
+        """Yield the runs that are made at once; their pace decides how many take a second."""
+        every = np.arange(len(self._chosen.runs.runs))
+        if self._chosen.is_batch:
+            yield every
+            return
+        began, done, size = time.monotonic(), 0, 1
+        while size and done < len(every):
+            yield every[done : done + size]
+            done = min(done + size, len(every))
+            if done == 1 and seconds is not None and seconds < _AT_MOST:
+                began = time.monotonic()  # it has waited for what later ones find ready
+                size = 4
+                continue
+            spent = max(time.monotonic() - began, 1e-6)
+            size = min(4 * size, int(done / spent * max(_AT_MOST - spent, 0.0)))
+
+    def _make(self, at: IntArray) -> xr.Dataset:
+        inputs = {name: values[at] for name, values in self._chosen.runs.inputs.items()}
+        points = _points(inputs, self._chosen.runs.runs[at])
+        return evaluate(self._evaluator, points, {}, self._options)
+
+    def _other_ending(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
+        """Return how a run has another status or reason now; empty if none has."""
+        before, statuses = self._kept[STATUS].values, again[STATUS].values
+        reasons_before, reasons = _reasons(self._kept), _reasons(again)
+        for position in own.tolist():
+            run = int(at[position])
+            then, now = Status(int(before[run])), Status(int(statuses[position]))
+            said, says = reasons_before.get(run, ""), reasons.get(position, "")
+            if then is not now or mask_numbers(said) != mask_numbers(says):
+                name = f"{self._designs}: run {self._chosen.runs.runs[run]}"
+                return f"{name} was {_ending(then, said)}, and is {_ending(now, says)} now"
+        return ""
+
+    def _other_values(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
+        """Return how the values of runs differ; empty if they are equal."""
+        words = (f"in {self._runs.place}", "now")
+        found = self._differences(self._kept.isel({RUN: at[own]}), again.isel({RUN: own}), words)
+        self._differs_at_all |= bool(found)
+        return found[0].what if found and found[0].relative > self._tolerance else ""
+
+    def _refusal(self, at: IntArray, own: IntArray, again: xr.Dataset, reason: str) -> str:
+        """Return why runs are refused that have become others; they are made once more."""
+        other = self._make(at)
+        own = np.intersect1d(own, self._comparable(at, other))
+        words = ("at first", "when it is made once more")
+        if noise := self._differences(again.isel({RUN: own}), other.isel({RUN: own}), words):
+            return f"{_NOISE}:\n  {noise[0].what}"
+        return f"{reason}\n  {_CHANGE}"
+
+    def _differences(
+        self, one: xr.Dataset, other: xr.Dataset, words: tuple[str, str]
+    ) -> list[Difference]:
+        """Return the differences of runs, the largest first."""
+        outputs = self._model.all_outputs
+        names = [STATUS, *(output.name for output in outputs)]
+        if not any(unequal(one[name].values, other[name].values).any() for name in names):
+            return []
+        scales = self._scales() if self._tolerance else {}
+        found = run_differences(self._designs, one, other, outputs, scales, words)
+        return sorted(found, key=lambda each: -each.relative)
+
+    def _scales(self) -> dict[str, float]:
+        """Return the largest value of each output among all runs that would be taken."""
+        largest: dict[str, float] = {}
+        for source in self._runs.sources:
+            is_ok = source.runs.results.status == Status.OK
+            for name, values in source.runs.results.outputs.items():
+                finite = values[is_ok][np.isfinite(values[is_ok])]
+                found = float(np.abs(finite).max(initial=0.0))
+                largest[name] = max(largest.get(name, 0.0), found)
+        return largest
+
+
+class _HashComparison:
+    """Comparison of the hash of a batch of runs that an archive has not kept."""
+
+    tolerance_text = ""
+
+    def __init__(
+        self, study: ValidatedStudy, name: str, model: Model, batch: _ChosenHash, map: Map
+    ) -> None:
+        self._study, self._batch, self._map = study, batch, map
+        self._variant = study.models[name].with_model(model)
+        self.total, self.compared = batch.runs, batch.stop - batch.start
+
+    def make(self, seconds: float | None) -> str:
+        """Make the batch again; return why all runs are refused, empty if they are not."""
+        batch = self._batch
+        again = self._hash()
+        if again == batch.sha256:
+            return ""
+        if again != self._hash():
+            return _NOISE
+        runs = f"runs {batch.start} to {batch.stop - 1}"
+        return f"{batch.design}: {runs} are others now\n  {_CHANGE}"
+
+    def _hash(self) -> str:
+        batch = self._batch
+        number = [batch.number]
+        again = hashes_again(
+            self._study, self._variant, batch.design, batch.runs, number, self._map, _NoReports()
+        )
+        return next(each for _, each in again)
+
+
+def _chosen_hash(
+    omitted: Mapping[str, xr.Dataset], generator: np.random.Generator
+) -> _ChosenHash | None:
+    """Choose a batch of runs that are not kept; None if they may have ended by the machine."""
+    for design, runs in omitted.items():
+        counts = status_counts(runs)
+        if not any(counts.get(status, 0) for status in BY_MACHINE):
+            hashes = runs[BATCH_HASH].values
+            number = int(generator.integers(hashes.size))
+            return _ChosenHash(design, number, str(hashes[number]), run_count(runs))
+    return None
+
+
+class _NoReports(Progress):
+    """Receiver of the reports on runs that are no part of the study."""
+
+    def warn(self, text: str) -> None:
+        pass
+
+
+class _Finished(Checkpoint):
+    """Checkpoint that has all runs, so that none is made."""
+
+    def __init__(self, chosen: ChosenRuns) -> None:
+        self._results = chosen.runs.results
+
+    def prepare(self, runs: int) -> int:
+        return runs
+
+    def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
+        yield BatchResult(start, self._results)
+
+
+def _points(inputs: Arrays, runs: IntArray) -> xr.Dataset:
+    columns = {name: (RUN, values) for name, values in inputs.items()}
+    return xr.Dataset(columns, {RUN: runs})
+
+
+def _reasons(runs: xr.Dataset) -> dict[int, str]:
+    """Return the reasons of failed runs by position."""
+    if FAILED_RUN not in runs:
+        return {}
+    reasons = map(str, runs[FAILURE_REASON].values.tolist())
+    return dict(zip(runs[FAILED_RUN].values.tolist(), reasons, strict=True))
+
+
+def _ending(status: Status, reason: str) -> str:
+    """Return how a run ended, in words."""
+    return f"{STATUS_TEXT[status]} ({reason})" if reason else STATUS_TEXT[status]
+
+
+def _same_text(names: Sequence[str]) -> str:
+    """Return a text on files that are the same; empty for none.
+
+    >>> _same_text(["m.py", "k.csv"])
+    'm.py and k.csv are the same'
+    """
+    more = len(names) - _MOST_NAMED
+    listed = [*names[:_MOST_NAMED], *([f"{more} more files"] if more > 0 else [])]
+    if not listed:
+        return ""
+    joined = " and ".join(filter(None, [", ".join(listed[:-1]), listed[-1]]))
+    return f"{joined} {'are' if len(listed) > 1 else 'is'} the same"

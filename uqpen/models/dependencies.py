@@ -1,0 +1,173 @@
+"""Record of what a model's runs depend on: seen while it is loaded and in its first run."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Collection, Iterator, Sequence
+from importlib.machinery import PathFinder
+from importlib.util import find_spec
+from pathlib import Path
+
+from uqpen.core.dependency import (
+    CHANGED,
+    ENVIRONMENT,
+    LIBRARY,
+    MODULE,
+    OBSERVED,
+    OPENED,
+    Dependency,
+    file_sha256,
+    value_sha256,
+)
+from uqpen.core.files import LARGEST, FileSnapshot
+from uqpen.models.observation import Observation
+from uqpen.models.reasons import changed_file_error, changed_variable_error
+
+__all__ = ["Dependencies", "current_sha256"]
+
+
+class Dependencies:
+    """Record of the files, variables, programs and hosts that user-defined code has used.
+
+    What is seen while the code is loaded is the same in each process. What is seen in a run is that
+    of one run of a study, wherever it is made.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the study; names of files are relative to it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._at_loading: set[Dependency] = set()
+        self._in_run: set[Dependency] = set()
+        self._snapshots: dict[Path, FileSnapshot] = {}
+        # The same files are opened again by imports and in later calls.
+        self._observation = Observation()
+
+    @property
+    def lines(self) -> frozenset[str]:
+        """All that was seen, in the form of `Results.files`.
+
+        A file that a run changes has no hash, even if it was read before.
+        """
+        found = self._at_loading | self._in_run
+        return frozenset(
+            each.line for each in found if not (each.sha256 and each.name in self._changed)
+        )
+
+    @property
+    def lines_of_runs(self) -> frozenset[str]:
+        """What runs report: all that was seen in the run that was observed, if one was."""
+        return frozenset(each.line for each in self._in_run)
+
+    @contextlib.contextmanager
+    def observe_loading(self, imported: Collection[str]) -> Iterator[None]:
+        """Observe code that is loaded within this context.
+
+        `imported` are the files of its modules, which are complete at the end of the context.
+        """
+        try:
+            with self._observation.active():
+                yield
+        finally:
+            self._at_loading |= self._seen(imported)
+
+    @contextlib.contextmanager
+    def observed_run(self, imported: Collection[str] = ()) -> Iterator[None]:
+        """Observe a run within this context, as `observe_loading` does."""
+        try:
+            with self._observation.active():
+                yield
+        finally:
+            self._in_run |= self._seen(imported) - self._at_loading
+            self._in_run.add(Dependency(OBSERVED, "run"))
+
+    def add_reported(self, lines: Collection[str]) -> None:
+        """Add what runs in any process have reported.
+
+        Raises
+        ------
+        ModelError
+            If a file or variable is another one now.
+        """
+        for each in sorted({Dependency.from_line(line) for line in lines}):
+            if each in self._in_run or each in self._at_loading:
+                continue
+            if each.sha256 and each.role != MODULE:
+                if current_sha256(each, self.folder) != each.sha256:
+                    is_variable = each.role == ENVIRONMENT
+                    error = changed_variable_error if is_variable else changed_file_error
+                    raise error(each.name)
+                self._read(each, self.folder / each.name)
+            self._in_run.add(each)
+
+    def files(self) -> tuple[FileSnapshot, ...]:
+        """Return snapshots of the files in the study's folder that were opened."""
+        changed = {self.folder / name for name in self._changed}
+        return tuple(self._snapshots[path] for path in sorted(self._snapshots.keys() - changed))
+
+    @property
+    def _changed(self) -> set[str]:
+        return {each.name for each in self._in_run if each.role == CHANGED}
+
+    def _seen(self, imported: Collection[str]) -> set[Dependency]:
+        found = set()
+        own = {os.path.abspath(file) for file in imported}
+        for each, path in self._observation.dependencies(os.path.abspath(self.folder)):
+            if path not in own:
+                found.add(each)
+                self._read(each, self.folder / each.name)
+        return found
+
+    def _read(self, dependency: Dependency, path: Path) -> None:
+        """Read a file for the archive, which keeps those in the study's folder."""
+        is_inside = dependency.role in (OPENED, LIBRARY) and ".." not in Path(dependency.name).parts
+        if not dependency.sha256 or not is_inside or path in self._snapshots:
+            return
+        try:
+            size = path.stat().st_size
+            content = path.read_bytes() if size <= LARGEST else None
+        except OSError:
+            return
+        self._snapshots[path] = FileSnapshot(path, dependency.sha256, size, content)
+
+
+def current_sha256(dependency: Dependency, folder: Path) -> str:
+    """Return the hash of a file, a module or a variable as it is now; empty where it is not there.
+
+    Parameters
+    ----------
+    dependency : Dependency
+        One with a hash.
+    folder : Path
+        Folder of the study.
+    """
+    if dependency.role == ENVIRONMENT:
+        return value_sha256(dependency.name, os.environ.get(dependency.name))
+    if dependency.role != MODULE:
+        return file_sha256(folder / dependency.name)
+    return file_sha256(_module_path(dependency.name))
+
+
+def _module_path(name: str) -> str:
+    """Return the file that a module would be imported from, without importing packages around it.
+
+    It is empty where there is none.
+    """
+    locations: Sequence[str] | None = None
+    file = ""
+    parts = name.split(".")
+    for end in range(1, len(parts) + 1):
+        full = ".".join(parts[:end])
+        try:
+            found = find_spec(full) if end == 1 else PathFinder.find_spec(full, locations)
+        except (ImportError, ValueError, OSError):
+            return ""
+        if found is None:
+            return ""
+        file = str(getattr(found.loader, "archive", None) or found.origin or "")
+        locations = found.submodule_search_locations or []
+    return file
