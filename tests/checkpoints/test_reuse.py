@@ -18,7 +18,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.checkpoints.keep_runs import keep_runs
 from uqpen.checkpoints.point_index import BatchIndex, PointIndex
-from uqpen.checkpoints.run_cost import are_costly
+from uqpen.checkpoints.run_cost import are_costly, run_seconds, seconds_at_last_pace
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.status import Status
@@ -294,6 +294,24 @@ def test_the_log_says_whether_runs_were_costly(tmp_path: Path, lines: str, expec
     assert are_costly(log, "study.nc")
     log.write_text("".join(f"2026-11-23T12:00:00.000+00:00 {each}\n" for each in lines.split("|")))
     assert are_costly(log, "study.nc") == expected
+
+
+def test_the_log_says_how_long_the_first_runs_of_a_model_took(tmp_path: Path) -> None:
+    log = tmp_path / "study.nc.log"
+    assert run_seconds(log, "") is seconds_at_last_pace(log, 10) is None
+    lines = [
+        "one: the first runs of fine took 7200.000 s",
+        "one: the first runs took 3.000 s",
+        "one: 30 runs in 60.000 s, 2 of them failed",
+        "two: the first runs of fine took 2.500 s",
+        "two: 10 runs in 5.000 s, 0 of them failed",
+        "three: 0 runs in 0.100 s, 0 of them failed",
+    ]
+    log.write_text("".join(f"2026-11-23T12:00:00.000+00:00 {each}\n" for each in lines))
+    assert [run_seconds(log, name) for name in ("fine", "", "coarse")] == [2.5, 3.0, None]
+    assert seconds_at_last_pace(log, 10) == 5.0
+    assert seconds_at_last_pace(log, 10, "one") == 20.0
+    assert seconds_at_last_pace(log, 10, "three") is None
 
 
 def test_an_archive_whose_runs_are_made_again_at_once_is_not_kept(empty: Studies) -> None:

@@ -55,8 +55,8 @@ __all__ = ["FAILED", "CheckpointFolder"]
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
 
-# Reading more of the finished runs for a comparison would take a tenth of a second.
-_MANY = 2**19
+# Reading a million finished runs for a comparison takes more than a tenth of a second.
+_MANY = 2**16
 
 FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
@@ -233,7 +233,7 @@ class CheckpointFolder:
                 self.runs += kept.write()
 
     def part_sources(self, model: str) -> list[RunSource]:
-        """Return stored runs of a model's designs, of each about the first half million."""
+        """Return stored runs of a model's designs, of each about the first 65 536."""
         found = []
         for design in (design for name, design in self._fingerprints if name == model):
             count = 0

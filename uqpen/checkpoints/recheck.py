@@ -54,6 +54,9 @@ __all__ = ["Recheck", "RecheckOutcome", "Takeable"]
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
 
+# The first of them is made alone; each further part has at most so many times more.
+_GROWTH = 32
+
 # No run is made again that takes longer, in seconds: where others are made, too, and where none is.
 _COSTLY, _COSTLY_ALONE = 60.0, 10.0
 
@@ -316,10 +319,10 @@ class _Comparison:
             done = min(done + size, len(every))
             if done == 1 and seconds is not None and seconds < _AT_MOST:
                 began = time.monotonic()  # it has waited for what later ones find ready
-                size = 4
+                size = min(_GROWTH, int(_AT_MOST / max(seconds, 1e-6)))
                 continue
             spent = max(time.monotonic() - began, 1e-6)
-            size = min(4 * size, int(done / spent * max(_AT_MOST - spent, 0.0)))
+            size = min(_GROWTH * size, int(done / spent * max(_AT_MOST - spent, 0.0)))
 
     def _make(self, at: IntArray) -> xr.Dataset:
         inputs = {name: values[at] for name, values in self._chosen.runs.inputs.items()}
@@ -330,7 +333,8 @@ class _Comparison:
         """Return how a run has another status or reason now; empty if none has."""
         before, statuses = self._kept[STATUS].values, again[STATUS].values
         reasons_before, reasons = _reasons(self._kept), _reasons(again)
-        for position in own.tolist():
+        is_ok = (before[at[own]] == Status.OK) & (statuses[own] == Status.OK)
+        for position in own[~is_ok].tolist():
             run = int(at[position])
             then, now = Status(int(before[run])), Status(int(statuses[position]))
             said, says = reasons_before.get(run, ""), reasons.get(position, "")
