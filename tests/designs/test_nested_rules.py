@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import chaospy
 import numpy as np
@@ -285,7 +286,8 @@ def test_leja_nodes_take_any_version_of_numpy(monkeypatch: pytest.MonkeyPatch) -
     def refuse(*_: object, **__: object) -> None:
         raise TypeError("reshape() got an unexpected keyword argument 'newshape'")
 
-    monkeypatch.setattr("numpoly.array_function.reshape.numpy.reshape", refuse)
+    reshaping = sys.modules["numpoly.array_function.reshape"]
+    monkeypatch.setattr(reshaping, "numpy", SimpleNamespace(reshape=refuse))
     assert _search_leja_nodes.__wrapped__(3, "Uniform", -1.0, 1.0)[1] == pytest.approx(0, abs=1e-6)
 
 
