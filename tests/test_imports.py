@@ -139,8 +139,12 @@ def test_a_command_does_not_look_for_garbage_among_its_modules(
     assert kept > 50_000
 
 
-def test_a_study_of_the_rod_needs_numba_only_to_compile_its_integrator(tmp_path: Path) -> None:
+def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     uqpen.run(uqpen.load_study(tmp_path / "study.toml"))  # compiles it where nothing has done so
+    assert loaded(tmp_path, "check", "study.toml") <= {"rich", "scipy.special"}
+    compiler = {"numba", "scipy.linalg"}
     command = ("study", "study.toml", "-o", "archive.nc")
-    assert loaded(tmp_path, *command) <= {*TABLES, "netCDF4", "scipy.special"}
+    assert loaded(tmp_path, *command) <= {*TABLES, *compiler, "netCDF4", "scipy.special"}
+    probe = "from uqpen.models.rod_kernel import erode; sys.exit(bool(erode.stats.cache_misses))"
+    subprocess.run([sys.executable, "-c", f"import sys; {probe}"], check=True)

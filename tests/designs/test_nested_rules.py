@@ -7,7 +7,9 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import chaospy
 import numpy as np
 import pytest
 import xarray as xr
@@ -20,7 +22,12 @@ from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Input
 from uqpen.core.streams import Stream
 from uqpen.designs.quadrature import Quadrature
-from uqpen.designs.univariate_rules import NESTED_RULES, node_counts, univariate_rules
+from uqpen.designs.univariate_rules import (
+    NESTED_RULES,
+    _search_leja_nodes,
+    node_counts,
+    univariate_rules,
+)
 from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Triangular, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
@@ -257,14 +264,31 @@ def test_a_study_is_refused_before_any_run(keys: str, complaint: str) -> None:
     assert complaint in str(caught.value)
 
 
-def test_without_chaospy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "chaospy", None)
-    for grid in ("tensor", "sparse"):
-        with pytest.raises(StudyError, match=r'pip install "uqpen\[chaospy\]"'):
-            parse_study(f'{TEXT}order = 2\nrule = "leja"\ngrid = "{grid}"')
-    with pytest.raises(SettingsError, match=r'pip install "uqpen\[chaospy\]"'):
-        points(Quadrature(2, rule="leja"), law_of(UNIFORM))
-    assert parse_study(f"{TEXT}order = 2").runs == 27
+LEJA = {
+    "Normal": (0.0, 1.0),
+    "Uniform": (-1.0, 1.0),
+    "Gamma": (9.0,),
+    "Beta": (2.0, 3.0, -1.0, 1.0),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.newshape. keyword:DeprecationWarning")
+@pytest.mark.parametrize("family", LEJA)
+def test_leja_nodes_are_those_of_chaospy(family: str) -> None:
+    theirs, _ = chaospy.quadrature.leja(6, getattr(chaospy, family)(*LEJA[family]))
+    nodes = _search_leja_nodes.__wrapped__(7, family, *LEJA[family])
+    np.testing.assert_allclose(nodes, np.ravel(theirs), rtol=1e-12)
+
+
+def test_leja_nodes_take_any_version_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 2.4 on, NumPy refuses the keyword by which numpoly reshapes."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise TypeError("reshape() got an unexpected keyword argument 'newshape'")
+
+    reshaping = sys.modules["numpoly.array_function.reshape"]
+    monkeypatch.setattr(reshaping, "numpy", SimpleNamespace(reshape=refuse))
+    assert _search_leja_nodes.__wrapped__(3, "Uniform", -1.0, 1.0)[1] == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -1,8 +1,15 @@
-"""How functions of models are compiled."""
+"""How functions are compiled, and kept for other processes."""
 
 from __future__ import annotations
 
+import importlib
 import re
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -10,8 +17,12 @@ import numpy.typing as npt
 import pytest
 from llvmlite import binding
 
-from uqpen.models.compiled import entry_point, use_widest_vectors
-from uqpen.models.rod_kernel import SIGNATURE, erode
+from uqpen.models.compiled import use_widest_vectors
+from uqpen.models.rod_kernel import erode
+from uqpen.statistics import kernels
+from uqpen.statistics.by_blocks.count_pairs import count_pairs
+from uqpen.statistics.by_blocks.locate import locate
+from uqpen.statistics.by_blocks.sums_by_cell import sums_by_cell
 
 
 def halve(values: npt.NDArray[np.float64]) -> None:
@@ -39,25 +50,25 @@ def test_loops_use_vectors_of_512_bits_where_there_are_any() -> None:
 
 
 @pytest.fixture(scope="module")
-def rods_in_llvm() -> str:
+def rods() -> Any:
+    """The integrator, compiled in this process: what is loaded from disk has no code to look at."""
     if not binding.get_host_cpu_features().get("avx2") or numba.config.CPU_NAME:
         pytest.skip("the processor that is compiled for has no vectors of 256 bits")
-    return str(entry_point(erode, SIGNATURE, cache=False).inspect_llvm())
+    options = {"error_model": "numpy", "nogil": True}
+    return numba.njit(erode.nopython_signatures[0], **options)(erode.py_func)
 
 
 @pytest.mark.slow
-def test_rods_are_integrated_by_vectors(rods_in_llvm: str) -> None:
+def test_rods_are_integrated_by_vectors(rods: Any) -> None:
     """A loop that LLVM leaves scalar has the same results, and takes five times as long."""
+    (rods_in_llvm,) = rods.inspect_llvm().values()
     assert rods_in_llvm.count("fdiv <") > 5 * rods_in_llvm.count("fdiv double")
 
 
 @pytest.mark.slow
-def test_rods_have_a_stack_that_is_aligned_to_their_vectors(rods_in_llvm: str) -> None:
+def test_rods_have_a_stack_that_is_aligned_to_their_vectors(rods: Any) -> None:
     """A vector that lies in two cache lines has the same value, and takes longer to read."""
-    target = binding.Target.from_default_triple().create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=binding.get_host_cpu_features().flatten()
-    )
-    code = target.emit_assembly(binding.parse_assembly(rods_in_llvm))
+    (code,) = rods.inspect_asm().values()
     size = 64 if "zmm" in code else 32
     assert re.search(rf"andq\s+\$-{size}, %rsp", code)
 
@@ -69,3 +80,91 @@ def test_the_width_changes_no_result() -> None:
     for function, each in ((halve, values), (halve_widely, wide)):
         numba.njit(function)(each)
     np.testing.assert_array_equal(wide, values)
+
+
+HALVED = """\
+from uqpen.models.compiled import compiled
+
+@compiled("float64(float64)")
+def halve(value):
+    return value / 2
+"""
+
+Load = Callable[[], Any]
+
+
+@pytest.fixture
+def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
+    """Loads a module with a compiled function, as each process does."""
+    (tmp_path / "halved.py").write_text(HALVED)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
+
+    def once() -> Any:
+        monkeypatch.delitem(sys.modules, "halved", raising=False)
+        module = importlib.import_module("halved")
+        assert module.halve(3.0) == 1.5
+        return module.halve
+
+    return once
+
+
+@pytest.mark.processor
+def test_a_function_is_compiled_once(load: Load) -> None:
+    assert [bool(load().stats.cache_hits) for _ in range(3)] == [False, True, True]
+
+
+def test_code_that_was_cut_off_is_not_used(load: Load, tmp_path: Path) -> None:
+    load()
+    index, data = sorted((tmp_path / "kept").rglob("*.nb?"), key=lambda path: path.suffix)[::-1]
+    for path in (index, data):
+        whole = path.read_bytes()
+        for rest in (0, len(whole) // 2, len(whole) - 1):
+            path.write_bytes(whole[:rest])
+            load()
+        path.write_bytes(whole)
+    assert load().stats.cache_hits
+
+
+def test_a_full_disk_keeps_nothing(load: Load, tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        load()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not [*tmp_path.rglob("*.nb?")]
+
+
+def test_no_folder_to_write_to_keeps_nothing(
+    load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An installation that is read only, run by a user without a directory to write to."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "/dev/null")
+    # The only place Numba may then try is that of notebooks, which a program is not.
+    monkeypatch.setattr(numba.config, "CACHE_LOCATOR_CLASSES", "IPythonCacheLocator", raising=False)
+    load()
+    assert not [*tmp_path.rglob("*.nb?")]
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_the_same_time_keep_whole_code(
+    load: Load, tmp_path: Path
+) -> None:
+    program = f"import numba; numba.config.CACHE_DIR = {str(tmp_path / 'kept')!r}\n"
+    program += "from halved import halve; print(halve(3.0))"
+    started = [
+        subprocess.Popen([sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    assert [process.communicate()[0] for process in started] == [b"1.5\n"] * 2
+    assert load().stats.cache_hits
+
+
+def test_each_compiled_function_takes_arguments_of_one_type() -> None:
+    """So processes that compile at the same time never keep two codes under one name."""
+    loops = [getattr(kernels, name) for name in kernels.__all__]
+    for function in (erode, locate, count_pairs, sums_by_cell, *loops):
+        assert len(function.signatures) == 1
+        with pytest.raises(TypeError, match="No matching definition"):
+            function(*["text"] * len(function.signatures[0]))

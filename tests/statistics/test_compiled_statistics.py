@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import pytest
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics import kernels, loops
+from uqpen.statistics import kernels
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -113,28 +112,15 @@ def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.Monkey
 def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
     """No processor and no number of threads changes a bit, as nothing is reordered or shared."""
     inner = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
-    assert len(inner) > 3
+    assert len(inner) > len(kernels.__all__)
     for each in inner:
         assert not {"parallel", "fastmath"} & each.targetoptions.keys()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", kernels.__all__)
-def test_loops_call_no_function_that_their_machine_code_lacks(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """So a process that finds their machine code needs no compiler."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    loops._loop.__wrapped__(name)
-    (code,) = tmp_path.glob("machine_code.*.o")
-    assert code.stat().st_size > 500  # the hash of no code takes 32 bytes
-
-
 def test_loops_refuse_arrays_that_they_would_misread() -> None:
-    with pytest.raises(TypeError, match="float32"):
-        loops.pair_products(np.ones((9, 2), dtype=np.float32))  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="one piece"):
-        loops.pair_products(np.ones((2, 9)).T)
+    for misread in (np.ones((9, 2), dtype=np.float32), np.ones((2, 9)).T):
+        with pytest.raises(TypeError, match="No matching definition"):
+            kernels.pair_products(misread)
 
 
 def test_small_samples_load_no_compiler() -> None:

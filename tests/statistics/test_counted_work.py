@@ -14,7 +14,6 @@ import xarray as xr
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics import estimate_vector, ordering, run_samples
-from uqpen.statistics import sample as sample_module
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -59,27 +58,6 @@ def test_each_column_is_ordered_once(failed: int, monkeypatch: pytest.MonkeyPatc
     analyze(runs, QUANTITIES, only=["moments", "quantiles", "cdfs", "sensitivity"])
     assert counted["ordered"] == len(INPUTS) + len(OUTPUTS)
     assert counted["searched for distinct values"] == 0
-
-
-def test_many_values_of_an_output_are_sorted_by_their_order(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    runs, counted, sort = runs_of(700), Counter[str](), np.sort
-    columns = [runs[name].values for name in OUTPUTS]
-
-    def sorted_values(values: Any, **options: Any) -> Any:
-        counted["sorted"] += any(np.array_equal(values, each) for each in columns)
-        return sort(values, **options)
-
-    expected = analyze(runs, QUANTITIES)
-    for module in (ordering, sample_module):
-        monkeypatch.setattr(module, "MANY", 1)
-    monkeypatch.setattr(np, "sort", sorted_values)
-    found = analyze(runs, QUANTITIES)
-    assert counted["sorted"] == 0
-    for output, statistics in expected.items():
-        for name, array in statistics.items():
-            xr.testing.assert_identical(found[output][name], array)
 
 
 def peak_in_columns(runs: xr.Dataset) -> float:

@@ -199,3 +199,24 @@ def test_a_value_out_of_range_is_told_beside_one_of_another_type(folder: Path) -
         "failures.retry",
         "failures.at_most",
     ]
+
+
+JOINT = """\
+[model]
+python = "line.py:f"
+[joint.both]
+inputs = ["a", "b"]
+chaospy = { name = "MvNormal", mu = [1, 2], sigma = [[1, 0], [0, 1]] }
+[designs.mc]
+kind = "monte-carlo"
+runs = 9
+"""
+
+
+def test_inputs_of_a_joint_distribution_follow_no_missing_table(tmp_path: Path) -> None:
+    with pytest.raises(StudyError) as caught:
+        parse_study(f"seed = 1\n{JOINT}", folder=tmp_path)
+    assert [".".join(map(str, each.path)) for each in caught.value.problems] == [
+        "model.inputs",
+        "model.outputs",
+    ]

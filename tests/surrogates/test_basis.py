@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import chaospy
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -164,7 +165,6 @@ def test_sums_are_those_of_the_matrix() -> None:
 
 
 def test_the_basis_is_chaospys() -> None:
-    chaospy = pytest.importorskip("chaospy")
     joint = chaospy.J(chaospy.Uniform(-1, 3), chaospy.Normal(2, 0.5), chaospy.Gamma(4, 0.5))
     theirs = chaospy.generate_expansion(3, joint, normed=True, graded=True, reverse=True)
     distributions = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))

@@ -149,5 +149,7 @@ def test_two_processors_are_told_from_two_results(made: Made) -> None:
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
     told = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
-    assert told["made with"].startswith("cpu features: ")
-    assert told["equal"].startswith("all numbers, within 1e-09 ")
+    assert told.pop("made with").startswith("cpu features: ")
+    # Some features change no bit of this study: AVX2 does not, where there is no AVX-512.
+    if told:
+        assert told["equal"].startswith("all numbers, within 1e-09 ")

@@ -22,7 +22,6 @@ from uqpen.designs.univariate_rules import (
     NESTED_RULES,
     Rule,
     is_exact,
-    missing_library,
     node_counts,
     rule_recurrence,
     univariate_rules,
@@ -64,7 +63,7 @@ class Quadrature(Design):
         degree. The others, one of `uqpen.designs.univariate_rules.NESTED_RULES`, are nested: the
         nodes of a lower order are among those of a higher one. Each has the fewest nodes of its
         sequence that are exact to the same degree (Petras 2003); weights can be negative. Their
-        nodes need chaospy, from the extra ``chaospy``.
+        nodes are chaospy's.
 
     References
     ----------
@@ -133,8 +132,6 @@ class Quadrature(Design):
         """Yield the problems between the rule and the inputs."""
         if self.rule not in NESTED_RULES:
             return
-        if problem := missing_library(self.rule):
-            yield problem
         nested = NESTED_RULES[self.rule]
         for entry in joint.random:
             if not nested.accepts(entry.distribution):

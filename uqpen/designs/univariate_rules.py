@@ -9,7 +9,8 @@ polynomials of the probability.
 from __future__ import annotations
 
 import functools
-import importlib.util
+import importlib
+import itertools
 import math
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,9 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem
 from uqpen.distributions.continuous import Beta, Gamma, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
@@ -29,7 +30,6 @@ __all__ = [
     "NestedRule",
     "Rule",
     "is_exact",
-    "missing_library",
     "node_counts",
     "rule_recurrence",
     "univariate_rules",
@@ -92,14 +92,6 @@ class NestedRule:
     def highest_order(self) -> int:
         """Highest order that a rule of this sequence has for each accepted distribution."""
         return (self.degree(self.sizes[-1], False) - 1) // 2
-
-
-def missing_library(rule: str) -> Problem | None:
-    """Return a problem if chaospy, which computes the nodes of a rule, is not installed."""
-    if rule not in NESTED_RULES or importlib.util.find_spec("chaospy"):
-        return None
-    found = f'"{rule}", and chaospy, which computes it, is not installed'
-    return Problem(("rule",), found, 'the extra "chaospy": pip install "uqpen[chaospy]"')
 
 
 def node_counts(rule: str, distribution: Distribution, orders: Sequence[int]) -> list[int]:
@@ -243,9 +235,29 @@ def _leja_nodes(size: int, distribution: Distribution) -> FloatArray:
 
 @functools.cache
 def _search_leja_nodes(size: int, family: str, *parameters: float) -> FloatArray:
-    """Return Leja nodes of a distribution of chaospy; each takes a search over the range."""
+    """Return Leja nodes of a distribution of chaospy; each takes a search over the range.
+
+    They are those of `chaospy.quadrature.leja`, which needs a version of NumPy before 2.4.
+    """
     chaospy: Any = importlib.import_module("chaospy")
-    return _chaospy("leja", size - 1, getattr(chaospy, family)(*parameters))
+    distribution = getattr(chaospy, family)(*parameters)
+    ends = [float(np.ravel(each)[0]) for each in (distribution.lower, distribution.upper)]
+    nodes = [float(np.ravel(distribution.ttr([0]))[0])]  # the mean
+
+    def negative(place: float) -> float:
+        """Distances to the nodes so far, by the root of the density; times -1."""
+        root = math.sqrt(np.ravel(distribution.pdf(place))[0])
+        return -root * float(np.prod(np.abs(np.array(nodes) - place)))
+
+    while len(nodes) < size:
+        places = [ends[0], *nodes, ends[1]]
+        found = [
+            scipy.optimize.fminbound(negative, *gap, full_output=True)[:2]
+            for gap in itertools.pairwise(places)
+        ]
+        best = min(range(len(found)), key=lambda gap: found[gap][1])
+        nodes.insert(best, float(found[best][0]))
+    return np.array(nodes)
 
 
 def _has_leja_nodes(distribution: Distribution) -> bool:

@@ -78,8 +78,6 @@ def chaospy_joint(
 
     Raises
     ------
-    ImportError
-        If chaospy is not installed.
     LookupError
         If it has no such distribution.
     ValueError

@@ -1,4 +1,4 @@
-"""Compilation of functions of models by Numba.
+"""Compilation by Numba, which keeps the machine code on disk.
 
 Numba's cache notices no change in this module: what it does to a function has to stay, or the
 function's own module has to change with it.
@@ -6,25 +6,40 @@ function's own module has to change with it.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
+from pickle import UnpicklingError
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 
-__all__ = ["align_stack", "entry_point", "inlined", "use_widest_vectors"]
+__all__ = ["align_stack", "compiled", "inlined", "use_widest_vectors"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def entry_point(function: Callable[..., None], signature: str, *, cache: bool) -> Any:
-    """Compile a function for C; with a cache, kept on disk where Numba finds a place for it."""
-    if cache:
-        with contextlib.suppress(RuntimeError):
-            return numba.cfunc(signature, error_model="numpy", cache=True)(function)
-    return numba.cfunc(signature, error_model="numpy")(function)
+def compiled(signature: str) -> Callable[[Function], Function]:
+    """Compile for arguments of stated types, or load what an earlier process compiled.
+
+    Processes may do so at the same time. Of one signature they keep the same code under one name;
+    of several, Numba could give the name of one to the code of another.
+
+    Parameters
+    ----------
+    signature : str
+        Types of the result and of the arguments, as Numba writes them.
+    """
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+
+    def decorate(function: Function) -> Function:
+        try:
+            return cast(Function, numba.njit(signature, cache=True, **options)(function))
+        except (RuntimeError, OSError, EOFError, UnpicklingError):
+            # No folder to write to, a full disk, or a file that a power cut left in pieces.
+            return cast(Function, numba.njit(signature, **options)(function))
+
+    return decorate
 
 
 def inlined(function: Function) -> Function:

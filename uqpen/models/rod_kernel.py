@@ -24,12 +24,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.models.compiled import align_stack, inlined, use_widest_vectors
+from uqpen.models.compiled import align_stack, compiled, inlined, use_widest_vectors
 from uqpen.models.rod_phases import AT_REST, CAUGHT_UP, GAVE_UP
-from uqpen.models.rod_phases import LANES as _LANES
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
 
-__all__ = ["SIGNATURE", "erode"]
+__all__ = ["erode"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -41,6 +40,8 @@ Start = tuple[Vector, float, Rod, int]
 # Phases of a lane beside those of `rod_phases`.
 _ERODING, _PAST_EVENT = 2.0, 3.0
 
+# Runs that are integrated together.
+_LANES = 16
 _HALF = _LANES // 2
 # Erosion takes 60 steps as a rule and 11 000 where S is only a thousandth more than R.
 _STEP_LIMIT = 100_000.0
@@ -62,8 +63,8 @@ _POWER_OF_ONE = np.uint64(_ONE + (_ONE >> 4) + (_ONE >> 5))
 _CLOCK, _EXCESS, _SLOWNESS = 0, 1, 2
 
 # Where each row of numbers, one a lane, begins in the buffer.
-_STATE, _SLOPES, _ROD, _STEP, _SMALLEST, _STEPS, _PHASE = (
-    row * _LANES for row in (0, 4, 8, 16, 17, 18, 19)
+_STATE, _SLOPES, _ROD, _STEP, _SMALLEST, _STEPS, _PHASE, _BUFFER = (
+    row * _LANES for row in (0, 4, 8, 16, 17, 18, 19, 20)
 )
 
 
@@ -177,11 +178,9 @@ def _rod(lanes: FloatArray, lane: int) -> Rod:
 
 
 @inlined
-def _start(
-    lanes: FloatArray, lane: int, rods: FloatArray, runs: int, run: int, first_step: float
-) -> None:
+def _start(lanes: FloatArray, lane: int, rods: FloatArray, run: int, first_step: float) -> None:
     for row in range(8):
-        lanes[_ROD + row * _LANES + lane] = rods[row * runs + run]
+        lanes[_ROD + row * _LANES + lane] = rods[row, run]
     state = (_SLOWNESS_AT_IMPACT, 0.0, 1.0, 0.0)
     slopes = _slopes(state, _rod(lanes, lane), _CLOCK)
     _set_vector(lanes, _STATE, lane, state)
@@ -296,15 +295,15 @@ def _integrate(
     lanes: FloatArray,
     occupant: IntArray,
     rods: FloatArray,
-    runs: int,
     tolerance: float,
     first_step: float,
     ends: FloatArray,
 ) -> None:
     """Bring every run just past its event; a lane without a run of its own repeats the last."""
+    runs = rods.shape[1]
     for lane in range(_LANES):
         occupant[lane] = lane
-        _start(lanes, lane, rods, runs, min(lane, runs - 1), first_step)
+        _start(lanes, lane, rods, min(lane, runs - 1), first_step)
     waiting = _LANES
     unfinished = runs
     while unfinished > 0:
@@ -315,61 +314,52 @@ def _integrate(
                 continue
             if occupant[lane] < runs:
                 for row in range(4):
-                    ends[row * runs + occupant[lane]] = lanes[_STATE + row * _LANES + lane]
-                ends[4 * runs + occupant[lane]] = lanes[_PHASE + lane]
-                ends[5 * runs + occupant[lane]] = lanes[_STEPS + lane]
+                    ends[row, occupant[lane]] = lanes[_STATE + row * _LANES + lane]
+                ends[4, occupant[lane]] = lanes[_PHASE + lane]
+                ends[5, occupant[lane]] = lanes[_STEPS + lane]
                 unfinished -= 1
             occupant[lane] = waiting
-            _start(lanes, lane, rods, runs, min(waiting, runs - 1), first_step)
+            _start(lanes, lane, rods, min(waiting, runs - 1), first_step)
             waiting += 1
 
 
 @inlined
-def _land_all(lanes: FloatArray, rods: FloatArray, runs: int, ends: FloatArray) -> None:
+def _land_all(lanes: FloatArray, rods: FloatArray, ends: FloatArray) -> None:
+    runs = rods.shape[1]
     for first in range(0, runs, _LANES):
         occupied = min(_LANES, runs - first)
         for lane in range(occupied):
             for row in range(8):
-                lanes[_ROD + row * _LANES + lane] = rods[row * runs + first + lane]
+                lanes[_ROD + row * _LANES + lane] = rods[row, first + lane]
             for row in range(4):
-                lanes[_STATE + row * _LANES + lane] = ends[row * runs + first + lane]
-            lanes[_PHASE + lane] = ends[4 * runs + first + lane]
+                lanes[_STATE + row * _LANES + lane] = ends[row, first + lane]
+            lanes[_PHASE + lane] = ends[4, first + lane]
         _land(lanes)
         for lane in range(occupied):
             for row in range(4):
-                ends[row * runs + first + lane] = lanes[_STATE + row * _LANES + lane]
-            ends[4 * runs + first + lane] = lanes[_PHASE + lane]
+                ends[row, first + lane] = lanes[_STATE + row * _LANES + lane]
+            ends[4, first + lane] = lanes[_PHASE + lane]
 
 
-_NUMBERS = "CPointer(float64)"
-SIGNATURE = f"void({_NUMBERS}, int64, float64, float64, {_NUMBERS}, {_NUMBERS}, CPointer(int64))"
-
-
-def erode(
-    rods: FloatArray,
-    runs: int,
-    tolerance: float,
-    first_step: float,
-    ends: FloatArray,
-    lanes: FloatArray,
-    occupants: IntArray,
-) -> None:
+@compiled("float64[:, ::1](float64[:, ::1], float64)")
+def erode(rods: FloatArray, tolerance: float) -> FloatArray:
     """Integrate rods.
-
-    It takes addresses, and memory of its own for nothing: what it calls would have to be loaded.
 
     Parameters
     ----------
-    rods, ends : address of float64
-        Of arrays of shape (8, run), as `uqpen.models.rod_lanes.erode` takes them, and (6, run): its
-        result, and the number of steps.
-    runs : int
-        At least one.
-    tolerance, first_step : float
-        Relative error allowed to a step, and its fifth root.
-    lanes, occupants : address of float64, of int64
-        Memory for `BUFFER` and `LANES` numbers.
+    rods : ndarray, shape (8, run)
+        As `uqpen.models.rod_lanes.erode` takes them; at least one.
+    tolerance : float
+        Relative error allowed to a step.
+
+    Returns
+    -------
+    ndarray, shape (6, run)
+        The rows that `uqpen.models.rod_lanes.erode` returns, and the number of steps.
     """
     align_stack()
-    _integrate(lanes, occupants, rods, runs, tolerance, first_step, ends)
-    _land_all(lanes, rods, runs, ends)
+    ends = np.empty((6, rods.shape[1]))
+    lanes, occupants = np.zeros(_BUFFER), np.empty(_LANES, np.int64)
+    _integrate(lanes, occupants, rods, tolerance, tolerance**0.2, ends)
+    _land_all(lanes, rods, ends)
+    return ends

@@ -1,12 +1,6 @@
-"""Numbers that the integration of eroding rods and its compiled part share."""
+"""How the erosion of a rod ended, for its integration and the compiled part of that."""
 
-__all__ = ["AT_REST", "BUFFER", "CAUGHT_UP", "GAVE_UP", "LANES"]
+__all__ = ["AT_REST", "CAUGHT_UP", "GAVE_UP"]
 
-# How erosion ended: v = u, u = 0, or not within the steps allowed.
+# v = u, u = 0, or neither within the steps allowed.
 CAUGHT_UP, AT_REST, GAVE_UP = 0.0, 1.0, -1.0
-
-# Runs that are integrated together.
-LANES = 16
-
-# Numbers in the memory of the lanes.
-BUFFER = 20 * LANES

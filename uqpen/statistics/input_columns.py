@@ -20,7 +20,7 @@ __all__ = ["InputColumns", "RunInputs"]
 
 Made = TypeVar("Made")
 
-# The first loops of an installation take seconds to compile, which fewer values do not save.
+# Below, loops would save less than the half second that their compiler takes to load.
 _MANY = 2**18
 
 
@@ -152,7 +152,7 @@ class RunInputs:
 
     @property
     def are_many(self) -> bool:
-        """True if compiled loops are worth their import, by the number of values."""
+        """True if compiled loops take them, by the number of values."""
         return len(self.used) * len(self.columns.names) >= _MANY
 
     def varies(self, number: int) -> bool:

@@ -1,17 +1,19 @@
-"""Loops over many runs: each goes once through memory where arrays go a dozen times.
+"""Compiled loops over many runs: each goes once through memory where arrays go a dozen times.
 
-Each is a function for C of flat arrays, compiled by Numba: `loops` calls it, and has its machine
-code on disk. So memory comes from the caller, no function is called that is not compiled into it,
-and all of it stands in this file, whose hash decides whether the code on disk is of this version.
 Sums are added in one order, and no operation is fused or reordered: the same bits on any processor.
+Arrays of other types than a loop states are refused, and those that it reads may be read-only.
+Memory for all runs comes from the caller: NumPy takes it in larger pages than Numba does.
 """
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+import math
 
-from uqpen.models.compiled import inlined
+import numpy as np
+
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.models.compiled import compiled, inlined
+from uqpen.statistics.ordering import Numbers
 
 __all__ = [
     "add_sums_above",
@@ -19,83 +21,21 @@ __all__ = [
     "pair_products",
     "pair_sums",
     "residuals_in_bins",
-    "sort_words",
 ]
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Numbers = npt.NDArray[np.int32]
-Flags = npt.NDArray[np.uint8]
-Words = npt.NDArray[np.uint64]
 
 # Terms that are added before their sum is added to the others: the rounding of a long sum.
 _TOGETHER = 512
+# Runs whose columns, up to hundreds, stay in a processor's cache.
+_IN_A_BLOCK = 128
 # Sums that `residuals_in_bins` finds.
 _SUMS = 9
-# Digits of a word that is sorted, each of up to 16 bits.
-_DIGITS = 4
 
-
-def residuals_in_bins(
-    runs: Numbers,
-    first: Integers,
-    bins: int,
-    rank: Numbers,
-    values: Floats,
-    fewest_for_a_slope: int,
-    place: Floats,
-    own: Floats,
-    lost: Floats,
-    part: Floats,
-    influence: Floats,
-    is_written: int,
-    found: Floats,
-) -> None:
-    """Fit a line to a variable in each bin, and add up each run's influence on what is left.
-
-    A run's square and its influence are nearly equal where the input explains nothing, and far
-    apart where it explains all. So there are sums of products with their difference too.
-
-    Parameters
-    ----------
-    runs : ndarray of int, shape (run,)
-        Numbers of the runs, bin by bin.
-    first : ndarray of int, shape (bin + 1,)
-        Where in `runs` each bin begins, and the last one ends.
-    bins : int
-        Number of bins.
-    rank : ndarray of int, shape (run,)
-        Rank of the input in each of `runs`.
-    values : ndarray, shape (run,)
-        Of variance 1.
-    fewest_for_a_slope : int
-        Fewest runs of a bin with a slope.
-    place, own, lost : ndarray
-        Memory for the runs of the largest bin.
-    part : ndarray, shape (9,)
-        Memory, which is 0.
-    influence : ndarray, shape (run,) or (0,)
-        Is written if `is_written` is not 0.
-    found : ndarray, shape (9,)
-        Is 0, and becomes: unbiased sum of squares about the lines; sum of the squared products of
-        pairs. Of the square of a value less 1, s, of the influence l and of their difference d the
-        sums of s, l, s s, l l, d d, s l, s d.
-    """
-    for b in range(bins):
-        if b % _TOGETHER == 0:
-            for k in range(_SUMS):
-                found[k] += part[k]
-                part[k] = 0.0
-        start, count = first[b], first[b + 1] - first[b]
-        has_slope = count >= fewest_for_a_slope
-        _take_bin(runs, start, count, rank, values, has_slope, place, own)
-        _add_residuals(count, place, own, has_slope, lost, part)
-        _add_influence(count, own, lost, part)
-        if is_written:
-            for j in range(count):
-                influence[runs[start + j]] = lost[j]
-    for k in range(_SUMS):
-        found[k] += part[k]
+# Arrays that are read, in one piece.
+_READ = {
+    kind: [f"Array({kind}, {axes}, 'C', True)" for axes in range(4)]
+    for kind in ("float64", "int32", "int64", "boolean")
+}
+_FLOATS, _NUMBERS = _READ["float64"], _READ["int32"]
 
 
 @inlined
@@ -104,10 +44,10 @@ def _take_bin(
     start: int,
     count: int,
     rank: Numbers,
-    values: Floats,
+    values: FloatArray,
     has_slope: bool,
-    place: Floats,
-    own: Floats,
+    place: FloatArray,
+    own: FloatArray,
 ) -> None:
     """Write the values of the runs of a bin, and their places: of mean 0 and sum of squares 1."""
     middle, spread = 0.0, 0.0
@@ -119,14 +59,19 @@ def _take_bin(
     for j in range(count):
         place[j] -= middle
         spread += place[j] * place[j]
-    factor = 1.0 / spread**0.5 if has_slope else 0.0  # a root by name is a call
+    factor = 1.0 / math.sqrt(spread) if has_slope else 0.0
     for j in range(count):
         place[j] *= factor
 
 
 @inlined
 def _add_residuals(
-    count: int, place: Floats, own: Floats, has_slope: bool, lost: Floats, part: Floats
+    count: int,
+    place: FloatArray,
+    own: FloatArray,
+    has_slope: bool,
+    lost: FloatArray,
+    part: FloatArray,
 ) -> None:
     """Fit the line of a bin, add its two sums, and write each run's influence on the first."""
     size, mean, slope = float(count), 0.0, 0.0
@@ -158,7 +103,7 @@ def _add_residuals(
 
 
 @inlined
-def _add_influence(count: int, own: Floats, lost: Floats, part: Floats) -> None:
+def _add_influence(count: int, own: FloatArray, lost: FloatArray, part: FloatArray) -> None:
     """Add the sums over the runs of a bin of what `residuals_in_bins` names."""
     s, left, ss, ll, dd, sl, sd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(count):
@@ -180,19 +125,70 @@ def _add_influence(count: int, own: Floats, lost: Floats, part: Floats) -> None:
     part[8] += sd
 
 
-def pair_sums(
-    columns: Floats,
-    runs: int,
-    count: int,
-    weights: Floats,
-    pairs: int,
-    blocks: int,
-    together: int,
-    rest: int,
-    one: Floats,
-    other: Floats,
-    sums: Floats,
-) -> None:
+@compiled(
+    f"float64[::1]({_NUMBERS[1]}, {_READ['int64'][1]}, {_NUMBERS[1]}, {_FLOATS[1]}, int64, "
+    "float64[::1])"
+)
+def residuals_in_bins(
+    runs: Numbers,
+    first: IntArray,
+    rank: Numbers,
+    values: FloatArray,
+    fewest_for_a_slope: int,
+    influence: FloatArray,
+) -> FloatArray:
+    """Fit a line to a variable in each bin, and add up each run's influence on what is left.
+
+    A run's square and its influence are nearly equal where the input explains nothing, and far
+    apart where it explains all. So there are sums of products with their difference too.
+
+    Parameters
+    ----------
+    runs : ndarray of int, shape (run,)
+        Numbers of the runs, bin by bin.
+    first : ndarray of int, shape (bin + 1,)
+        Where in `runs` each bin begins, and the last one ends.
+    rank : ndarray of int, shape (run,)
+        Rank of the input in each of `runs`.
+    values : ndarray, shape (run,)
+        Of variance 1.
+    fewest_for_a_slope : int
+        Fewest runs of a bin with a slope.
+    influence : ndarray, shape (run,) or (0,)
+        Becomes that of each run on the first of the sums, unless it is empty.
+
+    Returns
+    -------
+    ndarray, shape (9,)
+        Unbiased sum of squares about the lines; sum of the squared products of pairs. Of the square
+        of a value less 1, s, of the influence l and of their difference d the sums of s, l, s s,
+        l l, d d, s l, s d.
+    """
+    sums, part = np.zeros(_SUMS), np.zeros(_SUMS)
+    bins, largest = len(first) - 1, 0
+    for b in range(bins):
+        largest = max(largest, first[b + 1] - first[b])
+    place, own, lost = np.empty(largest), np.empty(largest), np.empty(largest)
+    for b in range(bins):
+        if b % _TOGETHER == 0:
+            for k in range(_SUMS):
+                sums[k] += part[k]
+                part[k] = 0.0
+        start, count = first[b], first[b + 1] - first[b]
+        has_slope = count >= fewest_for_a_slope
+        _take_bin(runs, start, count, rank, values, has_slope, place, own)
+        _add_residuals(count, place, own, has_slope, lost, part)
+        _add_influence(count, own, lost, part)
+        if len(influence) > 0:
+            for j in range(count):
+                influence[runs[start + j]] = lost[j]
+    for k in range(_SUMS):
+        sums[k] += part[k]
+    return sums
+
+
+@compiled(f"void({_FLOATS[2]}, {_FLOATS[3]}, float64[:, :, ::1])")
+def pair_sums(columns: FloatArray, weights: FloatArray, sums: FloatArray) -> None:
     """Add up two weighted sums of columns for each pair.
 
     All pairs take a block of runs after the other, so columns go once through memory.
@@ -200,104 +196,114 @@ def pair_sums(
     Parameters
     ----------
     columns : ndarray, shape (column, run)
-    runs, count : int
-        Number of runs, and of columns.
     weights : ndarray, shape (pair, 2, column)
-    pairs : int
-        Number of pairs.
-    blocks, together, rest : int
-        Number of whole blocks, runs of each of them, and runs behind them.
-    one, other : ndarray
-        Memory for the sums of a block.
     sums : ndarray, shape (pair, run, 2)
         Is written.
     """
-    for block in range(blocks):
-        start = block * together
-        _sums_of_block(columns, runs, count, weights, pairs, start, together, one, other, sums)
-    start = blocks * together
-    _sums_of_block(columns, runs, count, weights, pairs, start, rest, one, other, sums)
+    count, runs = columns.shape
+    pairs = len(weights)
+    one, other = np.empty(_IN_A_BLOCK), np.empty(_IN_A_BLOCK)
+    for start in range(0, runs, _IN_A_BLOCK):
+        size = min(_IN_A_BLOCK, runs - start)
+        for p in range(pairs):
+            for k in range(count):
+                weight, other_weight = weights[p, 0, k], weights[p, 1, k]
+                if k == 0:
+                    for r in range(size):
+                        one[r] = weight * columns[k, start + r]
+                        other[r] = other_weight * columns[k, start + r]
+                elif weight != 0.0 or other_weight != 0.0:
+                    for r in range(size):
+                        one[r] += weight * columns[k, start + r]
+                        other[r] += other_weight * columns[k, start + r]
+            found = sums[p].ravel()
+            for r in range(size):
+                found[2 * (start + r)] = one[r]
+                found[2 * (start + r) + 1] = other[r]
 
 
-@inlined
-def _sums_of_block(
-    columns: Floats,
-    runs: int,
-    count: int,
-    weights: Floats,
-    pairs: int,
-    start: int,
-    size: int,
-    one: Floats,
-    other: Floats,
-    sums: Floats,
-) -> None:
-    """Write both sums of all pairs in some neighbouring runs."""
-    for p in range(pairs):
-        weight, other_weight = weights[2 * p * count], weights[(2 * p + 1) * count]
-        for r in range(size):
-            one[r] = weight * columns[start + r]
-            other[r] = other_weight * columns[start + r]
-        for k in range(1, count):
-            weight = weights[2 * p * count + k]
-            other_weight = weights[(2 * p + 1) * count + k]
-            if weight != 0.0 or other_weight != 0.0:
-                at = k * runs + start
-                for r in range(size):
-                    one[r] += weight * columns[at + r]
-                    other[r] += other_weight * columns[at + r]
-        at = 2 * (p * runs + start)
-        for r in range(size):
-            sums[at + 2 * r] = one[r]
-            sums[at + 2 * r + 1] = other[r]
-
-
-def pair_products(sums: Floats, runs: int, found: Floats) -> None:
-    """Write the mean squares of two sums, shape (run, 2), and their mean product."""
+@compiled(f"UniTuple(float64, 3)({_FLOATS[2]})")
+def pair_products(sums: FloatArray) -> tuple[float, float, float]:
+    """Return the mean squares of two sums, shape (run, 2), and their mean product."""
+    runs = len(sums)
     square, other_square, product = 0.0, 0.0, 0.0
-    start = 0
-    while start < runs:
+    for start in range(0, runs, _TOGETHER):
         part, other_part, product_part = 0.0, 0.0, 0.0
-        stop = start + _TOGETHER if start + _TOGETHER < runs else runs
-        for r in range(start, stop):
-            one, other = sums[2 * r], sums[2 * r + 1]
+        for r in range(start, min(start + _TOGETHER, runs)):
+            one, other = sums[r, 0], sums[r, 1]
             part += one * one
             other_part += other * other
             product_part += one * other
         square += part
         other_square += other_part
         product += product_part
-        start += _TOGETHER
-    found[0] = square / runs
-    found[1] = other_square / runs
-    found[2] = product / runs
+    return square / runs, other_square / runs, product / runs
 
 
+@compiled("void(float64[:, ::1], float64, float64, float64, float64[::1])")
 def pair_influence(
-    sums: Floats, runs: int, std: float, other_std: float, value: float, influence: Floats
+    sums: FloatArray, std: float, other_std: float, value: float, influence: FloatArray
 ) -> None:
     """Write each run's influence on the correlation `value` of two sums, of standard deviations.
 
     `sums`, shape (run, 2), become what each of them, of variance 1, lacks of the other.
     """
-    for r in range(runs):
-        one, other = sums[2 * r] / std, sums[2 * r + 1] / other_std
+    flat = sums.ravel()
+    for r in range(len(sums)):
+        one, other = flat[2 * r] / std, flat[2 * r + 1] / other_std
         influence[r] = one * other - value / 2.0 * (one * one + other * other)
-        sums[2 * r] = other - value * one
-        sums[2 * r + 1] = one - value * other
+        flat[2 * r] = other - value * one
+        flat[2 * r + 1] = one - value * other
 
 
+@inlined
+def _sums_above(
+    order: Numbers, one: float, other: float, targets: FloatArray, sums: FloatArray
+) -> None:
+    """Write the sums over the runs above, in the order of a column."""
+    above = 0.0
+    for j in range(len(order) - 1, -1, -1):
+        at = one * targets[2 * order[j]] + other * targets[2 * order[j] + 1]
+        sums[j] = above + at / 2.0
+        above += at
+
+
+@inlined
+def _sums_above_equal(
+    order: Numbers,
+    is_above: BoolArray,
+    level: Numbers,
+    one: float,
+    other: float,
+    targets: FloatArray,
+    sums: FloatArray,
+) -> None:
+    """Write the same sum for all runs of equal values, at their level."""
+    above, stop = 0.0, len(order)
+    while stop > 0:
+        start = stop - 1
+        while not is_above[start]:
+            start -= 1
+        total = 0.0
+        for j in range(start, stop):
+            total += one * targets[2 * order[j]] + other * targets[2 * order[j] + 1]
+        sums[level[order[start]]] = above + total / 2.0
+        above += total
+        stop = start
+
+
+@compiled(
+    f"void({_NUMBERS[2]}, {_READ['boolean'][2]}, {_NUMBERS[2]}, Array(float64, 2, 'A', True), "
+    f"{_FLOATS[2]}, float64[::1], float64[::1])"
+)
 def add_sums_above(
     orders: Numbers,
-    is_above: Flags,
-    has_equal: int,
+    is_above: BoolArray,
     levels: Numbers,
-    columns: int,
-    runs: int,
-    factors: Floats,
-    targets: Floats,
-    sums: Floats,
-    influence: Floats,
+    factors: FloatArray,
+    targets: FloatArray,
+    sums: FloatArray,
+    influence: FloatArray,
 ) -> None:
     """Add to each run the weighted sum of two targets over the runs above; an equal one is half.
 
@@ -308,10 +314,8 @@ def add_sums_above(
     ----------
     orders, levels : ndarray of int, shape (column, run)
         Of each column those of its `Ordering`.
-    is_above : ndarray of bool, shape (column, run) or (0,)
-        As `Ordering` has it; is read if `has_equal` is not 0.
-    columns, runs : int
-        Number of columns, and of runs.
+    is_above : ndarray of bool, shape (column, run) or (0, 0)
+        As `Ordering` has it; empty where no column has equal values.
     factors : ndarray, shape (column, 2)
         Of the targets.
     targets : ndarray, shape (run, 2)
@@ -320,112 +324,15 @@ def add_sums_above(
     influence : ndarray, shape (run,)
         Is added to.
     """
+    columns, runs = orders.shape
+    flat = targets.ravel()
     for k in range(columns):
-        one, other = factors[2 * k], factors[2 * k + 1]
+        one, other = factors[k, 0], factors[k, 1]
         if one == 0.0 and other == 0.0:
             continue
-        if has_equal:
-            _sums_above_equal(orders, is_above, levels, k * runs, runs, one, other, targets, sums)
+        if len(is_above) > 0:
+            _sums_above_equal(orders[k], is_above[k], levels[k], one, other, flat, sums)
         else:
-            _sums_above(orders, k * runs, runs, one, other, targets, sums)
+            _sums_above(orders[k], one, other, flat, sums)
         for r in range(runs):
-            influence[r] += sums[levels[k * runs + r]]
-
-
-@inlined
-def _sums_above(
-    orders: Numbers,
-    first: int,
-    runs: int,
-    one: float,
-    other: float,
-    targets: Floats,
-    sums: Floats,
-) -> None:
-    """Write the sums over the runs above, in the order of a column."""
-    above = 0.0
-    for j in range(runs - 1, -1, -1):
-        run = 2 * np.int64(orders[first + j])
-        at = one * targets[run] + other * targets[run + 1]
-        sums[j] = above + at / 2.0
-        above += at
-
-
-@inlined
-def _sums_above_equal(
-    orders: Numbers,
-    is_above: Flags,
-    levels: Numbers,
-    first: int,
-    runs: int,
-    one: float,
-    other: float,
-    targets: Floats,
-    sums: Floats,
-) -> None:
-    """Write the same sum for all runs of equal values, at their level."""
-    above, stop = 0.0, runs
-    while stop > 0:
-        start = stop - 1
-        while not is_above[first + start]:
-            start -= 1
-        total = 0.0
-        for j in range(start, stop):
-            run = 2 * np.int64(orders[first + j])
-            total += one * targets[run] + other * targets[run + 1]
-        sums[levels[first + orders[first + start]]] = above + total / 2.0
-        above += total
-        stop = start
-
-
-def sort_words(words: Words, other: Words, runs: int, fewest: int, counts: Integers) -> None:
-    """Sort words, which already ascend by their lowest `fewest` bits.
-
-    Each pass puts them in the order of a digit and keeps that of the digits below (radix sort).
-
-    Parameters
-    ----------
-    words : ndarray, shape (run,)
-        Are sorted.
-    other : ndarray, shape (run,)
-        Memory.
-    runs : int
-        Number of words.
-    fewest : int
-        Number of these bits.
-    counts : ndarray of int, shape (4 · 65 536,)
-        Memory, which is 0.
-    """
-    width = (64 - fewest + _DIGITS - 1) // _DIGITS
-    mask = np.uint64((1 << width) - 1)
-    for r in range(runs):
-        rest = words[r] >> np.uint64(fewest)
-        for digit in range(_DIGITS):
-            counts[(digit << 16) + np.int64(rest & mask)] += 1
-            rest >>= np.uint64(width)
-    for half in range(_DIGITS // 2):
-        _sort_by_digit(words, other, runs, fewest, width, 2 * half, counts)
-        _sort_by_digit(other, words, runs, fewest, width, 2 * half + 1, counts)
-
-
-@inlined
-def _sort_by_digit(
-    words: Words,
-    other: Words,
-    runs: int,
-    fewest: int,
-    width: int,
-    digit: int,
-    counts: Integers,
-) -> None:
-    """Write words in the order of one digit to other memory."""
-    first, total = digit << 16, 0
-    for bucket in range(first, first + (1 << width)):
-        count = counts[bucket]
-        counts[bucket] = total
-        total += count
-    shift, mask = np.uint64(fewest + digit * width), np.uint64((1 << width) - 1)
-    for r in range(runs):
-        mine = first + np.int64((words[r] >> shift) & mask)
-        other[counts[mine]] = words[r]
-        counts[mine] += 1
+            influence[r] += sums[levels[k, r]]

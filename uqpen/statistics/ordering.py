@@ -11,15 +11,13 @@ import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["MANY", "Numbers", "Ordering", "ascending_order"]
+__all__ = ["Numbers", "Ordering", "ascending_order"]
 
 # Small enough that the numbers of the values of a sort take half of a word at most.
 _MOST_PACKED = 2**32
 # Where more values than this share have a neighbour of like leading digits, many are equal.
 _MOST_ALIKE = 0.125
 _SIGN = np.uint64(2**63)
-# From so many values on, a compiled sort takes less than half of the time.
-MANY = 2**18
 
 # Of 32 bits where that is enough: half of the memory.
 Numbers = npt.NDArray[np.signedinteger[Any]]
@@ -119,19 +117,9 @@ def ascending_order(values: FloatArray) -> Numbers:
     words >>= bits
     words <<= bits
     words |= np.arange(runs, dtype=np.uint64)
-    words = _ascending(words, int(bits))
+    words.sort()
     order: Numbers = (words & ((np.uint64(1) << bits) - np.uint64(1))).astype(_index_type(runs))
     return _with_alike_sorted(values, order, words >> bits)
-
-
-def _ascending(words: npt.NDArray[np.uint64], bits: int) -> npt.NDArray[np.uint64]:
-    """Return words in ascending order, whose lowest bits are their numbers; writes them over."""
-    if len(words) < MANY:
-        words.sort()
-        return words
-    from uqpen.statistics.loops import sorted_words  # may load a compiler
-
-    return sorted_words(words, bits)
 
 
 def _with_alike_sorted(

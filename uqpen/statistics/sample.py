@@ -16,7 +16,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.error_model import ErrorModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
-from uqpen.statistics.ordering import MANY, Ordering
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample"]
@@ -155,8 +155,6 @@ class Sample:
     @cached_property
     def sorted_values(self) -> FloatArray:
         """The values, ascending along the runs."""
-        if self.values.ndim == 1 and self.size >= MANY:
-            return self.values[self.ordering.order]
         return np.sort(self.values, axis=-1)
 
     @cached_property

@@ -174,8 +174,6 @@ def _read_chaospy(
         return None
     try:
         return chaospy_joint(name, parameters, names, units)
-    except ImportError:
-        section.add_problem("chaospy", "a distribution of chaospy", "chaospy to be installed")
     except LookupError:
         table.add_wrong("name", name, "a distribution of chaospy")
     except ValueError as error:

@@ -42,9 +42,14 @@ def mentioned_model(root: TableReader) -> PartialModel:
     inputs = {
         *_keys(content.get("inputs")),
         *(name for figures in of_outputs for name in _keys(figures.get("response"))),
-        *(str(figures.get("largest_contribution")) for figures in of_outputs),
+        *(
+            str(each["largest_contribution"])
+            for each in of_outputs
+            if "largest_contribution" in each
+        ),
+        *(str(name) for group in _tables(content.get("joint")) for name in _list(group, "inputs")),
         *(name for model in _tables(content.get("models")) for name in _keys(model.get("with"))),
-        *_WORD.findall(str(content.get("constraints"))),
+        *_WORD.findall(str(content.get("constraints", ""))),
     }
     surrogates = _tables(content.get("surrogates"))
     outputs = {
@@ -61,6 +66,11 @@ def mentioned_model(root: TableReader) -> PartialModel:
 
 def _keys(value: Any) -> Iterable[str]:
     return value if isinstance(value, dict) else ()
+
+
+def _list(table: dict[str, Any], key: str) -> list[Any]:
+    value = table.get(key)
+    return value if isinstance(value, list) else []
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:

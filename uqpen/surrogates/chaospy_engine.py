@@ -7,8 +7,8 @@ evaluation nor its archive needs chaospy.
 
 from __future__ import annotations
 
+import functools
 import importlib
-import importlib.util
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.distributions.continuous import Beta, Gamma, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
@@ -25,20 +25,13 @@ from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.term_selection import FitPoints, Terms
 from uqpen.surrogates.univariate_basis import UnivariateBasis, logarithm_distribution
 
-__all__ = ["ChaospyExpansion", "chaospy_absence", "input_problems"]
+__all__ = ["ChaospyExpansion", "input_problems"]
 
 # Family, parameters, location and scale of a standard form.
 _Form = tuple[str, tuple[float, ...], float, float]
 
 _EXPECTED = "inputs that are normal, uniform, gamma or beta"
 _OR_LOGARITHMS = f"{_EXPECTED}, or whose logarithm is normal or uniform"
-
-
-def chaospy_absence() -> str:
-    """Return the reason why chaospy cannot be used; empty if it is installed."""
-    if importlib.util.find_spec("chaospy"):
-        return ""
-    return 'chaospy is not installed: pip install "uqpen[chaospy]"'
 
 
 def input_problems(joint: JointDistribution, *, logarithms: bool) -> Iterator[Problem]:
@@ -114,6 +107,7 @@ class ChaospyExpansion:
     ) -> FloatArray:
         """Compute the coefficients of terms: by regression or, with weights, by projection."""
         chaospy = _chaospy()
+        indices = tuple(map(tuple, terms.indices.tolist()))
         standard = np.array(
             [
                 (np.log(points.inputs[name]) if each.is_logarithm else points.inputs[name])
@@ -125,9 +119,7 @@ class ChaospyExpansion:
         with warnings.catch_warnings():
             # Its libraries use deprecated keywords of NumPy.
             warnings.simplefilter("ignore")
-            joint = chaospy.J(*(each.make() for each in self.distributions))
-            expansion = chaospy.generate_expansion(terms.order, joint, normed=True)
-            expansion = expansion[_positions(expansion, terms.indices)]
+            expansion = _expansion(self.distributions, terms.order, indices)
             if weights is None:
                 _, found = chaospy.fit_regression(expansion, standard, values, retall=1)
             else:
@@ -138,13 +130,26 @@ class ChaospyExpansion:
         return np.asarray(found, dtype=np.float64).reshape(len(terms.indices))
 
 
-def _positions(expansion: Any, indices: IntArray) -> list[int]:
+@functools.lru_cache(
+    maxsize=1
+)  # the fits that leave runs out have the same terms one after another
+def _expansion(
+    distributions: tuple[_Standard, ...], order: int, indices: tuple[tuple[int, ...], ...]
+) -> Any:
+    """Return terms of the orthonormal expansion in independent variables."""
+    chaospy = _chaospy()
+    joint = chaospy.J(*(each.make() for each in distributions))
+    expansion = chaospy.generate_expansion(order, joint, normed=True)
+    return expansion[_positions(expansion, indices)]
+
+
+def _positions(expansion: Any, indices: tuple[tuple[int, ...], ...]) -> list[int]:
     """Return the positions of terms in an expansion of chaospy, by their leading exponents."""
     exponents = np.asarray(expansion.exponents, dtype=np.int64)
     present = np.asarray(expansion.coefficients) != 0
     degrees = np.where(present, exponents.sum(axis=1)[:, None], -1)
     leading = {tuple(exponents[row]): at for at, row in enumerate(degrees.argmax(axis=0))}
-    return [leading[tuple(index)] for index in indices]
+    return [leading[index] for index in indices]
 
 
 def _standard(distribution: Distribution, *, logarithms: bool) -> _Standard:

@@ -17,7 +17,7 @@ from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
-from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
+from uqpen.surrogates.chaospy_engine import ChaospyExpansion, input_problems
 from uqpen.surrogates.chosen_terms import TRUNCATIONS, chosen_terms
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
@@ -112,11 +112,6 @@ class PolynomialChaos(Surrogate):
             yield Problem((), found, expected)
         if self.engine == _CHAOSPY:
             yield from input_problems(joint, logarithms=not self.needs_quadrature)
-
-    @property
-    def absence(self) -> str:
-        """Reason why it cannot be fitted here; empty if it can."""
-        return chaospy_absence() if self.engine == _CHAOSPY else ""
 
     @property
     def needs_quadrature(self) -> bool:

@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import IntArray
-from uqpen.core.compiled import compiled
+from uqpen.models.compiled import compiled
 
 __all__ = ["Classes", "count_pairs"]
 
 Classes = npt.NDArray[np.int16]
 
 
-@compiled
+@compiled("void(Array(int16, 1, 'C', True), Array(int16, 1, 'C', True), int64[:, ::1])")
 def count_pairs(one: Classes, other: Classes, table: IntArray) -> None:
     """Add runs to a table, in place, by the row and the column of each."""
     for run in range(one.size):

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.compiled import compiled
+from uqpen.models.compiled import compiled
 
 __all__ = ["Cells", "Places", "locate"]
 
@@ -14,8 +14,10 @@ Cells = npt.NDArray[np.int32]
 # Half the memory of integers of four bytes, so that more of a table stays near the processor.
 Places = npt.NDArray[np.uint16]
 
+_FLOATS = "Array(float64, 1, 'C', True)"
 
-@compiled
+
+@compiled(f"void({_FLOATS}, {_FLOATS}, float64, float64, Array(uint16, 1, 'C', True), int32[::1])")
 def locate(
     values: FloatArray,
     splitters: FloatArray,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.compiled import compiled
+from uqpen.models.compiled import compiled
 from uqpen.statistics.by_blocks.locate import Cells
 
 __all__ = ["sums_by_cell"]
 
 
-@compiled
+@compiled("float64[:, ::1](Array(int32, 1, 'C', True), Array(float64, 2, 'C', True), int64)")
 def sums_by_cell(cells: Cells, variables: FloatArray, size: int) -> FloatArray:
     """Return the sum of each variable over each cell, shape (cell, variable), in order of runs.
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.statistics.loops import add_sums_above, pair_influence, pair_products, pair_sums
+from uqpen.statistics.kernels import add_sums_above, pair_influence, pair_products, pair_sums
 from uqpen.statistics.ordering import Numbers, Ordering
 from uqpen.statistics.sensitivity.correlated_pair import CorrelatedPair
 
@@ -102,14 +102,15 @@ class CompiledPair(CorrelatedPair):
     def influence(self) -> FloatArray:
         """Influence of each run on the correlation, shape (run,)."""
         stds = np.sqrt(self._products[:2])
-        influence = pair_influence(self.sums, stds, self.value)
+        influence, memory = np.empty(len(self.sums)), np.empty(len(self.sums))
+        pair_influence(self.sums, stds[0], stds[1], self.value, influence)
         weights = (self.weights / stds[:, np.newaxis]).T
         for group in self.groups:
             # A run moves the ranks of all others too.
             factors = group.factors(weights)
             if factors.any():
                 order = group.orders, group.is_above, group.levels
-                add_sums_above(*order, factors, self.sums, influence)
+                add_sums_above(*order, factors, self.sums, memory, influence)
         return influence
 
 
@@ -121,6 +122,9 @@ def compiled_pairs(
     for first in range(0, len(weights), together):
         some = weights[first : first + together]
         # What has been yielded is not held: of many runs, the sums are two columns of them.
-        sums = list(pair_sums(columns, np.stack(some)))
+        of_pairs = np.empty((len(some), columns.shape[1], 2))
+        pair_sums(columns, np.stack(some), of_pairs)
+        sums = list(of_pairs)
+        del of_pairs
         for own in some:
             yield CompiledPair(own, sums.pop(0), groups)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.statistics.loops import residuals_in_bins
+from uqpen.statistics.kernels import residuals_in_bins
 from uqpen.statistics.ordering import Numbers
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.local_regression import (
@@ -93,13 +93,9 @@ class CompiledVariance:
         cls, bins: SortedBins, values: FloatArray, *, has_influence: bool = True
     ) -> CompiledVariance:
         """Return the variance of a variable, shape (run,), about the lines of bins."""
-        (left, pairs, *sums), influence = residuals_in_bins(
-            bins.runs,
-            bins.first,
-            bins.rank,
-            values,
-            FEWEST_RUNS_FOR_A_SLOPE,
-            has_influence=has_influence,
+        influence = np.empty(len(values) if has_influence else 0)
+        left, pairs, *sums = residuals_in_bins(
+            bins.runs, bins.first, bins.rank, values, FEWEST_RUNS_FOR_A_SLOPE, influence
         )
         noise = math.sqrt(2 * pairs) / len(values)
         variance = np.asarray(left / bins.informative)
