@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uqpen.archive.hdf5.content import Content, RefusedContentError, has_signature, uint
+from uqpen.core.netcdf.content import Content, RefusedContentError, has_signature, uint
 
 __all__ = ["GlobalHeap"]
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from uqpen.archive.hdf5.content import UNDEFINED, Content, RefusedContentError, uint
-from uqpen.archive.hdf5.datatypes import ValueKind, read_datatype, read_extent
-from uqpen.archive.hdf5.object_header import Message, MessageKind
+from uqpen.core.netcdf.content import UNDEFINED, Content, RefusedContentError, uint
+from uqpen.core.netcdf.hdf5.datatypes import ValueKind, read_datatype, read_extent
+from uqpen.core.netcdf.hdf5.object_header import Message, MessageKind
 
 __all__ = ["VARIABLE_MESSAGES", "StoredVariable", "read_variable"]
 
@@ -16,20 +16,27 @@ __all__ = ["VARIABLE_MESSAGES", "StoredVariable", "read_variable"]
 VARIABLE_MESSAGES = frozenset({MessageKind.DATASPACE, MessageKind.DATATYPE, MessageKind.LAYOUT})
 
 _COMPACT, _CONTIGUOUS, _CHUNKED, _VIRTUAL = range(4)
-_LAYOUT_VERSIONS = (3, 4)
+# The later two differ in the indexes of chunks, which only the library reads.
+_LAYOUT_VERSIONS = (3, 4, 5)
 # Filters that are part of the library: deflate, shuffle, Fletcher's checksum. It loads others.
 _FILTERS = (1, 2, 3)
+_OTHER_FILTERS = {4: "szip", 307: "bzip2", 32000: "lzf", 32001: "blosc", 32015: "zstd"}
+
+_PLAIN_TEXTS = 'copy it by "nccopy -d 0 in.nc out.nc"'
+
+_NODE_HEAD = 24  # bytes of a node of a tree of chunks before its keys
 
 
 class StoredVariable(NamedTuple):
-    """Sizes of a variable's dimensions, its bytes in memory, and the address of its texts.
+    """Sizes of a variable's dimensions, its bytes in memory, and where its texts are referred to.
 
-    The address is undefined where it has none. The bytes do not include those of texts.
+    Of texts these are addresses, each with the number of references there. The bytes do not include
+    those of texts.
     """
 
     extent: tuple[int, ...]
     memory: int
-    texts_at: int
+    texts: tuple[tuple[int, int], ...]
 
 
 def read_variable(content: Content, messages: Iterable[Message], path: str) -> StoredVariable:
@@ -56,13 +63,19 @@ def read_variable(content: Content, messages: Iterable[Message], path: str) -> S
         if extent is None or datatype.kind in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES):
             raise RefusedContentError("has no values, or none that can be read")
         size = math.prod(extent) * datatype.size
-        address, chunk = _stored(content, bodies[MessageKind.LAYOUT].start, size)
-        is_text = datatype.kind is ValueKind.TEXT and size > 0
-        if is_text and chunk:
-            raise RefusedContentError("has texts in chunks")
+        layout = bodies[MessageKind.LAYOUT].start
+        address, chunk = _stored(content, layout, size)
+        texts: tuple[tuple[int, int], ...] = ()
+        if datatype.kind is ValueKind.TEXT and size and chunk:
+            if MessageKind.FILTERS in bodies or content[layout] != _LAYOUT_VERSIONS[0]:
+                found = "has texts in chunks that are compressed, or of a later form"
+                raise RefusedContentError(found, _PLAIN_TEXTS)
+            texts = tuple((each, chunk // datatype.size) for each in _chunks(content, layout))
+        elif datatype.kind is ValueKind.TEXT and size and address != UNDEFINED:
+            texts = ((address, math.prod(extent)),)
     except RefusedContentError as error:
-        raise RefusedContentError(f"its variable {path} {error}") from None
-    return StoredVariable(extent, size + chunk, address if is_text else UNDEFINED)
+        raise error.within(f"its variable {path} ") from None
+    return StoredVariable(extent, size + chunk, texts)
 
 
 def _stored(content: Content, at: int, size: int) -> tuple[int, int]:
@@ -97,6 +110,32 @@ def _chunk_bytes(content: Content, at: int, version: int) -> int:
     return math.prod(uint(content, sizes + number * width, width) for number in range(rank))
 
 
+def _chunks(content: Content, layout: int) -> Iterator[int]:
+    """Yield the addresses of the chunks of a variable, whose layout is of the third version."""
+    # A key has the bytes of a chunk, its filters, and its place along each dimension.
+    chunk = _chunk_bytes(content, layout, _LAYOUT_VERSIONS[0])
+    step = 8 + 8 * content[layout + 2] + 8
+    nodes, seen = [(uint(content, layout + 3, 8), -1)], set()
+    while nodes:
+        node, level = nodes.pop()
+        if node == UNDEFINED:
+            continue
+        found, entries = content[node + 5], uint(content, node + 6, 2)
+        is_right = content[node : node + 5] == b"TREE\x01" and level in (-1, found)
+        if not is_right or node in seen:
+            raise RefusedContentError("is stored in a form that is not known")
+        seen.add(node)
+        for key in range(node + _NODE_HEAD, node + _NODE_HEAD + entries * step, step):
+            child = uint(content, key + step - 8, 8)
+            if found:
+                nodes.append((child, found - 1))
+            elif uint(content, key, 4) != chunk or child in seen:
+                raise RefusedContentError("is stored in a form that is not known")
+            else:
+                seen.add(child)
+                yield child
+
+
 def _check_filters(content: Content, message: Message) -> None:
     """Refuse compression for which the library would load code."""
     version, count = content[message.start], content[message.start + 1]
@@ -104,9 +143,11 @@ def _check_filters(content: Content, message: Message) -> None:
     for _ in range(count):
         number = uint(content, at, 2)
         if number not in _FILTERS:
-            raise RefusedContentError(f"is compressed by filter {number}")
+            name = _OTHER_FILTERS.get(number, "a filter that HDF5 would have to load")
+            remedy = 'copy it by "nccopy -d 1 in.nc out.nc"'
+            raise RefusedContentError(f"is compressed by filter {number}, {name}", remedy)
         if version == 1:
-            name, values = uint(content, at + 2, 2), uint(content, at + 6, 2)
-            at += 8 + name + 4 * (values + values % 2)
+            length, values = uint(content, at + 2, 2), uint(content, at + 6, 2)
+            at += 8 + length + 4 * (values + values % 2)
         else:  # names belong to other filters
             at += 6 + 4 * uint(content, at + 4, 2)
