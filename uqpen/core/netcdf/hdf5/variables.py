@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from uqpen.core.netcdf.content import UNDEFINED, Content, RefusedContentError, uint
@@ -73,6 +73,8 @@ def read_variable(content: Content, messages: Iterable[Message], path: str) -> S
             texts = tuple((each, chunk // datatype.size) for each in _chunks(content, layout))
         elif datatype.kind is ValueKind.TEXT and size and address != UNDEFINED:
             texts = ((address, math.prod(extent)),)
+        if datatype.kind is ValueKind.TEXT:
+            texts += tuple((at, 1) for at in _fill_texts(content, bodies))
     except RefusedContentError as error:
         raise error.within(f"its variable {path} ") from None
     return StoredVariable(extent, size + chunk, texts)
@@ -108,6 +110,20 @@ def _chunk_bytes(content: Content, at: int, version: int) -> int:
         rank, sizes, width = content[at + 3], at + 5, content[at + 4]
     # The last of the dimensions is the size of a value.
     return math.prod(uint(content, sizes + number * width, width) for number in range(rank))
+
+
+def _fill_texts(content: Content, bodies: Mapping[int, Message]) -> Iterator[int]:
+    """Yield the address of the reference to the text that fills a variable, where it has one."""
+    for kind in (MessageKind.FILL_VALUE, MessageKind.OLD_FILL_VALUE):
+        if kind in bodies:
+            start = bodies[kind].start
+            is_defined, at = True, start
+            if kind == MessageKind.FILL_VALUE and content[start] >= 3:
+                is_defined, at = bool(content[start + 1] & 0x20), start + 2
+            elif kind == MessageKind.FILL_VALUE:
+                is_defined, at = content[start] < 2 or bool(content[start + 3]), start + 4
+            if is_defined and uint(content, at, 4):
+                yield at + 4
 
 
 def _chunks(content: Content, layout: int) -> Iterator[int]:
