@@ -16,6 +16,8 @@ __all__ = [
     "LARGEST",
     "FileSnapshot",
     "NotAFileError",
+    "is_file",
+    "is_folder",
     "open_file",
     "read_file",
     "replace_file",
@@ -97,6 +99,22 @@ def _check_is_file(mode: int) -> None:
 def _without_waiting(path: str, flags: int) -> int:
     # A pipe that has taken the place of the file would otherwise be waited for.
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def is_file(path: Path) -> bool:
+    """Return True if there is a regular file; False too for a name that no system could have."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Return True if there is a folder; False too for a name that no system could have."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 def replace_file(path: Path, content: bytes | Iterable[bytes]) -> None:

@@ -128,7 +128,7 @@ class ModelFolder:
         else:
             self._outside = {}
         for name, module in imported:
-            file = str(getattr(module, "__file__", None) or "")
+            file = _file_of(module)
             is_ours = name in ("__main__", "__mp_main__") or name.partition(".")[0] == "uqpen"
             if self._is_inside(file) and not is_ours:
                 found[name] = sys.modules.pop(name)
@@ -139,6 +139,14 @@ class ModelFolder:
 
     def _is_inside(self, file: str) -> bool:
         return file.startswith(f"{self.folder}{os.sep}") and not file.startswith(_INSTALLED)
+
+
+def _file_of(module: object) -> str:
+    """Return the file of a module; empty for none."""
+    try:
+        return str(getattr(module, "__file__", None) or "")
+    except Exception:  # any object can stand among the modules, and raise anything
+        return ""
 
 
 def _extent() -> tuple[int, tuple[str, ModuleType] | None]:
