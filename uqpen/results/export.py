@@ -25,9 +25,9 @@ _QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
     """Yield a table as the content of a file of one of the `FORMATS`, part after part.
 
-    Numbers have all their digits. In CSV an apostrophe stands before a text that begins as a formula
-    of spreadsheets does, so that they show it. JSON is a list with an object for each row, null for a missing
-    value.
+    Numbers have all their digits. In CSV an apostrophe stands before a text that begins as a
+    formula of a spreadsheet does, so that it is shown. JSON is a list with an object for each row,
+    null for a missing value.
 
     Parameters
     ----------

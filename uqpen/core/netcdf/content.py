@@ -76,15 +76,15 @@ class ContentLimits:
 
 
 # uqpen writes one group for each output and source: ten sources of a thousand outputs. It writes 15
-# to 60 variables in a group of statistics, as many as a study has inputs and outputs in a group of
-# runs, and at most 30 attributes of an object. The deepest of its groups is
+# to 60 variables in a group of statistics, in a group of runs as many as a data file has columns,
+# and at most 30 attributes of an object. The deepest of its groups is
 # /models/<name>/statistics/<source>/<output>. What it writes takes as much memory as disk. Other
 # software may have compressed a copy: runs shrink to a half, columns of one value to a hundredth.
 ARCHIVE_LIMITS = ContentLimits(
     groups=10_000,
     variables=100_000,
-    in_group=2_500,
-    links=10_000,
+    in_group=100_000,
+    links=110_000,
     attributes=300,
     depth=8,
     memory=1 << 24,
