@@ -99,8 +99,9 @@ def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str,
         stated = _complete(replicates)
         broken = np.flatnonzero(stated != np.floor(stated))
         if broken.size:
-            found = f"{stated[broken[0]]:g} in {replicates.place_text(int(broken[0]))}"
-            raise data_error(found, "a whole number for each run: that of its replicate")
+            place = replicates.place_text(int(broken[0]))
+            expected = "a whole number for each run: that of its replicate"
+            raise data_error(f"{stated[broken[0]]:g} in {place}", expected)
         _, numbers = np.unique(stated, return_inverse=True)
         found[REPLICATE] = numbers.astype(np.float64)
     if WEIGHT in known:
