@@ -250,7 +250,7 @@ def test_outputs_are_read_from_netcdf(home: Path) -> None:
         assert results.reasons.get(0, value) == expected
     program(home, "head -c 3000 /dev/urandom > out.nc")
     results = run(model_of_reading(home, '{ netcdf = "out.nc" }'))
-    assert results.reasons[0] == 'out.nc cannot be read as NetCDF: it is no NetCDF file'
+    assert results.reasons[0] == "out.nc cannot be read as NetCDF: it is no NetCDF file"
 
 
 def test_one_table_can_say_for_all_outputs_where_they_stand(home: Path) -> None:
