@@ -1,4 +1,4 @@
-"""Wrong study files and damaged archives, as many as there is time for: no traceback is allowed.
+"""Wrong studies, damaged archives and data, as many as there is time for: no traceback is allowed.
 
 Run it as ``python benchmarks/fuzz.py --seconds 300``, with uqpen installed. Each file is made from
 the seed and its number, in a process of its own kind, which is ended when one takes too long, and
@@ -36,11 +36,15 @@ sys.path.insert(0, str(TESTS))
 KINDS = (
     *("study-values", "study-bytes"),
     *("archive-parts", "archive-hashed", "archive-bytes", "archive-bare"),
+    *("data-netcdf3", "data-netcdf4", "data-compressed", "data-h5py", "data-h5netcdf"),
 )
 # A file that takes longer has stopped the program; one that takes more memory would. The first file
 # waits for the whole archives, which took more than a minute on a busy machine.
 MOST_SECONDS = 300
 MOST_MEMORY = 6 * 2**30
+# Of a process that reads a damaged data file of some kilobytes. Half of it is uqpen's without one.
+MOST_DATA_MEMORY = 2**30
+MOST_DATA_SECONDS = 20  # of the processor
 
 
 def main() -> int:
@@ -128,7 +132,7 @@ def lines(
 
 def kept(kind: str, done: dict[str, object], folder: Path, keep: Path) -> None:
     name = f"{kind}_{done['number']}"
-    for file in folder.glob("mutant.nc" if kind.startswith("archive") else "mutant.toml"):
+    for file in folder.glob("mutant.toml" if kind.startswith("study") else "mutant.nc"):
         shutil.copy(file, keep / f"{name}{file.suffix}")
     (keep / f"{name}.txt").write_text(str(done["told"]))
     last = str(done["told"]).strip().splitlines()[-1][:200]
@@ -142,7 +146,8 @@ def work(kind: str, seed: int, number: int, folder: Path) -> int:
     os.chdir(folder)
     told_to = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    attempt = (study_attempts if kind.startswith("study") else archive_attempts)(kind, folder)
+    attempts = {"study": study_attempts, "archive": archive_attempts, "data": data_attempts}
+    attempt = attempts[kind.partition("-")[0]](kind, folder)
     while True:
         done: dict[str, object] = {"number": number}
         try:
@@ -209,6 +214,28 @@ def archive_attempts(kind: str, folder: Path) -> Callable[[Random], str]:
         path = random.choice(whole)
         forked(lambda: damage(path, random))
         return forked(partial(archive_outcome, file, path, random.choice(ARCHIVE_COMMANDS)))
+
+    return attempt
+
+
+def data_attempts(kind: str, folder: Path) -> Callable[[Random], str]:
+    from archive_files import with_bytes_damaged
+    from data_files import DATA_KINDS, data_outcome
+
+    content = DATA_KINDS[kind]()
+    file = folder / "mutant.nc"
+
+    def outcome() -> str:
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_DATA_SECONDS, MOST_DATA_SECONDS))
+        found = data_outcome(file)
+        taken = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        if taken > MOST_DATA_MEMORY:
+            raise MemoryError(f"it takes {taken / 1e6:.0f} MB")
+        return found
+
+    def attempt(random: Random) -> str:
+        file.write_bytes(with_bytes_damaged(content, random))
+        return forked(outcome)
 
     return attempt
 

@@ -266,3 +266,20 @@ def test_lost_runs_are_nan_and_flagged_in_the_file(archive: Path) -> None:
         assert (status == 1).sum() > 0, "this study is meant to lose some runs"
         assert np.isnan(np.asarray(runs["penetration_depth"][:])[status != 0]).all()
         assert runs["status"].flag_meanings.split()[1] == "inadmissible"
+
+
+def test_a_folder_in_the_place_of_the_earlier_archive_loses_none(
+    archive: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "study.nc"
+    path.write_bytes(archive.read_bytes())
+    tree = open_archive(archive)
+    tree.attrs["title"] = "Another"
+    kept = write(tree, path, keeps_earlier=True)
+    assert kept is not None
+    kept.unlink()
+    kept.mkdir()
+    path.write_bytes(archive.read_bytes())
+    with pytest.raises(ArchiveError, match=f"{kept.name}: is no file, and the earlier archive"):
+        write(tree, path, keeps_earlier=True)
+    assert path.read_bytes() == archive.read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
@@ -10,11 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 import uqpen
 from uqpen.cli.export import export
+from uqpen.results.export import table_content
 
 STUDY = """
     seed = 1
@@ -57,6 +60,27 @@ def test_runs_are_written_to_a_file_in_the_format_of_its_ending(
     assert [*json.loads(path.read_text())[0]] == [
         *("design", "run", "x1", "x2", "x3", "y", "status", "reason")
     ]
+
+
+def test_no_text_is_a_formula_of_a_spreadsheet(tmp_path: Path) -> None:
+    """What fails may say anything; thresholds and numbers stay as they are."""
+    texts = [
+        '=HYPERLINK("a")',
+        "+1+cmd|' /C calc'!A0",
+        "@SUM(1)",
+        "\t=1",
+        "-x",
+        "-5 mm",
+        "-1",
+        "a=1",
+    ]
+    frame = pd.DataFrame({"reason": [*texts, None], "x": [-1.5] * 9})
+    (content,) = table_content([frame], "csv")
+    read = pd.read_csv(io.BytesIO(content), keep_default_na=False)
+    formulas = [f"'{text}" for text in texts[:5]]
+    assert read["reason"].tolist() == [*formulas, *texts[5:], ""]
+    assert read["x"].tolist() == [-1.5] * 9
+    assert b'"=HYPERLINK' in b"".join(table_content([frame], "json")).replace(b"\\", b"")
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,7 @@ def test_outputs_are_read_from_netcdf(home: Path) -> None:
         ', variable = "table", row = 0': (
             '"table" in out.nc is of shape (3, 2), not numbers along one dimension'
         ),
-        ', variable = "label", row = 0': '"label" in out.nc is no number',
+        ', variable = "label", row = 0': '"label" in out.nc holds str in place of a number',
         ', variable = "none"': 'out.nc has no "none"',
         ', variable = "none/none"': 'out.nc has no "none/none"',
     }
@@ -250,7 +250,7 @@ def test_outputs_are_read_from_netcdf(home: Path) -> None:
         assert results.reasons.get(0, value) == expected
     program(home, "head -c 3000 /dev/urandom > out.nc")
     results = run(model_of_reading(home, '{ netcdf = "out.nc" }'))
-    assert results.reasons[0] == 'out.nc is not NetCDF, or has no "stress"'
+    assert results.reasons[0] == "out.nc cannot be read as NetCDF: it is no NetCDF file"
 
 
 def test_one_table_can_say_for_all_outputs_where_they_stand(home: Path) -> None:

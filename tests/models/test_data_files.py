@@ -122,7 +122,7 @@ def test_mistakes_are_said_with_their_place() -> None:
 def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
     for name, content, found in (
         ("a.csv", b"a,b\n1,\xff\n", "bytes that are no UTF-8 in a.csv, line 2"),
-        ("a.nc", b"not NetCDF", "a.nc, which is no NetCDF file"),
+        ("a.nc", b"not NetCDF", "a.nc, which cannot be read as NetCDF: it is no NetCDF file"),
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(SettingsError, match=found):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import uqpen
 from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
+from uqpen.models.user_module import load_module
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.testing import check_model
 from uqpen.verification.archived_study import archived_study
@@ -289,3 +291,21 @@ def test_a_mistake_of_an_object_names_the_argument(
         )
     (problem,) = caught.value.problems
     assert problem.found == found
+
+
+def test_a_name_that_no_file_can_have_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="there is no file"):
+        load_module(f"{'a' * 5000}.py:f", tmp_path)
+
+
+def test_an_object_among_the_modules_that_raises_is_none_of_the_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Strange:
+        def __getattr__(self, name: str) -> object:
+            raise RuntimeError(name)
+
+    monkeypatch.setitem(sys.modules, "strange", Strange())
+    (tmp_path / "own.py").write_text("def f(x):\n    return x\n")
+    module, name, _ = load_module("own.py:f", tmp_path)
+    assert getattr(module, name)(3) == 3

@@ -15,6 +15,7 @@ import uqpen
 from uqpen.core.labels import AGREEMENT
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
+from uqpen.results.output_tables import output_tables
 from uqpen.statistics import texts
 from uqpen.verification.check_result import CheckOutcome
 
@@ -313,3 +314,44 @@ def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
     text = 'seed = 1\n[model]\nuse = "ishigami"\n[designs.given]\nkind = "data"\n[inputs]\n'
     found = mistakes(f"{text}x1 = 1\nx2 = 1\nx3 = 1\n", "", written)
     assert ("designs.given.kind", '"data" with a model that makes runs') in found
+
+
+def test_a_replicate_has_a_whole_number(written: Written) -> None:
+    study = f'{STUDY}{DESIGN}follows = "sobol-sequence"\n'
+    with pytest.raises(uqpen.StudyError) as caught:
+        written(study, table(replicate=np.repeat([0, 0.5], 100)))
+    told = " ".join(str(caught.value).split())
+    assert '0.5 in column "replicate", runs.csv, line 102' in told
+    assert "expected a whole number for each run: that of its replicate" in told
+
+
+def test_a_name_that_no_file_can_have_is_told(written: Written) -> None:
+    with pytest.raises(uqpen.StudyError, match="no file"):
+        written(STUDY.replace("runs.csv", "a\\u0000b"))
+
+
+def test_no_step_looks_at_all_columns_for_each_of_them(
+    written: Written, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an array, a variable takes time by the number of all variables; here in no loop."""
+    made = 0
+    construct = xr.Dataset._construct_dataarray
+
+    def counted(self: xr.Dataset, name: Any) -> xr.DataArray:
+        nonlocal made
+        made += 1
+        return construct(self, name)
+
+    def arrays_of(columns: int) -> int:
+        nonlocal made
+        made = 0
+        values = {f"x{number}": LOADS[:20] for number in range(columns)}
+        study = written(
+            STUDY, pd.DataFrame({**values, "deflection": LOADS[:20]}).to_csv(index=False)
+        )
+        with monkeypatch.context() as patch:
+            patch.setattr(xr.Dataset, "_construct_dataarray", counted)
+            output_tables(uqpen.run(study))
+        return made
+
+    assert arrays_of(40) == arrays_of(10)

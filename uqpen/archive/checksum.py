@@ -4,7 +4,7 @@ The HDF5 library trusts the metadata of a file: of a few hundred archives with a
 kept it busy forever. It ignores bytes behind the end that the metadata state, and removes them when
 it changes a file. So an archive that other software has edited has no checksum, and is opened.
 
-It proves nothing about who wrote a file: `uqpen.archive.hdf5` looks for what uqpen does not write.
+It proves nothing about who wrote a file: `uqpen.core.netcdf` looks for what uqpen does not write.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import hashlib
 import os
 from pathlib import Path
 from typing import BinaryIO
+
+from uqpen.core.files import open_file
 
 __all__ = ["append_checksum", "is_broken"]
 
@@ -31,7 +33,7 @@ def append_checksum(path: Path) -> None:
 def is_broken(path: Path) -> bool:
     """Return True if a file ends with a checksum that does not match its bytes."""
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             length = os.fstat(stream.fileno()).st_size - _LENGTH
             if length < 0:
                 return False

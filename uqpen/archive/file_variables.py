@@ -13,6 +13,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from uqpen.core.blocks import block_ranges
+from uqpen.core.netcdf.opening import open_own
 from uqpen.core.streams import BLOCK
 
 __all__ = ["CodedTexts", "LazyValues", "OpenFile", "is_in_memory", "lazy_dataset", "value_blocks"]
@@ -24,9 +25,7 @@ class OpenFile:
     """NetCDF file that is open for reading as long as a variable in it is in use."""
 
     def __init__(self, path: Path) -> None:
-        import netCDF4
-
-        self._root = netCDF4.Dataset(path)
+        self._root = open_own(path)
         self._root.set_auto_maskandscale(False)
 
     def variable(self, group: str, name: str) -> Any:

@@ -13,6 +13,7 @@ import xarray as xr
 
 from uqpen.archive.file_variables import CodedTexts, OpenFile, lazy_dataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
+from uqpen.core.netcdf.opening import open_own
 
 if TYPE_CHECKING:
     import netCDF4
@@ -112,11 +113,9 @@ class GrowingRuns:
         return lazy_dataset(found, coordinates, like.attrs)[names]
 
     def _define(self, block: xr.Dataset) -> None:
-        import netCDF4
-
         temporary = self.path.with_name(f"{self.path.name}.tmp")
         try:
-            with netCDF4.Dataset(temporary, "w", format="NETCDF4") as root:
+            with open_own(temporary, "w") as root:
                 sizes = {**block.sizes, RUN: self._size}
                 for name, values in _along_run(block).items():
                     dims = tuple(map(str, block.variables[name].dims))
@@ -137,9 +136,7 @@ class GrowingRuns:
         if to_write and not self._is_writable:
             self.close()
         if self._root is None:
-            import netCDF4
-
-            self._root = netCDF4.Dataset(self.path, "a" if to_write else "r")
+            self._root = open_own(self.path, "a" if to_write else "r")
             self._root.set_auto_maskandscale(False)
             self._is_writable = to_write
         return self._root

@@ -17,6 +17,7 @@ import xarray as xr
 
 from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.netcdf.opening import open_own
 
 if TYPE_CHECKING:
     import netCDF4
@@ -36,9 +37,7 @@ def write_tree(
     of the root need no copy of the tree, which takes as long as its hashes.
     """
     further = {"/": dict(root_attributes or {})}
-    import netCDF4
-
-    with netCDF4.Dataset(path, "w", format="NETCDF4") as root:
+    with open_own(path, "w") as root:
         filled = [
             pair
             for node in tree.subtree

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from uqpen.archive.checksum import is_broken
-from uqpen.archive.hdf5.inspection import find_refusal
 from uqpen.archive.migrations import migrate
 from uqpen.archive.netcdf import read_groups
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.structure import find_faults
 from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError
+from uqpen.core.files import NotAFileError
+from uqpen.core.netcdf.opening import RefusedContentError, open_archive_file, open_own
 
 if TYPE_CHECKING:
     import netCDF4
@@ -91,9 +92,7 @@ def read_as_written(path: Path) -> xr.DataTree:
 
 def read_unchecked(path: Path, runs_in_memory: int) -> xr.DataTree:
     """Read an archive that this program has just written, without a check of its bytes."""
-    import netCDF4
-
-    with netCDF4.Dataset(path) as root:
+    with open_own(path) as root:
         return read_groups(root, runs_in_memory)
 
 
@@ -110,28 +109,22 @@ def is_archive(path: Path) -> bool:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a file whose bytes are those that were written."""
-    import netCDF4
-
-    try:
-        if not path.is_file() and path.exists():
-            raise _no_archive(path)  # reading a pipe may take forever
-        if is_broken(path):
-            raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
-        # With a right checksum as well: anyone can write one behind bytes of theirs.
-        if refusal := find_refusal(path):
-            raise ArchiveError(f"{_no_archive(path)}: {refusal}")
-        root = netCDF4.Dataset(path)
-    except FileNotFoundError:
-        raise ArchiveError(f"{path}: there is no such file") from None
-    except ArchiveError:
-        raise
-    except _LIBRARY_ERRORS:
-        raise _no_archive(path) from None
-    try:
+    with contextlib.ExitStack() as stack:
+        try:
+            if is_broken(path):
+                raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
+            # With a right checksum as well: anyone can write one behind bytes of theirs.
+            root = stack.enter_context(open_archive_file(path))
+        except FileNotFoundError:
+            raise ArchiveError(f"{path}: there is no such file") from None
+        except ArchiveError:
+            raise
+        except (RefusedContentError, NotAFileError) as error:
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise ArchiveError(f"{_no_archive(path)}: {reason}") from None
+        except OSError:
+            raise _no_archive(path) from None
         yield root
-    finally:
-        with contextlib.suppress(*_LIBRARY_ERRORS):  # nothing was changed that could be lost
-            root.close()
 
 
 def _schema(root: netCDF4.Dataset, path: Path) -> int:

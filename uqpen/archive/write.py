@@ -83,6 +83,8 @@ def write(tree: xr.DataTree, path: Path, *, keeps_earlier: bool = False) -> Path
         if keeps_earlier and path.exists() and not filecmp.cmp(temporary, path, shallow=False):
             kept = _keep(path)
         temporary.replace(os.path.realpath(path))
+    except ArchiveError:
+        raise
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.
         if isinstance(error, RuntimeError) and not str(error).startswith("NetCDF:"):
@@ -99,6 +101,9 @@ def _keep(path: Path) -> Path:
     with path.open("rb") as stream:
         digits = hashlib.file_digest(stream, "sha256").hexdigest()[:_DIGITS]
     kept = path.with_name(f"{path.stem}.{digits}{path.suffix}")
+    if kept.exists() and not kept.is_file():
+        found = "is no file, and the earlier archive would be kept under this name"
+        raise ArchiveError(f"{kept}: {found}")
     if not kept.exists():
         try:
             kept.hardlink_to(os.path.realpath(path))

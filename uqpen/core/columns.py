@@ -17,7 +17,13 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, floats, is_finite_number
 from uqpen.core.errors import QuantityError, TableError, toml_text
-from uqpen.core.files import FileSnapshot
+from uqpen.core.files import FileSnapshot, NotAFileError, read_file
+from uqpen.core.netcdf.opening import (
+    LARGEST_DATA,
+    NetcdfVariable,
+    RefusedContentError,
+    read_variables,
+)
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
 __all__ = ["Column", "ColumnFile", "columns_of_table", "heading_parts", "read_columns"]
@@ -101,14 +107,15 @@ def read_columns(path: Path) -> ColumnFile:
     TableError
         If it is not there, or cannot be read.
     """
+    is_netcdf = path.suffix == ".nc"
     try:
-        if path.exists() and not path.is_file():
-            raise TableError(f'"{path}" is not a file')
-        content = path.read_bytes()
-        read = _netcdf if path.suffix == ".nc" else _csv
-        return ColumnFile(FileSnapshot.from_content(path, content), read(path, content))
+        content = read_file(path, LARGEST_DATA if is_netcdf else None)
+        columns = (_netcdf if is_netcdf else _csv)(path, content)
+        return ColumnFile(FileSnapshot.from_content(path, content), columns)
     except FileNotFoundError:
         raise TableError(f'there is no file "{path}"') from None
+    except NotAFileError:
+        raise TableError(f'"{path}" is not a file') from None
     except OSError as error:
         raise TableError(f'"{path}" cannot be read: {error.strerror}') from None
 
@@ -216,30 +223,26 @@ def heading_parts(text: str, place: str) -> tuple[str, str]:
 
 
 def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
-    import netCDF4
-
     try:
-        with netCDF4.Dataset(path.name, memory=content) as dataset:
-            return tuple(
-                Column(
-                    str(name),
-                    str(getattr(variable, "units", DIMENSIONLESS)),
-                    functools.partial(_values, str(name), variable[:], path),
-                )
-                for name, variable in dataset.variables.items()
-                if not (name in dataset.dimensions and "units" not in variable.ncattrs())
-            )
-    except OSError:
-        raise TableError(f'"{path.name}" is not a NetCDF file') from None
+        return tuple(
+            Column(each.name, each.unit or DIMENSIONLESS, functools.partial(_values, each, path))
+            for each in read_variables(content)
+        )
+    except RefusedContentError as error:
+        remedy = f"; {error.remedy}" if error.remedy else ""
+        raise TableError(f'"{path.name}" cannot be read as NetCDF: {error}{remedy}') from None
 
 
-def _values(name: str, entries: Any, path: Path) -> FloatArray:
+def _values(variable: NetcdfVariable, path: Path) -> FloatArray:
     """Return the values of a NetCDF variable; a missing value is an error."""
-    where = f'"{path.name}", variable "{name}"'
-    if np.ndim(entries) != 1:
-        raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected one")
+    where = f'"{path.name}", variable "{variable.name}"'
     try:
+        entries = variable.values()
+        if np.ndim(entries) != 1:
+            raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected one")
         values = floats(entries)
+    except RefusedContentError as error:
+        raise TableError(f'"{path.name}" cannot be read as NetCDF: {error}') from None
     except ValueError as error:
         raise TableError(f"{where} holds {error}") from None
     bad = np.flatnonzero(~np.isfinite(values))

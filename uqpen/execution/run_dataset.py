@@ -57,13 +57,15 @@ def runs_dataset(
 
 def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
     """Add attributes to every variable, following the CF conventions."""
+    # As an array each would take time by the number of all variables.
+    stored = runs.variables
     for role, variables in (("input", model.inputs), ("output", model.all_outputs)):
         for variable in variables:
-            if variable.name in runs:
+            if variable.name in stored:
                 shown = display_units.get(variable.name, variable.preferred_unit)
                 measure = {"units": variable.unit, "display_units": shown}
                 categories = variable.categories if isinstance(variable, Output) else ()
-                runs[variable.name].attrs |= {
+                stored[variable.name].attrs |= {
                     "long_name": variable.title,
                     ROLE: role,
                     **(_category_attributes(categories) if categories else measure),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from uqpen.core.errors import ModelError, UnknownNameError, UqpenError
+from uqpen.core.files import is_file
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
@@ -148,7 +149,7 @@ class FunctionFamily(NamedTuple):
                 raise UnknownNameError(f'no {self.what} "{named}"; {known}')
             return load_installed(self.group, named), None
         where, _, attribute = named.rpartition(":")
-        if where.endswith(".py") and not (folder / where).is_file():
+        if where.endswith(".py") and not is_file(folder / where):
             raise ModelError(f'there is no file "{where}"; expected a reference like "{self.form}"')
         module, attribute, surroundings = load_module(named, folder, self.form)
         if not hasattr(module, attribute):

@@ -13,6 +13,7 @@ from typing import Any
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
+from uqpen.core.files import is_file, is_folder
 from uqpen.models.failed_line import line_in_folder
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import MODEL_MODULE, ModelFolder
@@ -132,9 +133,9 @@ def _import_module(where: str, surroundings: ModelFolder) -> Any:
 
 
 def _load_file(path: Path) -> Any:
-    if path.is_dir():
+    if is_folder(path):
         raise ModelError(f'"{path.name}" is a folder, not a Python file')
-    if not path.is_file():
+    if not is_file(path):
         raise ModelError(f'there is no file "{path.name}" beside the study')
     # Under a name of our own: a model in "random.py" must not stand in for Python's module.
     specification = importlib.util.spec_from_file_location(f"{MODEL_MODULE}{path.stem}", path)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from uqpen.core.errors import ExportError
+from uqpen.core.units import NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,11 +17,17 @@ if TYPE_CHECKING:
 __all__ = ["FORMATS", "table_content"]
 
 
+# A spreadsheet takes a text that begins so as a formula, which may start programs.
+_BEFORE_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
+_QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")
+
+
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
     """Yield a table as the content of a file of one of the `FORMATS`, part after part.
 
-    Numbers have all their digits. JSON is a list with an object for each row, null for a missing
-    value.
+    Numbers have all their digits. In CSV an apostrophe stands before a text that begins as a
+    formula of a spreadsheet does, so that it is shown. JSON is a list with an object for each row,
+    null for a missing value.
 
     Parameters
     ----------
@@ -39,7 +47,15 @@ def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
 
 def _csv(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
     for number, part in enumerate(parts):
-        yield part.to_csv(index=False, header=not number, lineterminator="\n").encode()
+        texts = part.select_dtypes(exclude=["number", "bool"])
+        plain = part.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
+        yield plain.to_csv(index=False, header=not number, lineterminator="\n").encode()
+
+
+def _no_formula(value: Any) -> Any:
+    """Put an apostrophe before a text that a spreadsheet would execute, and leave a quantity."""
+    is_formula = isinstance(value, str) and value.startswith(_BEFORE_FORMULAS)
+    return f"'{value}" if is_formula and not _QUANTITY.fullmatch(value) else value
 
 
 def _json(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:

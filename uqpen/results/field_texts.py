@@ -48,7 +48,9 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
 
 def derived_lines(model: xr.DataTree) -> Iterator[str]:
     """Yield what each number of a model is that follows from a field."""
-    for derived, variable in first_runs(model).data_vars.items():
+    runs = first_runs(model)
+    for derived in runs.data_vars:
+        variable = runs.variables[derived]
         # The companion of a number that not all runs have is described by its shares.
         if DERIVED_FROM in variable.attrs and "display_units" in variable.attrs:
             label = label_with_unit(str(derived), str(variable.attrs["display_units"]))

@@ -174,14 +174,16 @@ def first_runs(tree: xr.DataTree) -> xr.Dataset:
 
 def output_names(runs: xr.Dataset) -> list[str]:
     """Return the outputs among the variables of a runs dataset."""
-    return [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "output"]
+    # As an array each would take time by the number of all variables.
+    variables = runs.variables
+    return [str(key) for key in runs.data_vars if variables[key].attrs.get(ROLE) == "output"]
 
 
 def scalar_output_names(runs: xr.Dataset) -> list[str]:
     """Return the outputs without dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if not field_dimensions(runs[name])]
+    return [name for name in output_names(runs) if not field_dimensions(runs.variables[name])]
 
 
 def field_names(runs: xr.Dataset) -> list[str]:
     """Return the outputs with dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if field_dimensions(runs[name])]
+    return [name for name in output_names(runs) if field_dimensions(runs.variables[name])]

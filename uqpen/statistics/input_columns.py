@@ -45,10 +45,11 @@ class InputColumns:
     @classmethod
     def from_runs(cls, runs: BlockedRuns) -> InputColumns:
         """Return the inputs of runs that vary along them."""
+        variables = runs.template.variables
         names = [
             str(name)
-            for name, variable in runs.template.data_vars.items()
-            if variable.attrs.get(ROLE) == "input" and variable.dims == (RUN,)
+            for name in runs.template.data_vars
+            if variables[name].attrs.get(ROLE) == "input" and variables[name].dims == (RUN,)
         ]
         return cls(tuple(names), runs.size, runs.column)
 

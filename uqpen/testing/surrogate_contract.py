@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import SAMPLING
 from uqpen.core.model import Category, Input, Model, Output, Results
+from uqpen.core.netcdf.opening import open_own
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -148,6 +150,6 @@ def _from_file(tree: xr.DataTree) -> xr.DataTree:
     """Return a group as it is read from an archive."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "surrogate.nc"
-        tree.to_netcdf(path, engine="netcdf4")
-        with xr.open_datatree(path, engine="netcdf4") as opened:
-            return opened.load()
+        write_tree(tree, path)
+        with open_own(path) as root:
+            return read_groups(root)

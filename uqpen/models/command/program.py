@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uqpen.core.errors import ModelError
-from uqpen.core.files import FileSnapshot
+from uqpen.core.files import FileSnapshot, is_file
 from uqpen.models.reasons import changed_file_error
 
 __all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_program"]
@@ -118,7 +118,7 @@ def find_program(word: str, folder: Path) -> Path:
             raise ModelError(f'there is no program "{word}" in the PATH{own}')
         return Path(found).absolute()
     path = Path(os.path.normpath(folder / word))
-    if not _is_file(path):
+    if not is_file(path):
         where = "" if Path(word).is_absolute() else " beside the study"
         raise ModelError(f'there is no program "{word}"{where}')
     if not os.access(path, os.X_OK):
@@ -130,14 +130,7 @@ def lies_in_study(word: str, folder: Path) -> bool:
     """Check that a word is the relative path of a file beside the study, or below."""
     path = Path(word)
     is_inside = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
-    return is_inside and "\0" not in word and _is_file(folder / path)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a word may be longer than any name
-        return False
+    return is_inside and "\0" not in word and is_file(folder / path)
 
 
 def _stamp(path: Path) -> tuple[int, int]:

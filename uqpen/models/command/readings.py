@@ -12,6 +12,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.model import RunWarning
+from uqpen.core.netcdf.opening import RefusedContentError, read_variable
 from uqpen.core.settings import choice, text
 from uqpen.models.command.output_reader import (
     OutputReader,
@@ -93,20 +94,14 @@ class NetcdfReader(OutputReader):
         return float(values[self.row])
 
     def values(self, written: RunFiles) -> FloatArray:
-        import netCDF4
-
-        path = written.path(self.file)
         try:
-            with netCDF4.Dataset(path) as dataset:
-                return floats(dataset[self.variable][...])
-        except (IndexError, KeyError):
+            return floats(read_variable(written.content(self.file), self.variable))
+        except KeyError:
             raise UnreadableError(f'{self.file} has no "{self.variable}"') from None
-        except (TypeError, ValueError):
-            raise UnreadableError(f'"{self.variable}" in {self.file} is no number') from None
-        except (OSError, RuntimeError, AttributeError):
-            # A group has no values; for a damaged file, the library raises several types of errors.
-            reason = f'{self.file} is not NetCDF, or has no "{self.variable}"'
-            raise UnreadableError(reason) from None
+        except RefusedContentError as error:
+            raise UnreadableError(f"{self.file} cannot be read as NetCDF: {error}") from None
+        except ValueError as error:
+            raise UnreadableError(f"{self.place} holds {error}") from None
 
 
 @dataclass(frozen=True)

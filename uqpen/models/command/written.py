@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
-import os
-import stat
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from uqpen.core.files import NotAFileError, read_file
 
 __all__ = ["RunFiles", "UnreadableError"]
 
@@ -38,35 +39,29 @@ class RunFiles:
     _documents: dict[str, Any] = field(default_factory=dict)
     _tables: dict[str, list[list[str]]] = field(default_factory=dict)
 
-    def path(self, name: str) -> Path:
-        """Return the path of a file that exists and can be read.
+    def content(self, name: str) -> bytes:
+        """Return the bytes of a file.
 
         Raises
         ------
         UnreadableError
             If it is not there, is no file (reading a pipe would never end) or is huge.
         """
-        path = self.folder / name
         try:
-            about = path.stat()
-        except OSError:
+            return read_file(self.folder / name, _LARGEST)
+        except (FileNotFoundError, NotADirectoryError):
             raise UnreadableError(f"wrote no {name}") from None
-        if not stat.S_ISREG(about.st_mode):
-            raise UnreadableError(f"{name} is no file")
-        if not os.access(path, os.R_OK):
-            raise UnreadableError(f"{name} cannot be read")
-        if about.st_size > _LARGEST:
-            raise UnreadableError(f"{name} is larger than {_LARGEST // 2**20} MiB")
-        return path
+        except NotAFileError:
+            raise UnreadableError(f"{name} is no file") from None
+        except OSError as error:
+            is_large = error.errno == errno.EFBIG
+            found = f"is larger than {_LARGEST // 2**20} MiB" if is_large else "cannot be read"
+            raise UnreadableError(f"{name} {found}") from None
 
     def text(self, name: str) -> str:
         """Return a file as text; bytes that are not UTF-8 become replacement characters."""
         if name not in self._texts:
-            try:
-                content = self.path(name).read_bytes()
-            except OSError:
-                raise UnreadableError(f"{name} cannot be read") from None
-            self._texts[name] = content.decode("utf-8-sig", "replace")
+            self._texts[name] = self.content(name).decode("utf-8-sig", "replace")
         return self._texts[name]
 
     def document(self, name: str) -> Any:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from uqpen.core.arrays import floats
+from uqpen.core.netcdf.opening import NetcdfVariable, RefusedContentError, read_variables
 from uqpen.models.data.columns import DataColumn, Entries, data_error, name_and_unit
 
 __all__ = ["frame_columns", "read_netcdf", "read_parquet"]
@@ -21,28 +23,25 @@ def read_netcdf(name: str, content: bytes) -> tuple[DataColumn, ...]:
     SettingsError
         If it is no NetCDF file, or its variables are along other dimensions.
     """
-    import netCDF4
-
     try:
-        with netCDF4.Dataset(name, memory=content) as dataset:
-            columns = [
-                _netcdf_column(name, str(each), variable)
-                for each, variable in dataset.variables.items()
-                if not (each in dataset.dimensions and "units" not in variable.ncattrs())
-            ]
-    except OSError:
-        raise data_error(f"{name}, which is no NetCDF file", "a NetCDF file") from None
+        columns = [_netcdf_column(name, each) for each in read_variables(content)]
+    except RefusedContentError as error:
+        found = f"{name}, which cannot be read as NetCDF: {error}"
+        raise data_error(found, f"a NetCDF file{error.remedy and ': '}{error.remedy}") from None
     if len({len(column.entries) for column in columns}) > 1:
         raise data_error(f"variables of different length in {name}", "one dimension, of the runs")
     return tuple(columns)
 
 
-def _netcdf_column(file: str, name: str, variable: Any) -> DataColumn:
-    if variable.ndim != 1:
-        found = f'a variable "{name}" of {variable.ndim} dimensions in {file}'
+def _netcdf_column(file: str, variable: NetcdfVariable) -> DataColumn:
+    values = variable.values()
+    if values.ndim != 1:
+        found = f'a variable "{variable.name}" of {values.ndim} dimensions in {file}'
         raise data_error(found, "variables along one dimension, of the runs")
-    unit = str(getattr(variable, "units", ""))
-    return _column(file, name, unit, np.ma.filled(variable[:].astype(object), None))
+    if values.dtype.kind in "biuf":
+        place = functools.partial(_row, file)
+        return DataColumn(variable.name, variable.unit, floats(values), place)
+    return _column(file, variable.name, variable.unit, np.ma.filled(values.astype(object), None))
 
 
 def read_parquet(name: str, content: bytes) -> tuple[DataColumn, ...]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -117,9 +119,8 @@ class DataFile:
     columns: tuple[DataColumn, ...]
 
     def __post_init__(self) -> None:
-        names = [column.name for column in self.columns]
-        for name in names:
-            if names.count(name) > 1:
+        for name, count in Counter(column.name for column in self.columns).items():
+            if count > 1:
                 raise data_error(f'two columns "{name}" in {self.name}', "a column for each name")
         if not self.rows:
             raise data_error(f"no row in {self.name}", "a row for each run")
@@ -142,7 +143,10 @@ class DataFile:
         TableError
             If there is none.
         """
-        for column in self.columns:
-            if column.name == name:
-                return column
-        raise TableError(f'{self.name} has no column "{name}"')
+        if name not in self._by_name:
+            raise TableError(f'{self.name} has no column "{name}"')
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, DataColumn]:
+        return {column.name: column for column in self.columns}

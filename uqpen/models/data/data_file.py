@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from uqpen.core.files import FileSnapshot
+from uqpen.core.files import FileSnapshot, NotAFileError, read_file
+from uqpen.core.netcdf.opening import LARGEST_DATA
 from uqpen.models.data.binary_files import read_netcdf, read_parquet
 from uqpen.models.data.columns import DataColumn, DataFile, data_error
 from uqpen.models.data.delimited_text import read_text
@@ -34,11 +35,12 @@ def read_data_file(path: Path) -> DataFile:
     """
     expected = "a CSV, NetCDF, Parquet or Dakota file"
     try:
-        if path.exists() and not path.is_file():
-            raise data_error(f'"{path}", which is not a file', expected)
-        return data_file(path, path.read_bytes())
+        is_netcdf = path.suffix.lower() == ".nc"
+        return data_file(path, read_file(path, LARGEST_DATA if is_netcdf else None))
     except FileNotFoundError:
         raise data_error(f'no file "{path}"', expected) from None
+    except NotAFileError:
+        raise data_error(f'"{path}", which is not a file', expected) from None
     except OSError as error:
         raise data_error(f'"{path}", which cannot be read: {error.strerror}', expected) from None
 

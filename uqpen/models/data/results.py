@@ -90,12 +90,19 @@ def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str,
     Raises
     ------
     SettingsError
-        If a replicate is blank, or a weight is not a number of 0 or more.
+        If a replicate is no whole number of 0 or more, or a weight no number of 0 or more.
     """
     known = {column.name for column in file.columns} - {each.name for each in variables}
     found: dict[str, FloatArray] = {}
     if REPLICATE in known:
-        _, numbers = np.unique(_complete(file.column(REPLICATE)), return_inverse=True)
+        replicates = file.column(REPLICATE)
+        stated = _complete(replicates)
+        broken = np.flatnonzero(stated != np.floor(stated))
+        if broken.size:
+            place = replicates.place_text(int(broken[0]))
+            expected = "a whole number for each run: that of its replicate"
+            raise data_error(f"{stated[broken[0]]:g} in {place}", expected)
+        _, numbers = np.unique(stated, return_inverse=True)
         found[REPLICATE] = numbers.astype(np.float64)
     if WEIGHT in known:
         found[WEIGHT] = _complete(file.column(WEIGHT))

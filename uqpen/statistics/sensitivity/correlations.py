@@ -148,15 +148,15 @@ class _CorrelatedColumns:
 
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation of the output with each input."""
-        reasons, weights = [], []
+        reasons = []
         for i in range(len(self.sample.inputs)):
-            reason, own = reason_without_measure(self.sample, i, FEWEST_RUNS), None
-            if not reason:
-                own = self._partial_weights(i) if is_partial else self._simple_weights(i)
-            if own is not None:
-                weights.append(np.stack(own))
-            reasons.append(reason or ("" if own is not None else texts.LINEARLY_DEPENDENT))
-        pairs = self._pairs(weights)
+            reason = reason_without_measure(self.sample, i, FEWEST_RUNS)
+            if not reason and is_partial and self._residual_weights is None:
+                reason = texts.LINEARLY_DEPENDENT
+            reasons.append(reason)
+        weights_of = self._partial_weights if is_partial else self._simple_weights
+        # One after the other: of thousands of inputs they take hundreds of MB together.
+        pairs = self._pairs(weights_of(i) for i, reason in enumerate(reasons) if not reason)
         return [
             Estimate.without_bounds(math.nan, reason) if reason else self._estimate(next(pairs))
             for reason in reasons
@@ -169,16 +169,15 @@ class _CorrelatedColumns:
         del pair  # with its sums
         return self._with_bounds(value, influence)
 
-    def _pairs(self, weights: Sequence[FloatArray]) -> Iterator[CorrelatedPair]:
+    def _pairs(self, weights: Iterator[FloatArray]) -> Iterator[CorrelatedPair]:
         """Yield a pair for each of some weights; its type follows from the number of values."""
-        if not weights:
-            return iter(())
         if not self.sample.run_inputs.are_many:
             columns, orderings = self.standardized, self._orderings_of_ranks
             return (PairOfArrays(each, columns, orderings) for each in weights)
         from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
 
-        return compiled_pairs(self.standardized, weights, self._groups)
+        together = [*weights]
+        return compiled_pairs(self.standardized, together, self._groups) if together else iter(())
 
     @cached_property
     def _groups(self) -> list[ColumnGroup]:
@@ -190,25 +189,29 @@ class _CorrelatedColumns:
     def _orderings_of_ranks(self) -> list[Ordering]:
         return self.orderings if self.is_ranked else []
 
-    def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
-        unit = np.eye(len(self.standardized))
-        return unit[i], unit[-1]
+    def _simple_weights(self, i: int) -> FloatArray:
+        """Weights of the columns, 1 for the input and 1 for the output, shape (2, column)."""
+        weights = np.zeros((2, len(self.standardized)))
+        weights[0, i] = weights[1, -1] = 1
+        return weights
 
     @cached_property
     def _residual_weights(self) -> ResidualWeights | None:
         """Weights of the columns that vary in their residuals; None where some are dependent."""
+        # More columns than runs are always dependent.
+        if len(self._varying) > self.sample.size:
+            return None
         if np.linalg.cond(self._products) > 1 / _ROUNDING:
             return None
         return ResidualWeights.of(self._products)
 
-    def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
+    def _partial_weights(self, i: int) -> FloatArray:
         """Weights of the columns in the residuals of input and output over the other inputs."""
-        if self._residual_weights is None:
-            return None
+        assert self._residual_weights is not None
         weights = np.zeros((2, len(self.standardized)))
         mine = int(np.searchsorted(self._varying, i))
         weights[:, self._varying] = self._residual_weights.without(mine)
-        return weights[0], weights[1]
+        return weights
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""

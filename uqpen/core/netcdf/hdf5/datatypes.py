@@ -6,9 +6,11 @@ import functools
 from enum import Enum
 from typing import NamedTuple
 
-from uqpen.archive.hdf5.content import RefusedContentError
+from uqpen.core.netcdf.content import RefusedContentError
 
-__all__ = ["Datatype", "ValueKind", "read_datatype", "read_extent"]
+__all__ = ["STORE_NUMBERS", "Datatype", "ValueKind", "read_datatype", "read_extent"]
+
+STORE_NUMBERS = "store its values as numbers"
 
 
 class ValueKind(Enum):
@@ -65,19 +67,21 @@ def read_datatype(message: bytes) -> Datatype:
         precision = int.from_bytes(message[8:12], "little")
         if size in _WIDTHS and precision == size << 19 and not message[1] & 0xF6:
             return Datatype(ValueKind.INTEGER, size)
-        raise RefusedContentError(f"has the type of an integer of {size} bytes")
+        found = f"has the type of an integer of {size} bytes"
+        raise RefusedContentError(found, "store integers of 1, 2, 4 or 8 bytes")
     if family == _REAL:
         bits = (message[1] & 0xFE, message[2], message[3])
         if message[8:20] == _IEEE.get(size) and bits == (_IMPLIED_BIT, _SIGN[size], 0):
             return Datatype(ValueKind.REAL, size)
-        raise RefusedContentError(f"has the type float{8 * size}")
+        raise RefusedContentError(f"has the type float{8 * size}", "store it as float64")
     if family == _STRING and size:
         return Datatype(ValueKind.CHARACTERS, size)
     if family == _VARIABLE_LENGTH and size == 16:
         return _variable_length(message)
     if family == _COMPOUND and size == 16:
         return Datatype(ValueKind.BACK_REFERENCES, size)
-    raise RefusedContentError(f"has a type that is {_OTHERS.get(family, 'unknown')}")
+    found = f"has a type that is {_OTHERS.get(family, 'unknown')}"
+    raise RefusedContentError(found, STORE_NUMBERS)
 
 
 def _variable_length(message: bytes) -> Datatype:
@@ -88,7 +92,7 @@ def _variable_length(message: bytes) -> Datatype:
         return Datatype(ValueKind.TEXT, 16)
     if not is_text and base_family == _REFERENCE and base_size == 8 and not base[1] & 0x0F:
         return Datatype(ValueKind.REFERENCES, 16)
-    raise RefusedContentError("has a type that is a list")
+    raise RefusedContentError("has a type that is a list", STORE_NUMBERS)
 
 
 @functools.lru_cache(maxsize=4096)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from uqpen.archive.hdf5.content import Content, RefusedContentError, uint
+from uqpen.core.netcdf.content import Content, RefusedContentError, uint
 
 __all__ = ["Link", "read_link"]
 

@@ -2,73 +2,52 @@
 
 from __future__ import annotations
 
-import math
-import mmap
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from uqpen.archive.hdf5.attributes import Attribute, check_attribute, read_attribute
-from uqpen.archive.hdf5.content import UNDEFINED, Content, RefusedContentError, uint
-from uqpen.archive.hdf5.global_heap import GlobalHeap
-from uqpen.archive.hdf5.indexes import heap_objects
-from uqpen.archive.hdf5.links import read_link
-from uqpen.archive.hdf5.object_header import Message, MessageKind, read_messages
-from uqpen.archive.hdf5.superblock import SIGNATURE, root_address
-from uqpen.archive.hdf5.variables import VARIABLE_MESSAGES, StoredVariable, read_variable
+from uqpen.core.netcdf.content import (
+    Content,
+    ContentLimits,
+    RefusedContentError,
+    check_count,
+    uint,
+)
+from uqpen.core.netcdf.hdf5.attributes import Attribute, check_attribute, read_attribute
+from uqpen.core.netcdf.hdf5.datatypes import STORE_NUMBERS
+from uqpen.core.netcdf.hdf5.global_heap import GlobalHeap
+from uqpen.core.netcdf.hdf5.indexes import heap_objects
+from uqpen.core.netcdf.hdf5.links import read_link
+from uqpen.core.netcdf.hdf5.object_header import Message, MessageKind, read_messages
+from uqpen.core.netcdf.hdf5.superblock import root_address
+from uqpen.core.netcdf.hdf5.variables import VARIABLE_MESSAGES, StoredVariable, read_variable
 
-__all__ = ["find_refusal"]
-
-# uqpen writes one group for each output and source: ten sources of a thousand outputs.
-_MOST_GROUPS = 10_000
-# It writes 15 to 60 variables in a group of statistics, and as many as a study has inputs and
-# outputs in a group of runs.
-_MOST_VARIABLES = 100_000
-_MOST_IN_GROUP = 2_500
-# Outputs of a source, inputs and outputs of runs.
-_MOST_LINKS = 10_000
-# It writes at most 30 attributes of an object.
-_MOST_ATTRIBUTES = 300
-# The deepest of uqpen's groups is /models/<name>/statistics/<source>/<output>.
-_MOST_DEPTH = 8
-# What uqpen writes takes as much memory as disk. Other software may have compressed a copy: runs
-# shrink to a half, columns of one value to a hundredth.
-_MOST_BYTES_PER_BYTE = 50
-_MOST_BYTES_ANYWAY = 1 << 24
-
-_IN_GROUP = "variables in one group"
+__all__ = ["check_hdf5"]
 
 _LINKS = frozenset({MessageKind.LINK, MessageKind.LINK_INFO})
 
 
-def find_refusal(path: Path) -> str | None:
-    """Return why the HDF5 library does not get a file, or None if it gets it.
+def check_hdf5(content: Content, limits: ContentLimits) -> None:
+    """Refuse a file that the HDF5 library must not get.
 
     It gets what refers to no other file, has no types but those that NetCDF and NumPy share, and
-    takes no more memory than an archive would. The reason is a clause on "it", the file.
+    keeps within the limits.
 
     Raises
     ------
-    OSError
-        If the file cannot be read.
+    RefusedContentError
+        With the first reason found.
     """
-    with path.open("rb") as stream:
-        if stream.read(len(SIGNATURE)) != SIGNATURE:
-            return "it is no HDF5 file"
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            try:
-                _Inspection(content).run()
-            except RefusedContentError as error:
-                return str(error)
-            except (IndexError, OverflowError, struct.error):
-                return "it ends before what it describes"
-    return None
+    try:
+        _Inspection(content, limits).run()
+    except (IndexError, OverflowError, struct.error):
+        raise RefusedContentError("it ends before what it describes") from None
 
 
 @dataclass
 class _Inspection:
     content: Content
+    limits: ContentLimits
     groups: int = 0
     variables: int = 0
     memory: int = 0
@@ -91,11 +70,13 @@ class _Inspection:
         try:
             messages = list(read_messages(self.content, address))
         except RefusedContentError as error:
-            raise RefusedContentError(f"its {path or '/'} {error}") from None
+            raise error.within(f"its {path or '/'} ") from None
         kinds = {message.kind for message in messages}
         if MessageKind.EXTERNAL_FILES in kinds:
             raise RefusedContentError(f"its variable {path} refers to another file")
         is_variable, is_group = kinds >= VARIABLE_MESSAGES, not _LINKS.isdisjoint(kinds)
+        if not is_group and kinds & VARIABLE_MESSAGES == {MessageKind.DATATYPE}:
+            raise RefusedContentError(f"its {path} is a data type of its own", STORE_NUMBERS)
         if is_variable == is_group or (is_group and kinds & VARIABLE_MESSAGES):
             raise RefusedContentError(f"it has {path or '/'}, neither group nor variable")
         self.known[address] = is_variable
@@ -106,23 +87,24 @@ class _Inspection:
 
     def _group(self, messages: list[Message], path: str, depth: int) -> None:
         self.groups += 1
-        _limit(self.groups, _MOST_GROUPS, "groups")
-        if depth > _MOST_DEPTH:
-            raise RefusedContentError(f"it has groups more than {_MOST_DEPTH} deep")
+        check_count(self.groups, self.limits.groups, "groups")
+        if depth > self.limits.depth:
+            raise RefusedContentError(f"it has groups more than {self.limits.depth} deep")
         self._attributes(messages, path or "/", 0)
         links: dict[str, int] = {}
         for place in self._parts(messages, MessageKind.LINK, MessageKind.LINK_INFO):
             name, address = read_link(self.content, place)
             if links.setdefault(name, address) != address:
                 raise RefusedContentError(f"it has two objects by the name {path}/{name}")
-            _limit(len(links), _MOST_LINKS, "objects in one group")
+            check_count(len(links), self.limits.links, "objects in one group")
         for name, address in links.items():
             self._object(address, f"{path}/{name}", depth + 1)
-        _limit(sum(self.known[each] for each in links.values()), _MOST_IN_GROUP, _IN_GROUP)
+        in_group = sum(self.known[each] for each in links.values())
+        check_count(in_group, self.limits.in_group, "variables in one group")
 
     def _variable(self, messages: list[Message], path: str) -> None:
         self.variables += 1
-        _limit(self.variables, _MOST_VARIABLES, "variables")
+        check_count(self.variables, self.limits.variables, "variables")
         variable = read_variable(self.content, messages, path)
         self._use(variable, path)
         for attribute in self._attributes(messages, path, len(variable.extent)):
@@ -138,9 +120,9 @@ class _Inspection:
                 attribute = read_attribute(self.content, place)
                 check_attribute(attribute, rank, self.heap)
                 found.append(attribute)
-                _limit(len(found), _MOST_ATTRIBUTES, "attributes of one object")
+                check_count(len(found), self.limits.attributes, "attributes of one object")
         except RefusedContentError as error:
-            raise RefusedContentError(f"{error}, at {path}") from None
+            raise error.within(after=f", at {path}") from None
         return found
 
     def _parts(self, messages: list[Message], kind: int, info: int) -> Iterator[int]:
@@ -165,16 +147,11 @@ class _Inspection:
     def _use(self, variable: StoredVariable, path: str) -> None:
         """Count the memory that the values of a variable take."""
         self.memory += variable.memory
-        if variable.texts_at != UNDEFINED:
-            self.heap.count_texts(variable.texts_at, math.prod(variable.extent))
-        most = max(_MOST_BYTES_ANYWAY, _MOST_BYTES_PER_BYTE * len(self.content))
+        for address, count in variable.texts:
+            self.heap.count_texts(address, count)
+        most = self.limits.most_memory(self.content)
         if self.memory + self.heap.text_bytes > most:
             raise RefusedContentError(
                 f"with its variable {path} it takes over {most / 1e6:.0f} MB of memory, "
                 f"and has {len(self.content) / 1e6:.1f} MB itself"
             )
-
-
-def _limit(count: int, most: int, what: str) -> None:
-    if count > most:
-        raise RefusedContentError(f"it has more than {most} {what}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqpen.archive.hdf5.content import UNDEFINED, Content, RefusedContentError, uint
+from uqpen.core.netcdf.content import UNDEFINED, Content, RefusedContentError, uint
 
 __all__ = ["SIGNATURE", "root_address"]
 

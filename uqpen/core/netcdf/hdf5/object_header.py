@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-from uqpen.archive.hdf5.content import Content, RefusedContentError, has_signature, uint
+from uqpen.core.netcdf.content import Content, RefusedContentError, has_signature, uint
+from uqpen.core.netcdf.hdf5.datatypes import STORE_NUMBERS
 
 __all__ = ["Message", "MessageKind", "read_messages"]
 
@@ -45,6 +46,7 @@ class Message(NamedTuple):
 
 _KNOWN = frozenset(map(int, MessageKind))
 _NIL, _CONTINUATION = int(MessageKind.NIL), int(MessageKind.CONTINUATION)
+_SYMBOL_TABLE = 0x11  # of a group in the form before HDF5 1.8
 _SHARED = 0x02
 
 # Kind, size and flags of a message, by the version of the object header.
@@ -98,9 +100,12 @@ def _block_messages(
             if kind == _CONTINUATION:
                 place, size = uint(content, start, 8), uint(content, start + 8, 8)
                 blocks.append((place + edges[0], size - sum(edges)))
+            elif kind == _SYMBOL_TABLE:
+                found = "is a group of an HDF5 file that is no NetCDF"
+                raise RefusedContentError(found, 'write it with xarray ("to_netcdf")')
             elif kind not in _KNOWN:
                 raise RefusedContentError(f"is in a form that NetCDF does not write ({kind})")
             elif flags & _SHARED:
-                raise RefusedContentError("has a type of its own")
+                raise RefusedContentError("has a type of its own", STORE_NUMBERS)
             elif kind != _NIL:
                 yield Message(kind, start, at)

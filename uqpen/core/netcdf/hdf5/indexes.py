@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-from uqpen.archive.hdf5.content import (
+from uqpen.core.netcdf.content import (
     UNDEFINED,
     Content,
     RefusedContentError,

@@ -6,9 +6,15 @@ import math
 import struct
 from typing import NamedTuple
 
-from uqpen.archive.hdf5.content import Content, RefusedContentError
-from uqpen.archive.hdf5.datatypes import Datatype, ValueKind, read_datatype, read_extent
-from uqpen.archive.hdf5.global_heap import GlobalHeap
+from uqpen.core.netcdf.content import Content, RefusedContentError
+from uqpen.core.netcdf.hdf5.datatypes import (
+    STORE_NUMBERS,
+    Datatype,
+    ValueKind,
+    read_datatype,
+    read_extent,
+)
+from uqpen.core.netcdf.hdf5.global_heap import GlobalHeap
 
 __all__ = ["Attribute", "check_attribute", "read_attribute"]
 
@@ -55,7 +61,7 @@ def read_attribute(content: Content, start: int) -> Attribute:
     """
     version, flags, *sizes = _HEAD.unpack_from(content, start)
     if not 1 <= version <= 3 or (version > 1 and flags):
-        raise RefusedContentError("it has an attribute with a type of its own")
+        raise RefusedContentError("it has an attribute with a type of its own", STORE_NUMBERS)
     at = start + (_HEAD.size + 1 if version == 3 else _HEAD.size)
     parts = []
     for size in sizes:
@@ -66,7 +72,7 @@ def read_attribute(content: Content, start: int) -> Attribute:
     try:
         attribute = Attribute(name, read_datatype(parts[1]), read_extent(parts[2]), at)
     except RefusedContentError as error:
-        raise RefusedContentError(f"its attribute {name} {error}") from None
+        raise error.within(f"its attribute {name} ") from None
     if at + attribute.size * attribute.datatype.size > len(content):
         raise IndexError("the file ends before")
     return attribute

@@ -1,0 +1,238 @@
+"""Opening of NetCDF files: those of others after a look through them, and those uqpen has written.
+
+No other module calls the NetCDF library to open a file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import mmap
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from uqpen.core.files import open_file
+from uqpen.core.netcdf.classic import MAGIC, check_classic
+from uqpen.core.netcdf.content import (
+    ARCHIVE_LIMITS,
+    DATA_LIMITS,
+    Content,
+    ContentLimits,
+    RefusedContentError,
+)
+from uqpen.core.netcdf.hdf5.inspection import check_hdf5
+from uqpen.core.netcdf.hdf5.superblock import SIGNATURE
+
+if TYPE_CHECKING:
+    import netCDF4
+
+__all__ = [
+    "LARGEST_DATA",
+    "NetcdfVariable",
+    "RefusedContentError",
+    "check_netcdf",
+    "open_archive_file",
+    "open_own",
+    "read_variable",
+    "read_variables",
+]
+
+# Bytes of a file of data, which is in memory as a whole, and whose values are so besides.
+LARGEST_DATA = 2 * 10**9
+
+# What the library raises for a damaged file, and its warning that values are not what they say.
+_LIBRARY_ERRORS = (
+    *(OSError, RuntimeError, ValueError, TypeError, AttributeError, LookupError, OverflowError),
+    *(MemoryError, UserWarning),
+)
+
+
+@dataclass(frozen=True)
+class NetcdfVariable:
+    """Variable of a file, with its values or the reason why they cannot be read.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    unit : str
+        Its attribute ``units``; empty without one.
+    stored : masked array or RefusedContentError
+        Its values, unpacked; texts are whole ones.
+    """
+
+    name: str
+    unit: str
+    stored: Any
+
+    def values(self) -> Any:
+        """Return its values.
+
+        Raises
+        ------
+        RefusedContentError
+            If they cannot be read.
+        """
+        if isinstance(self.stored, RefusedContentError):
+            raise self.stored
+        return self.stored
+
+
+def read_variables(content: bytes) -> list[NetcdfVariable]:
+    """Read the variables outside groups, but not those that only number a dimension.
+
+    Parameters
+    ----------
+    content : bytes
+        A file of NetCDF 3 or 4, whoever has written it.
+
+    Raises
+    ------
+    RefusedContentError
+        If the libraries must not get it, or cannot read it.
+    """
+    with _opened(content) as root, _refusing():
+        return [
+            NetcdfVariable(str(name), str(getattr(each, "units", "")), _values_or_reason(each))
+            for name, each in root.variables.items()
+            if not (name in root.dimensions and "units" not in each.ncattrs())
+        ]
+
+
+def read_variable(content: bytes, name: str) -> Any:
+    """Read the values of a variable of a file of data, as a masked array.
+
+    The name has those of groups before it, with slashes between.
+
+    Raises
+    ------
+    KeyError
+        If there is no variable of the name.
+    RefusedContentError
+        If the libraries must not get the file, or cannot read it.
+    """
+    with _opened(content) as root:
+        try:
+            found = root[name]
+        except LookupError:
+            found = None
+        if not hasattr(found, "dtype"):
+            raise KeyError(name)
+        return _values(found)
+
+
+def check_netcdf(content: Content, limits: ContentLimits) -> None:
+    """Refuse a file that the NetCDF and HDF5 libraries must not get.
+
+    Raises
+    ------
+    RefusedContentError
+        With the reason.
+    """
+    if content[: len(SIGNATURE)] == SIGNATURE:
+        check_hdf5(content, limits)
+    elif content[: len(MAGIC)] == MAGIC:
+        check_classic(content, limits)
+    else:
+        raise RefusedContentError("it is no NetCDF file")
+
+
+@contextlib.contextmanager
+def open_archive_file(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open an archive, whoever has written it; its values may be larger than the memory.
+
+    It is looked through on the disk, and opened there. Whoever can change it in between could have
+    changed it before.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or is no file.
+    RefusedContentError
+        If the libraries must not get it, or cannot open it.
+    """
+    with open_file(path) as stream:
+        if stream.read(len(SIGNATURE)) != SIGNATURE:
+            raise RefusedContentError("it is no HDF5 file")
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            check_netcdf(content, ARCHIVE_LIMITS)
+    with _refusing():
+        root = open_own(path)
+    with _closing(root):
+        yield root
+
+
+def open_own(path: Path, mode: Literal["r", "w", "a"] = "r") -> netCDF4.Dataset:
+    """Open a file that uqpen writes, has written, or has just looked through."""
+    import netCDF4
+
+    return netCDF4.Dataset(path, mode, format="NETCDF4")
+
+
+@contextlib.contextmanager
+def _opened(content: bytes) -> Iterator[netCDF4.Dataset]:
+    """Open the bytes that were looked through, so that nothing changes in between."""
+    check_netcdf(content, DATA_LIMITS)
+    import netCDF4
+
+    with _refusing():
+        root = netCDF4.Dataset("data.nc", memory=content)
+    with _closing(root):
+        yield root
+
+
+@contextlib.contextmanager
+def _closing(root: netCDF4.Dataset) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        with contextlib.suppress(*_LIBRARY_ERRORS):  # nothing was changed that could be lost
+            root.close()
+
+
+@contextlib.contextmanager
+def _refusing(what: str = "it") -> Iterator[None]:
+    """Turn an error of the library into a refusal."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # such as an overflow: the values show it
+            warnings.simplefilter("error", UserWarning)
+            yield
+    except _LIBRARY_ERRORS as error:
+        told = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise RefusedContentError(f"{what} cannot be read by the library ({told[:200]})") from None
+
+
+def _values_or_reason(variable: Any) -> Any:
+    try:
+        return _values(variable)
+    except RefusedContentError as error:
+        return error
+
+
+def _values(variable: Any) -> Any:
+    """Return the values of a variable; characters along its last dimension become texts."""
+    what = f"its variable {variable.name}"
+    with _refusing(what):
+        scale, offset = (
+            float(getattr(variable, name, neutral))
+            for name, neutral in (("scale_factor", 1), ("add_offset", 0))
+        )
+        values = variable[...]
+    if scale == 0 or not math.isfinite(scale) or not math.isfinite(offset):
+        packed = f"a scale_factor of {scale:g} and an add_offset of {offset:g}"
+        raise RefusedContentError(f"{what} is packed by {packed}")
+    if values.dtype.kind != "S" or values.ndim < 2:
+        return values
+    plain = np.ascontiguousarray(np.ma.filled(values, b"\0"))
+    if not plain.size:
+        return np.full(plain.shape[:-1], "")
+    try:
+        return np.char.decode(plain.view(f"S{plain.shape[-1]}")[..., 0], "utf-8")
+    except UnicodeDecodeError:
+        raise RefusedContentError(f"{what} has characters that are no UTF-8") from None
