@@ -7,14 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.read import read_group
+from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
+    CONTRADICTION,
     DEPENDENCE,
     INTERVAL_LEVEL,
     NOTE,
     RUNS,
+    SURROGATES,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -26,7 +28,8 @@ from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.texts import capitalized, join_names
+from uqpen.results.texts import capitalized, join_names, plain_text
+from uqpen.surrogates.storage import refuted_outputs
 
 __all__ = ["alerts"]
 
@@ -41,6 +44,7 @@ def alerts(
 ) -> Iterator[Alert]:
     """Yield what to mind about quantities by a design, the gravest first."""
     yield from _missing_alert(view, design)
+    yield from _refutation_alerts(view)
     yield from _precision_alert(view, design, quantities)
     yield from _input_alerts(view, design)
     yield _scope_alert(view, design)
@@ -54,6 +58,23 @@ def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
             "shows it.",
             "Find out why they fail, and make these runs again.",
         )
+
+
+def _refutation_alerts(view: ArchiveView) -> Iterator[Alert]:
+    """Yield one alert for each reason why runs refute a surrogate."""
+    for name in group_names(view.tree, SURROGATES):
+        outputs: dict[str, list[str]] = {}
+        for output, reason in refuted_outputs(
+            view.tree.children[SURROGATES].children[name]
+        ).items():
+            outputs.setdefault(reason, []).append(output_name(view, output))
+        for reason, those in outputs.items():
+            yield Alert(
+                "Refuted surrogate",
+                f"{name}, {join_names(those)}: {plain_text(reason, 300)}. None of its estimates is "
+                "stated.",
+                "Take the estimates of the runs, or fit another kind, transform or more runs.",
+            )
 
 
 def _precision_alert(
@@ -99,7 +120,16 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "distributions.",
         )
     yield from _absence_alert(view, design)
-    if dependence := str(read_group(view.tree, RUNS, design).attrs.get(DEPENDENCE, "")):
+    attributes = read_group(view.tree, RUNS, design).attrs
+    if CONTRADICTION in attributes:
+        yield Alert(
+            "Dependence",
+            "The inputs depend on each other, against what the study states: "
+            f"{plain_text(str(attributes[CONTRADICTION]), 100)}. Surrogates of these runs have no "
+            "estimates.",
+            "State the dependence in [dependence]; estimates are then of these inputs.",
+        )
+    elif dependence := str(attributes.get(DEPENDENCE, "")):
         yield Alert(
             "Dependence",
             f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
