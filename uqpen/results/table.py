@@ -38,6 +38,7 @@ __all__ = [
     "label_with_unit",
     "output_names",
     "quantile_label",
+    "return_level_label",
     "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
@@ -147,6 +148,16 @@ def label_with_unit(label: str, unit: str) -> str:
 def quantile_label(probability: float) -> str:
     """Return the label of a quantile in a table."""
     return "median" if probability == 0.5 else f"{percent_text(probability)} quantile"
+
+
+def shortfall_label(probability: float) -> str:
+    """Return the label of a mean beyond a quantile in a table."""
+    return f"mean beyond the {quantile_label(probability)}"
+
+
+def return_level_label(period: float) -> str:
+    """Return the label of a return level in a table."""
+    return f"exceeded once in {period:.10g} cases"
 
 
 def exceedance_label(threshold: str) -> str:

@@ -64,7 +64,7 @@ class ArchivedSurrogate:
     ranges : mapping of str to tuple of float
         The smallest and the largest value of each input in the training runs, in SI units.
     refuted : mapping of str to str
-        The outputs whose predictions runs refute, each with the reason. It predicts them all the same.
+        The outputs whose predictions runs refute, each with the reason.
 
     Examples
     --------

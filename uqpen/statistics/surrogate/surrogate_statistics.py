@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import xarray as xr
 
-from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
+from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY, TAILS
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.field_statistics import field_statistics
@@ -22,7 +22,7 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate
 
 __all__ = ["SurrogateStatistics", "surrogate_statistics"]
 
-_SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS)
+_SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS, TAILS)
 
 
 @dataclass(frozen=True)
