@@ -198,7 +198,8 @@ def test_of_several_models_the_differences_stand_first(
             [
                 "in 99 of 100 cases, by estimate alone. No bound is known: an upper bound needs at "
                 "least 299 runs.",
-                "Further down: 1 more estimate of these outputs.",
+                # The third limit has no room among the first ones, and stands below them.
+                "y above 3: In none of 5 completed runs: at most ",
             ],
         ),
     ],

@@ -315,6 +315,9 @@ CONTRADICTED = (
 
 # Estimates of a surrogate that runs cannot correct.
 NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's own figure"
+NO_TAIL_OF_SURROGATE = (
+    "no tail is fitted to draws of a surrogate: beyond its runs they say nothing of the model"
+)
 NOT_POSITIVE_IN_RUNS = "some of the runs that correct it are not positive"
 NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"

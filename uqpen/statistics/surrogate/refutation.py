@@ -38,7 +38,7 @@ from uqpen.surrogates.diagnostics import shown_diagnostics
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.prediction_error import predictive_q2
 
-__all__ = ["LEAST_Q2", "contradiction", "refutations", "without_numbers"]
+__all__ = ["LEAST_Q2", "contradiction", "missing_estimates", "refutations", "without_numbers"]
 
 # Below it, a surrogate errs more than the mean of the runs, and so knows less than they do. Above
 # it, runs correct its figures, and their intervals say how little it knows.
@@ -136,7 +136,7 @@ def without_numbers(
     """
     return {
         output: {
-            name: _missing(array, reasons[output])
+            name: missing_estimates(array, reasons[output])
             for name, array in arrays.items()
             if name not in CATALOGUE or not CATALOGUE[name].is_function
         }
@@ -146,7 +146,7 @@ def without_numbers(
     }
 
 
-def _missing(array: xr.DataArray, reason: str) -> xr.DataArray:
+def missing_estimates(array: xr.DataArray, reason: str) -> xr.DataArray:
     """Return an estimate array without a number, for a reason."""
     found = array.copy(data=np.full(array.shape, np.nan))
     if BOUND not in array.dims:
