@@ -23,6 +23,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
+from uqpen.statistics.texts import DOUBTFUL_TAIL
 
 __all__ = [
     "NOTHING",
@@ -42,6 +43,7 @@ __all__ = [
     "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
+    "telling_note",
 ]
 
 Conversion = Callable[[Any], Any]
@@ -176,6 +178,12 @@ def estimate_remark(array: xr.DataArray) -> str:
     if not note and interval_text(array, INTERVAL_LABEL) == "conservative":
         return "conservative: the interval may be wider than it need be"
     return note
+
+
+def telling_note(array: xr.DataArray) -> str:
+    """Return the note of an estimate without what all means of as few runs have as their note."""
+    parts = interval_text(array, NOTE).split("; ")
+    return "; ".join(part for part in parts if part != DOUBTFUL_TAIL)
 
 
 def first_runs(tree: xr.DataTree) -> xr.Dataset:

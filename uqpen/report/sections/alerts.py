@@ -28,6 +28,7 @@ from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.storage import refuted_outputs
 
@@ -47,7 +48,20 @@ def alerts(
     yield from _refutation_alerts(view)
     yield from _precision_alert(view, design, quantities)
     yield from _input_alerts(view, design)
-    yield _scope_alert(view, design)
+    estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
+    known = [each for each in estimates if each is not None]
+    assumes = any(telling_note(each) != interval_text(each, NOTE) for each in known)
+    yield _scope_alert(view, design, few_runs=assumes)
+
+
+def _with_moments(
+    view: ArchiveView, quantities: Sequence[QuotedStatistic]
+) -> Iterator[QuotedStatistic]:
+    """Yield quantities, and then the moments of their outputs."""
+    outputs = dict.fromkeys(each.output for each in quantities)
+    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    stated = {each.heading for each in quantities}
+    yield from (*quantities, *(each for each in moments if each.heading not in stated))
 
 
 def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
@@ -81,15 +95,12 @@ def _precision_alert(
     view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
 ) -> Iterator[Alert]:
     """Yield one alert on the notes of quantities, and of the moments of their outputs."""
-    outputs = dict.fromkeys(each.output for each in quantities)
-    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
     named: dict[str, dict[str, list[str]]] = {}
-    stated = {each.heading for each in quantities}
-    for quantity in (*quantities, *(each for each in moments if each.heading not in stated)):
+    for quantity in _with_moments(view, quantities):
         estimate = quantity.leading_estimate(design)
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
-        if estimate is not None and not is_said and (note := interval_text(estimate, NOTE)):
+        if estimate is not None and not is_said and (note := telling_note(estimate)):
             outputs_of = named.setdefault(note, {}).setdefault(quantity.label, [])
             outputs_of.append(output_name(view, quantity.output))
     if named:
@@ -194,16 +205,21 @@ def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
         )
 
 
-def _scope_alert(view: ArchiveView, design: str) -> Alert:
+def _scope_alert(view: ArchiveView, design: str, *, few_runs: bool) -> Alert:
     runs = view.design(design).runs
     completed = status_counts(runs)[Status.OK]
+    # Said once: every mean of few runs rests on it, and no number of theirs tells which one fails.
+    assumed = (
+        " Intervals of means and standard deviations may be too narrow if extreme values are more "
+        "frequent than in these runs."
+    )
     rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
     return Alert(
         "Scope",
         "Intervals cover the sampling error alone, not that of the model or of the assumed "
         f"distributions. {_level_text(view, design)}, all together less often."
-        + rare
-        * (run_count(runs) > 1),
+        + rare * (run_count(runs) > 1)
+        + assumed * few_runs,
         "Compare the model with measurements, and try other distributions.",
     )
 
