@@ -200,13 +200,20 @@ def test_the_page_says_it_and_asks_the_runs(tree: xr.DataTree) -> None:
     assert any(isinstance(each, Findings | Quote) for each in blocks)
 
 
-def test_a_prediction_and_a_rehearsal_say_it(tmp_path: Path) -> None:
+def test_a_prediction_and_a_rehearsal_say_it(
+    tmp_path: Path, command_line: Callable[..., Any]
+) -> None:
     path = tmp_path / "delay.nc"
     uqpen.make_archive(study_of("beyond the training runs"), path)
     reason = r"cheap, y: the surrogate is refuted: the mean of its predictions is beyond all 230"
     surrogate = uqpen.open_archive(path).surrogate("cheap")
     with pytest.warns(uqpen.RefutationWarning, match=reason):
         surrogate(a=0.0, b=0.0)
+    (tmp_path / "points.csv").write_text("a,b\n0,0\n")
+    for command in (["predict", f"{path}:cheap", "points.csv"], ["run", f"{path}:cheap"]):
+        told = command_line(*command)
+        assert told.code == 0
+        assert reason in " ".join(told.err.split())
     with open_rehearsed(path) as rehearsed, pytest.raises(SettingsError, match="is refuted"):
         assert rehearsed.study
 
