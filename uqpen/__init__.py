@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from uqpen.study.python_model import OutputSpec, PythonModel
     from uqpen.study.python_study import Study, load_study
     from uqpen.surrogates.active_learning.active_learning import ActiveLearning
-    from uqpen.surrogates.archived_surrogate import ExtrapolationWarning
+    from uqpen.surrogates.archived_surrogate import ExtrapolationWarning, RefutationWarning
     from uqpen.surrogates.gaussian_process import GaussianProcess
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
@@ -105,6 +105,7 @@ __all__ = [
     "Precision",
     "PythonModel",
     "Quadrature",
+    "RefutationWarning",
     "RigidPenetration",
     "Saltelli",
     "SobolSequence",
@@ -188,7 +189,7 @@ _HOMES = {
     "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
     "uqpen.study.python_study": ("Study", "load_study"),
     "uqpen.surrogates.active_learning.active_learning": ("ActiveLearning",),
-    "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning",),
+    "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
     "uqpen.surrogates.gaussian_process": ("GaussianProcess",),
     "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),
 }

@@ -28,6 +28,7 @@ from uqpen.execution.processes import processes
 from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
+from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import statistics_tables
 from uqpen.statistics.decision import anytime_interval, decision_attributes
 from uqpen.statistics.stopped_runs import mark_uncertified
@@ -291,6 +292,22 @@ class TestShown:
         assert finding[0].startswith("P(y > 5) < 0.5")
         assert finding[1].startswith("Held after ")
         assert "an interval that holds whenever one stops" in finding[1]
+
+    def test_in_the_long_table_with_its_own_interval(self) -> None:
+        asked = STUDY.replace("[constraints]", "[outputs.y]\nexceeds = [5, 6]\n[constraints]")
+        made = uqpen.run(uqpen.parse_study(asked + NEVER))
+        table = long_table(made).set_index(["statistic", "coordinates"]).sort_index()
+        decision = table.loc[("decision", "P(y > 5) < 0.35")]
+        assert decision["lower"] < decision["estimate"] < decision["upper"]
+        assert decision["note"].startswith("undecided after 300 runs; a wrong answer has ")
+        five, six = (table.loc[("exceedance", f"threshold={limit}")] for limit in (5, 6))
+        assert five["estimate"] == decision["estimate"]
+        assert math.isnan(five["lower"])
+        assert math.isnan(five["upper"])
+        assert five["note"] == "its interval is that of the decision"
+        assert "not certified" in six["note"]
+        # Thresholds are numbers beside their labels.
+        assert [five["threshold_value"], six["threshold_value"]] == [5.0, 6.0]
 
     def test_every_interval_for_a_fixed_number_is_marked(self) -> None:
         found = UnpackedStatistics(tree()["statistics/one/y"].to_dataset())

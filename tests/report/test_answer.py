@@ -120,6 +120,16 @@ def test_the_largest_part_that_a_publication_names_is_compared(concrete: xr.Data
     assert len(_alerts(concrete)) <= 5
 
 
+@pytest.mark.parametrize(("runs", "times"), [(1500, 1), (2500, 0)])
+def test_what_all_means_of_few_runs_have_in_common_is_said_once(
+    study_of: Callable[..., ValidatedStudy], runs: int, times: int
+) -> None:
+    text = f'[designs.some]\nkind = "monte-carlo"\nruns = {runs}'
+    tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))
+    assert _alerts(tree) == ["Scope"]
+    assert " ".join(_told(tree)).count("extreme values are more frequent than in these") == times
+
+
 def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedStudy]) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
     told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
@@ -198,7 +208,8 @@ def test_of_several_models_the_differences_stand_first(
             [
                 "in 99 of 100 cases, by estimate alone. No bound is known: an upper bound needs at "
                 "least 299 runs.",
-                "Further down: 1 more estimate of these outputs.",
+                # The third limit has no room among the first ones, and stands below them.
+                "y above 3: In none of 5 completed runs: at most ",
             ],
         ),
     ],

@@ -75,7 +75,7 @@ runs = 30
 [surrogates.flat]
 kind = "polynomial-chaos"
 design = "few"
-order = 1
+order = 3
 """
     tree = uqpen.run(study_of("np.exp(3 * a) * (b - 0.4)", text, a=(0, 1), b=(0, 1)))
     (chart, *_) = charts(tree)

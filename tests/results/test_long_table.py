@@ -41,7 +41,7 @@ STUDY = """
 
 COLUMNS = [
     *("model", "source", "kind", "output", "statistic", "coordinates"),
-    *("probability", "content", "threshold", "input", "status"),
+    *("probability", "content", "threshold", "threshold_value", "input", "status"),
     *("estimate", "lower", "upper", "unit", "interval", "interval_label", "note"),
 ]
 

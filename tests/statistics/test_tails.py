@@ -6,15 +6,21 @@ import math
 
 import numpy as np
 import pytest
+import scipy
 import xarray as xr
 
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.report.blocks import Columns, Findings
+from uqpen.report.sections.answer import answer
+from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
 from uqpen.statistics.distribution_function.return_levels import return_levels
@@ -177,6 +183,58 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
     assert "threshold of the tail" in rows
     frame = long_table(tree).query("source == 'mc' and statistic == 'return_level'")
     assert frame["estimate"].tolist() == found["return_level"].values[:, 0].tolist()
+
+
+def test_what_the_study_asks_for_is_in_the_answer(tree: xr.DataTree) -> None:
+    told = str(list(answer(ArchiveView(tree, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
+    assert "Beyond its 95 % quantile, the mean of y is " in told
+    assert "Once in 1000 cases on average, y exceeds " in told
+    assert "Once in 10000 cases on average, y exceeds " in told
+
+
+def test_what_has_no_estimate_or_no_room_among_the_sentences_stands_below_them() -> None:
+    asked = study(
+        exceeds=["10 cm", "20 cm", "40 cm"], expected_shortfall=[0.95], return_periods=[10]
+    )
+    (rows,) = (
+        block.entries
+        for column in answer(ArchiveView(uqpen.run(asked), ""))
+        if isinstance(column, Columns)
+        for block in column.blocks
+        if isinstance(block, Findings) and not block.is_verdict
+    )
+    shortfall, level = rows
+    assert shortfall.head == "y, mean beyond the 95 % quantile"
+    assert shortfall.text.startswith("Beyond its 95")
+    assert level.head == "y, exceeded once in 10 cases"
+    assert level.text.startswith("No estimate: it lies below the threshold of the fitted tail")
+
+
+def test_those_of_a_surrogate_say_why_no_run_corrects_them() -> None:
+    asked = uqpen.Study(
+        lambda a: {"y": np.exp(a)},
+        {"a": uqpen.Normal(0, 0.5)},
+        outputs={"y": uqpen.OutputSpec(expected_shortfall=[0.9], return_periods=[1000])},
+        designs={"mc": uqpen.MonteCarlo(runs=200)},
+        surrogates={"pce": uqpen.PolynomialChaos("mc", transform={"y": "log"})},
+        seed=4,
+    )
+    tree = uqpen.run(asked)
+    found = SourceStatistics(tree).statistics("pce", "y")
+    (note,) = found["expected_shortfall"].coords["note"].values
+    assert "this is the surrogate's own figure" in str(note)
+    assert np.isnan(found["return_level"].values).all()
+    (note,) = found["return_level"].coords["note"].values
+    assert str(note).startswith("no tail is fitted to draws of a surrogate")
+    # The mean of exp(σ z) beyond its 90 % quantile.
+    z, spread = scipy.stats.norm, 0.5
+    truth = np.exp(spread**2 / 2) * z.sf(z.ppf(0.9) - spread) / 0.1
+    assert found["expected_shortfall"].values[0, 0] == pytest.approx(truth, rel=0.01)
+    # Of 200 runs, a tail has too few for a return level: this note is counted, too.
+    counted = " ".join(archive_notes(tree))
+    assert "no tail is fitted to draws of a surrogate" in counted
+    assert "this is the surrogate's own figure" in counted
+    assert "fewer than 500 runs are too few to fit a tail" in counted
 
 
 def test_failed_runs_are_named_at_the_tail(tree: xr.DataTree) -> None:

@@ -15,7 +15,11 @@ import uqpen
 from uqpen.core.labels import AGREEMENT
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
+from uqpen.report.blocks import Alerts
+from uqpen.report.sections.answer import answer
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics import texts
 from uqpen.verification.check_result import CheckOutcome
 
@@ -180,6 +184,43 @@ def test_how_points_follow_the_stated_inputs_is_told(written: Written) -> None:
     # A p value is that of independent draws, which these points are not declared to be.
     undeclared = str(runs_of(written(STUDY + INPUTS + DESIGN)).attrs[AGREEMENT])
     assert "p =" not in undeclared
+
+
+SURROGATE = """
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "given"
+order = 2
+"""
+
+
+def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(
+    written: Written,
+) -> None:
+    text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n{SURROGATE}"
+    order = np.argsort(np.argsort(LOADS + 0.2 * np.std(LOADS) * np.sin(np.arange(len(LOADS)))))
+    alike = table(**{"length [m]": np.sort(LENGTHS)[order]})
+    tree = uqpen.run(written(text, alike))
+    for array in SourceStatistics(tree).statistics("pce", "deflection").values():
+        assert np.isnan(array.values).all()
+        for note in np.ravel(array.coords["note"].values):
+            assert note.startswith("the runs contradict the stated independence of the inputs: ")
+            assert "load and length 0.9" in note
+    # The statistics of the runs are those of dependent inputs, and say so.
+    first = SourceStatistics(tree).statistics("given", "deflection")["first_order"]
+    assert all("includes correlation" in note for note in first.coords["note"].values)
+    (dependence,) = (
+        each
+        for block in answer(ArchiveView(tree, ""))
+        if isinstance(block, Alerts)
+        for each in block.alerts
+        if each.about == "Dependence"
+    )
+    assert "against what the study states: the rank correlation of load" in dependence.text
+    # Points that are not declared draws of the inputs may lie anywhere.
+    undeclared = uqpen.run(written(f"{STUDY}{INPUTS}{DESIGN}{SURROGATE}", alike))
+    mean = SourceStatistics(undeclared).statistics("pce", "deflection")["mean"]
+    assert np.isfinite(mean.values[0])
 
 
 def test_an_archive_verifies_and_refuses_what_needs_a_model(

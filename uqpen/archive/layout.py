@@ -20,6 +20,7 @@ from uqpen.core.labels import (
     CITED,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
+    CONTRADICTION,
     DECISION,
     DECISION_CLAIM,
     DECISION_LOWER,
@@ -34,6 +35,7 @@ from uqpen.core.labels import (
     NOT_FITTED,
     NOTE,
     RECIPE,
+    REFUTED,
     ROLE,
     RUNS_ABSENT,
     RUNS_SPENT,
@@ -58,9 +60,11 @@ _ATTRIBUTES = {
         (INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
         "text",
     ),
-    **dict.fromkeys((ABSENT, DERIVED_FROM), "text"),
+    **dict.fromkeys((ABSENT, CONTRADICTION, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
+    **dict.fromkeys(
+        (CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED), "text"
+    ),
     **dict.fromkeys(
         (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
         "count",

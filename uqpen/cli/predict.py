@@ -59,8 +59,8 @@ def predict(
     if ignored := [column.name for column in columns if column.name not in known]:
         show_message(f"columns that are no input: {', '.join(ignored)}")
     values, text = _checked_values(found, taken, points)
-    if text:
-        show_message(text)
+    for said in filter(None, (text, found.refutation_text)):
+        show_message(said)
     if is_dataset and file is not None:
         del columns, taken  # of many points, their numbers take as much as the values
         _write_dataset(found.predict(values), file)

@@ -101,7 +101,8 @@ def _run_surrogate(
             deviation = scale(unit).difference_from_si(float(predicted[std]))
             rows.append((std, f"{deviation:.3g}", shown))
     standard_output().print(plain_table(["output", "value", "unit"], rows))
-    if text := found.extrapolation_text(predicted[EXTRAPOLATED]):
+    said = found.extrapolation_text(predicted[EXTRAPOLATED]), found.refutation_text
+    for text in filter(None, said):
         show_message(text)
 
 

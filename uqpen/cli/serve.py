@@ -197,6 +197,7 @@ def _archive_offers(
     from uqpen.core.lookup import choices
     from uqpen.surrogates.archived_surrogate import surrogate_paths
     from uqpen.surrogates.restoring import restore_surrogate
+    from uqpen.surrogates.storage import refuted_outputs
     from uqpen.verification.restored_study import restored_study
 
     tree = open_archive(path)
@@ -214,6 +215,8 @@ def _archive_offers(
             model, name = found[offered]
             variant = study.models[model]
             group = trees[model].children[SURROGATES].children[name]
+            for output, reason in refuted_outputs(group).items():
+                show_message(f"{offered}, {output}: {reason}")
             settings = study.surrogates[name]
             loaded = None if settings.absence else type(settings)
             surrogate = restore_surrogate(group, offered, variant.model, loaded=loaded)

@@ -111,6 +111,7 @@ MOMENTS = "moments"
 QUANTILES = "quantiles"
 EXCEEDANCE = "exceedance"
 CDFS = "cdfs"
+TAILS = "tails"
 SHARES = "shares"
 SENSITIVITY = "sensitivity"
 CONVERGENCE = "convergence"
@@ -138,6 +139,8 @@ ABSENT = "absent"
 RUNS_ABSENT = "runs_absent"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"
+# Of an output whose predictions by a surrogate runs refute: the reason.
+REFUTED = "refuted"
 DEPENDENCE = "dependence"
 # The rule by which a design decided how many runs it makes, and what that means for intervals.
 STOPPING_RULE = "stopping_rule"
@@ -157,6 +160,8 @@ DECISION_LOWER = "decision_lower"
 DECISION_UPPER = "decision_upper"
 # How well given points follow the distributions that the study states.
 AGREEMENT = "agreement_with_inputs"
+# How they contradict the independence that the study states.
+CONTRADICTION = "contradicted_inputs"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

@@ -10,7 +10,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import AGREEMENT, REPLICATE, WEIGHT
+from uqpen.core.labels import AGREEMENT, CONTRADICTION, DEPENDENCE, REPLICATE, WEIGHT
 from uqpen.core.model import Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, flag
@@ -87,8 +87,15 @@ class DataDesign(Design):
         points = points_dataset(joint, columns, coordinates, runs=self.run_count(joint))
         if REPLICATE in coordinates:
             points[REPLICATE] = points[REPLICATE].astype(np.int64)
-        if WEIGHT not in coordinates and (text := self._agreement_text(joint)):
-            points.attrs[AGREEMENT] = text
+        if WEIGHT not in coordinates:
+            contradiction = self._contradiction_text(joint)
+            texts = {
+                AGREEMENT: self._agreement_text(joint),
+                CONTRADICTION: contradiction,
+                # The statistics of these runs are those of inputs that depend on each other.
+                DEPENDENCE: contradiction,
+            }
+            points.attrs |= {key: text for key, text in texts.items() if text}
         yield points
 
     def columns(self, joint: JointDistribution) -> dict[str, FloatArray]:
@@ -135,6 +142,15 @@ class DataDesign(Design):
         if pair := largest_correlation(joint, points):
             texts.append(f"largest rank correlation: {_text(pair, is_drawn=is_drawn)}")
         return "; ".join(texts)
+
+    def _contradiction_text(self, joint: JointDistribution) -> str:
+        """Say how its points contradict a stated independence, if they are claimed to be draws."""
+        if self.sampling is Sampling.GIVEN:
+            return ""
+        pair = largest_correlation(joint, self.columns(joint))
+        if pair is None or not pair.contradicts_independence:
+            return ""
+        return f"the rank correlation of {_text(pair, is_drawn=True)}"
 
 
 def _text(found: Agreement, *, is_drawn: bool) -> str:

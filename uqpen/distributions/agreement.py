@@ -14,6 +14,11 @@ from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Agreement", "input_agreements", "largest_correlation"]
 
+# One in so many studies of independent inputs has a larger correlation by chance.
+_CHANCE = 1e-4
+# A weaker one changes the variance of a sum of two inputs by less than a tenth.
+_WEAK = 0.1
+
 
 class Agreement(NamedTuple):
     """Comparison of points with a joint distribution by one number.
@@ -31,6 +36,11 @@ class Agreement(NamedTuple):
     inputs: tuple[str, ...]
     value: float
     p_value: float
+
+    @property
+    def contradicts_independence(self) -> bool:
+        """True for a rank correlation that is neither chance nor too weak to matter."""
+        return self.p_value < _CHANCE and abs(self.value) >= _WEAK
 
 
 def input_agreements(

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
+from uqpen.core.labels import REFUTED, RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.figures.panel import Axes, Panel
 from uqpen.figures.scatter import thin_runs
@@ -84,7 +84,8 @@ def predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.n
 def fit_quality(made: xr.DataTree, output: str) -> str:
     """Return the quality of the fit, as the surrogate's table has it."""
     attributes = fit_diagnostics(made, output)
+    refuted = ", refuted" * (REFUTED in attributes)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
         if np.isfinite(attributes.get(key, np.nan)):
-            return f"Q² {quality_text(float(attributes[key]))} ({of})"
-    return "Q² unknown"
+            return f"Q² {quality_text(float(attributes[key]))} ({of}){refuted}"
+    return f"Q² unknown{refuted}"

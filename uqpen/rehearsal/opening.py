@@ -17,6 +17,7 @@ from uqpen.study.load import load_study
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.archived_surrogate import surrogate_paths
 from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.storage import refuted_outputs
 from uqpen.verification.restored_study import restored_study
 
 __all__ = ["open_rehearsed"]
@@ -98,12 +99,13 @@ def _rehearsed(study: ValidatedStudy, tree: xr.DataTree, label: str) -> Rehearse
     model_tree = model_trees(tree)[model]
     settings = study.surrogates[name]
     is_loaded = name in study.surrogate_origins and not settings.absence
+    group = model_tree.children[SURROGATES].children[name]
     fitted = restore_surrogate(
-        model_tree.children[SURROGATES].children[name],
+        group,
         label,
         study.models[model].model,
         loaded=type(settings) if is_loaded else None,
     )
     designs = group_names(model_tree, RUNS)
     runs = {design: read_group(model_tree, RUNS, design) for design in designs}
-    return RehearsedStudy(study, model, fitted, runs)
+    return RehearsedStudy(study, model, fitted, runs, refuted_outputs(group))

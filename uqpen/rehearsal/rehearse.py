@@ -65,6 +65,8 @@ def rehearse(
     """
     settings, progress = settings or RehearsalSettings(), progress or Progress()
     study, fitted = rehearsed.study, rehearsed.fitted
+    for output, reason in rehearsed.refuted.items():
+        progress.inform(f"{output} is not rehearsed: {reason}")
     sources = study_sources(study, settings.runs)
     work = RepeatWork(study, sources, rehearsed_statistics(study, sources))
     progress.start_step(f"the statistics of {fitted.name}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,12 +35,16 @@ class RehearsedStudy:
         Fitted to runs of that model.
     runs : mapping of str to Dataset
         The study's own runs of that model, by design.
+    refuted : mapping of str to str
+        The outputs whose predictions its runs refute, each with the reason. They are not
+        rehearsed: where it is no model of the output, it says nothing of the study.
     """
 
     original: ValidatedStudy
     model: str
     surrogate: FittedSurrogate
     runs: Mapping[str, xr.Dataset]
+    refuted: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fitted(self) -> FittedSurrogate:
@@ -54,10 +58,17 @@ class RehearsedStudy:
         Raises
         ------
         SettingsError
-            If no design draws its points, or the surrogate predicts no number of the study.
+            If no design draws its points, or the surrogate predicts no number of the study that
+            runs do not refute.
         """
         study, variant = self.original, self.original.models[self.model]
         quantities = tuple(self._quantities())
+        if not quantities and self.refuted:
+            reasons = "; ".join(f"{output}: {reason}" for output, reason in self.refuted.items())
+            expected = "one that its runs do not refute"
+            raise SettingsError(
+                [Problem(("surrogates",), f"{self.fitted.name}, {reasons}", expected)]
+            )
         if not quantities:
             found = f"{self.fitted.name}, which predicts no number"
             raise SettingsError([Problem(("surrogates",), found, "one of a scalar output")])
@@ -74,7 +85,7 @@ class RehearsedStudy:
         return np.concatenate([ok_values(self.runs[name], output) for name in drawn])
 
     def _quantities(self) -> Iterator[QuantityOfInterest]:
-        known = {output.name for output in self.fitted.outputs}
+        known = {output.name for output in self.fitted.outputs} - self.refuted.keys()
         for quantity in self.original.model_quantities(self.original.models[self.model].model):
             if quantity.output.name in known and quantity.output.is_number:
                 yield quantity

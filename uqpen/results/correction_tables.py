@@ -50,9 +50,17 @@ def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable
                 continue
             convert = conversion(statistic, scale(unit))
             for label, entries in labelled_entries(statistic, {surrogate: array}):
+                if not _has_number(entries[surrogate]):
+                    continue
                 table.rows.append((label, _cells(table, entries[surrogate], convert)))
         if table.rows:
             yield table
+
+
+def _has_number(estimate: xr.DataArray) -> bool:
+    """Return True unless there is neither a corrected estimate nor one of the surrogate."""
+    alone = float(estimate.coords[SURROGATE_ESTIMATE])
+    return math.isfinite(alone) or bool(np.isfinite(estimate.values).any())
 
 
 def _cells(table: OutputTable, estimate: xr.DataArray, convert: Conversion) -> list[str]:

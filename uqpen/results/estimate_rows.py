@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,13 @@ Row = dict[str, Any]
 
 _BEFORE = ("model", "source", "kind", "output", "statistic", "coordinates")
 _BEHIND = (*BOUNDS, "unit", *INTERVAL_TEXTS)
+# Numbers of entries whose labels are texts, such as a threshold as it was written.
+_VALUES_OF_DIMENSIONS = {
+    companion: dimension
+    for dimension, labels in DIMENSIONS.items()
+    for companion, kind in labels.companions.items()
+    if kind == "number"
+}
 # Beside corrected estimates.
 _CORRECTION = (SURROGATE_ESTIMATE, EQUIVALENT_RUNS)
 
@@ -32,6 +40,8 @@ def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
     labels = [array[dim].values.tolist() for dim in dims]
     texts = {key: array.coords[key].values for key in INTERVAL_TEXTS if key in array.coords}
     numbers = {key: array.coords[key].values for key in _CORRECTION if key in array.coords}
+    values_of = [name for name in _VALUES_OF_DIMENSIONS if name in array.coords]
+    beside = {name: (array.coords[name].dims[0], array.coords[name].values) for name in values_of}
     unit = str(array.attrs.get("units", ""))
     for index in np.ndindex(*(array.sizes[dim] for dim in dims)):
         at = {dim: of_dim[i] for dim, of_dim, i in zip(dims, labels, index, strict=True)}
@@ -39,6 +49,10 @@ def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
             **described,
             "coordinates": ", ".join(f"{dim}={label}" for dim, label in at.items()),
             **at,
+            **{
+                key: float(values[index[dims.index(str(dim))]])
+                for key, (dim, values) in beside.items()
+            },
             **dict(zip(BOUNDS, np.ravel(array.values[index]).tolist(), strict=False)),
             **{key: float(values[index]) for key, values in numbers.items()},
             "unit": unit,
@@ -55,7 +69,10 @@ def rows_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     listed = list(rows)
     keys = {key for row in listed for key in row}
     used = keys - {*_BEFORE, *_BEHIND, *_CORRECTION}
-    dims = [*(name for name in DIMENSIONS if name in used), *sorted(used - DIMENSIONS.keys())]
+    own = {_VALUES_OF_DIMENSIONS[name]: name for name in used & _VALUES_OF_DIMENSIONS.keys()}
+    known = [[name, own[name]] if name in own else [name] for name in DIMENSIONS if name in used]
+    first = list(chain(*known))
+    dims = [*first, *sorted(used.difference(first))]
     columns: dict[str, list[Any]] = {
         name: [row.get(name, np.nan if name in BOUNDS else "") for row in listed]
         for name in (*_BEFORE, *_BEHIND)

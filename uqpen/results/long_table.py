@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import pandas as pd
@@ -9,10 +10,20 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.catalogue import FAILURE_STATISTICS
-from uqpen.core.labels import DIFFERENCES, INPUT, RUNS
-from uqpen.core.statistic_dimensions import UNLISTED_DIMENSIONS
+from uqpen.core.labels import (
+    DECISION,
+    DIFFERENCES,
+    INPUT,
+    INTERVAL,
+    INTERVAL_LABEL,
+    NOTE,
+    RUNS,
+)
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD, UNLISTED_DIMENSIONS
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.estimate_rows import Row, estimate_rows, rows_frame
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.stopping_texts import StatedDecision
 
 __all__ = ["long_table", "statistics_rows"]
 
@@ -33,10 +44,13 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
         One row for each entry of a statistic, in SI units. Columns ``model``, ``source``, ``kind``,
         ``output`` (empty for what is of the runs as a whole), ``statistic``, ``coordinates`` such
         as ``probability=0.95``, one for each dimension that is used (``probability``,
-        ``threshold``, ``input`` …), ``estimate``, ``lower`` and ``upper`` (NaN where there is
-        none), ``unit``, ``interval``, ``interval_label`` and ``note``. Corrected estimates add
-        ``surrogate_estimate`` and ``equivalent_runs``. The model is empty where an archive has one
-        alone and for the shares of model form, and such as ``fine minus coarse`` for a difference.
+        ``threshold`` with the number ``threshold_value``, ``input`` …), ``estimate``, ``lower`` and
+        ``upper`` (NaN where there is none), ``unit``, ``interval``, ``interval_label`` and
+        ``note``. Corrected estimates add ``surrogate_estimate`` and ``equivalent_runs``. A design
+        that decided a claim has a row of the statistic ``decision``: its probability with an
+        interval that holds whenever the runs stop, and the verdict as its note; the event itself
+        has no other interval. The model is empty where an archive has one alone and for the shares
+        of model form, and such as ``fine minus coarse`` for a difference.
 
     Examples
     --------
@@ -61,6 +75,7 @@ def statistics_rows(
     statistics: SourceStatistics, model: str = "", *, functions: bool = False
 ) -> Iterator[Row]:
     """Yield the rows of one model, or of one difference, for `long_table`."""
+    units = statistics.units
     for source in statistics.sources:
         minus = statistics.minus(source) if statistics.is_difference else ""
         described = {
@@ -69,11 +84,45 @@ def statistics_rows(
             "kind": statistics.kind(source),
         }
         for output in statistics.outputs:
+            decision = None if statistics.is_difference else statistics.decision(source)
             for name, array in statistics.statistics(source, output).items():
                 if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
-                    yield from estimate_rows(array, **described, output=output, statistic=name)
+                    for row in estimate_rows(array, **described, output=output, statistic=name):
+                        yield _with_decision(row, decision, units[output])
+            if decision is not None and decision.output == output:
+                yield _decision_row(decision, described)
         if not statistics.is_difference:
             yield from _rows_of_runs(statistics, source, described)
+
+
+def _with_decision(row: Row, decision: StatedDecision | None, unit: str) -> Row:
+    """Return a row; that of the event which a claim is on without its own interval.
+
+    The runs stopped where they decided on this event. So its interval of a fixed number of runs
+    does not hold, and that of the decision does.
+    """
+    names = (f"{THRESHOLD}_value", f"{LOWER_THRESHOLD}_value")
+    value = next((float(row[name]) for name in names if name in row), math.nan)
+    if decision is None or not decision.concerns(row["output"], row["statistic"], value, unit):
+        return row
+    none = {"lower": math.nan, "upper": math.nan, INTERVAL: "none", INTERVAL_LABEL: "none"}
+    return row | none | {NOTE: "its interval is that of the decision"}
+
+
+def _decision_row(decision: StatedDecision, described: dict[str, str]) -> Row:
+    return {
+        **described,
+        "output": decision.output,
+        "statistic": DECISION,
+        "coordinates": decision.claim,
+        "estimate": decision.probability,
+        "lower": decision.lower,
+        "upper": decision.upper,
+        "unit": DIMENSIONLESS,
+        INTERVAL: "holds whenever one stops",
+        INTERVAL_LABEL: "conservative",
+        NOTE: f"{decision.verdict_text}; {decision.guarantee}",
+    }
 
 
 def _rows_of_runs(

@@ -40,7 +40,7 @@ from uqpen.results.table import (
 from uqpen.results.user_defined_rows import OutputUnit, add_user_defined_rows
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
 from uqpen.surrogates.field_fit import FIT_TEXT
-from uqpen.surrogates.storage import unfitted_outputs
+from uqpen.surrogates.storage import refuted_outputs, unfitted_outputs
 
 __all__ = [
     "difference_tables",
@@ -191,11 +191,13 @@ def fit_table(name: str, made: xr.DataTree) -> OutputTable:
     fits = {output: shown_diagnostics(made.children[output]) for output in fitted_outputs(made)}
     columns = shown_titles(made.children[output] for output in fits)
     table = OutputTable(title, columns)
+    refuted = refuted_outputs(made)
     for output, diagnostics in fits.items():
         texts = {each.title: each.text for each in diagnostics}
         cells = [texts.get(column) or NOTHING for column in columns]
         if said := str(made.children[output].attrs.get(FIT_TEXT, "")):
             cells[-1] += table.note_mark(said)
+        cells[-1] += table.note_mark(refuted.get(output, ""))
         table.rows.append((output, cells))
     for output, reason in unfitted_outputs(made).items():
         cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(columns) - 1)]

@@ -27,6 +27,7 @@ from uqpen.core.labels import (
     STATISTICS_GROUP,
     STATUS,
 )
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names, scalar_output_names
 
@@ -77,6 +78,12 @@ class SourceStatistics:
     def scalar_outputs(self) -> list[str]:
         """The outputs of the model without dimensions, in its order."""
         return scalar_output_names(self._first_runs)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The SI unit of each output."""
+        runs = self._first_runs
+        return {name: str(runs[name].attrs.get("units", DIMENSIONLESS)) for name in self.outputs}
 
     @property
     def _first_runs(self) -> xr.Dataset:

@@ -8,11 +8,23 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
+from uqpen.core.statistic_dimensions import (
+    LOWER_THRESHOLD,
+    PROBABILITY,
+    RETURN_PERIOD,
+    SHORTFALL_LEVEL,
+    THRESHOLD,
+)
 from uqpen.results.source_statistics import source_entries
-from uqpen.results.table import below_label, exceedance_label, quantile_label
+from uqpen.results.table import (
+    below_label,
+    exceedance_label,
+    quantile_label,
+    return_level_label,
+    shortfall_label,
+)
 
-__all__ = ["NUMBERS", "labelled_entries"]
+__all__ = ["NUMBERS", "entry_label", "labelled_entries"]
 
 # Statistics of one number each, and their labels.
 _SINGLE = {"mean": "mean", "std": "sd"}
@@ -20,6 +32,8 @@ _SINGLE = {"mean": "mean", "std": "sd"}
 _SEVERAL: Mapping[str, tuple[str, Callable[[Any], str]]] = MappingProxyType(
     {
         "quantile": (PROBABILITY, quantile_label),
+        "expected_shortfall": (SHORTFALL_LEVEL, shortfall_label),
+        "return_level": (RETURN_PERIOD, return_level_label),
         "exceedance": (THRESHOLD, exceedance_label),
         "below": (LOWER_THRESHOLD, below_label),
         "share": ("category_label", "share {}".format),
@@ -27,6 +41,11 @@ _SEVERAL: Mapping[str, tuple[str, Callable[[Any], str]]] = MappingProxyType(
 )
 
 NUMBERS = (*_SINGLE, *_SEVERAL)
+
+
+def entry_label(statistic: str, entry: Any) -> str | None:
+    """Return the label of an entry of one of `NUMBERS` with several; None of another statistic."""
+    return _SEVERAL[statistic][1](entry) if statistic in _SEVERAL else None
 
 
 def labelled_entries(

@@ -21,8 +21,6 @@ from uqpen.core.labels import (
 from uqpen.core.statistic_dimensions import (
     LOWER_THRESHOLD,
     PROBABILITY,
-    RETURN_PERIOD,
-    SHORTFALL_LEVEL,
     THRESHOLD,
 )
 from uqpen.core.status import STATUS_TEXT, Status
@@ -31,6 +29,7 @@ from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
+from uqpen.results.statistic_entries import labelled_entries
 from uqpen.results.stopping_texts import stopping_text
 from uqpen.results.table import (
     NOTHING,
@@ -77,12 +76,9 @@ class StatisticsRows:
             self._add_row(quantile_label(p), "quantile", arrays)
         for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
             self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
-        for p, arrays in source_entries(self._arrays("expected_shortfall"), SHORTFALL_LEVEL):
-            label = f"mean beyond the {quantile_label(p)}"
-            self._add_row(label, "expected_shortfall", arrays)
-        for period, arrays in source_entries(self._arrays("return_level"), RETURN_PERIOD):
-            label = f"exceeded once in {period:.10g} cases"
-            self._add_row(label, "return_level", arrays)
+        for name in ("expected_shortfall", "return_level"):
+            for label, arrays in labelled_entries(name, self._arrays(name)):
+                self._add_row(label, name, arrays)
         self._add_row("threshold of the tail", "tail_threshold", self._arrays("tail_threshold"))
         self._add_row("shape of the tail", "tail_shape", self._arrays("tail_shape"))
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):

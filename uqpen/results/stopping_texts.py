@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from uqpen.core.labels import (
     STOPPING_CLAIM,
     STOPPING_RULE,
 )
+from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
 from uqpen.designs.stopping.acceptance_claim import parse_claim
 from uqpen.designs.stopping.likelihood_ratio import ERROR
@@ -111,6 +113,25 @@ class StatedDecision:
             return parse_claim(self.claim).output
         except QuantityError:
             return ""
+
+    def concerns(self, output: str, statistic: str, value: float, unit: str) -> bool:
+        """Check whether a probability is that of the claim's event.
+
+        Parameters
+        ----------
+        output, statistic : str
+        value : float
+            The threshold, in the output's SI unit.
+        unit : str
+            That unit.
+        """
+        try:
+            claim = parse_claim(self.claim)
+            limit = parse_quantity(claim.value, unit).value
+        except QuantityError:  # an archive can claim anything
+            return False
+        is_event = statistic == ("exceedance" if claim.is_above else "below")
+        return is_event and output == claim.output and math.isclose(value, limit, rel_tol=1e-12)
 
     @property
     def verdict_text(self) -> str:

@@ -23,6 +23,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
+from uqpen.statistics.texts import DOUBTFUL_TAIL
 
 __all__ = [
     "NOTHING",
@@ -38,9 +39,11 @@ __all__ = [
     "label_with_unit",
     "output_names",
     "quantile_label",
+    "return_level_label",
     "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
+    "telling_note",
 ]
 
 Conversion = Callable[[Any], Any]
@@ -149,6 +152,16 @@ def quantile_label(probability: float) -> str:
     return "median" if probability == 0.5 else f"{percent_text(probability)} quantile"
 
 
+def shortfall_label(probability: float) -> str:
+    """Return the label of a mean beyond a quantile in a table."""
+    return f"mean beyond the {quantile_label(probability)}"
+
+
+def return_level_label(period: float) -> str:
+    """Return the label of a return level in a table."""
+    return f"exceeded once in {period:.10g} cases"
+
+
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
     return f"P(> {threshold})"
@@ -165,6 +178,12 @@ def estimate_remark(array: xr.DataArray) -> str:
     if not note and interval_text(array, INTERVAL_LABEL) == "conservative":
         return "conservative: the interval may be wider than it need be"
     return note
+
+
+def telling_note(array: xr.DataArray) -> str:
+    """Return the note of an estimate without what all means of as few runs have as their note."""
+    parts = interval_text(array, NOTE).split("; ")
+    return "; ".join(part for part in parts if part != DOUBTFUL_TAIL)
 
 
 def first_runs(tree: xr.DataTree) -> xr.Dataset:

@@ -297,13 +297,33 @@ CORRECTED_BY = "{estimator}; corrected by {runs} runs"
 PLACED_AMONG = ", {placed} of them placed where the surrogate expected to err"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 
+# A surrogate that runs refute has no estimates.
+CHECK_RUNS = "{runs} check runs"
+RUNS_LEFT_OUT = "{runs} training runs left out"
+DRAWS = "draws of the inputs"
+REFUTED = "the surrogate is refuted: it predicts {runs} worse than their mean does (Q² {q2})"
+REFUTED_AS_NOT_FINITE = "the surrogate is refuted: not all of its predictions of {runs} are finite"
+REFUTED_BY_ITS_MEAN = (
+    "the surrogate is refuted: the mean of its predictions is beyond all {runs} runs"
+)
+
+# Nor has one whose runs are of other inputs than those that it is asked about.
+CONTRADICTED = (
+    "the runs contradict the stated independence of the inputs: {contradiction}; [dependence] of "
+    "the study can state it"
+)
+
 # Estimates of a surrogate that runs cannot correct.
 NO_CORRECTION = "no correction by runs is known for it: this is the surrogate's own figure"
+NO_TAIL_OF_SURROGATE = (
+    "no tail is fitted to draws of a surrogate: beyond its runs they say nothing of the model"
+)
 NOT_POSITIVE_IN_RUNS = "some of the runs that correct it are not positive"
 NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
 EXPLAINS_TOO_LITTLE = "the surrogate explains {share:.0f} % of the variance at runs left out"
+TOO_LITTLE_ALONE = "{explained}, too little for a figure that no run corrects"
 SEE_QUANTILES = "see the quantiles"
 WITHOUT_VALUE_IN_RUNS = "some of the runs that correct it have no value of it"
 NOT_FINITE_PREDICTIONS = "predictions of it are not finite"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,12 +22,14 @@ from uqpen.core.units import scale
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.prediction_points import broadcast_inputs, input_array
 from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.storage import refuted_outputs
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = [
     "EXTRAPOLATED",
     "ArchivedSurrogate",
     "ExtrapolationWarning",
+    "RefutationWarning",
     "archived_surrogate",
     "std_name",
     "surrogate_paths",
@@ -41,6 +43,10 @@ _ROUNDING = 1e-12
 
 class ExtrapolationWarning(UserWarning):
     """Warning: a surrogate predicts outside of its training range."""
+
+
+class RefutationWarning(UserWarning):
+    """Warning: a surrogate predicts an output although runs refute it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +63,8 @@ class ArchivedSurrogate:
         Those that it predicts.
     ranges : mapping of str to tuple of float
         The smallest and the largest value of each input in the training runs, in SI units.
+    refuted : mapping of str to str
+        The outputs whose predictions runs refute, each with the reason.
 
     Examples
     --------
@@ -69,6 +77,7 @@ class ArchivedSurrogate:
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
     ranges: Mapping[str, tuple[float, float]]
+    refuted: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self, **values: Any) -> xr.Dataset:
         """Predict its outputs at some points.
@@ -93,6 +102,8 @@ class ArchivedSurrogate:
         -----
         ExtrapolationWarning
             If a point is outside of the training range.
+        RefutationWarning
+            If runs refute it.
 
         Raises
         ------
@@ -107,10 +118,12 @@ class ArchivedSurrogate:
         predicted = self.predict(values)
         if text := self.extrapolation_text(predicted[EXTRAPOLATED]):
             warnings.warn(text, ExtrapolationWarning, stacklevel=2)
+        if text := self.refutation_text:
+            warnings.warn(text, RefutationWarning, stacklevel=2)
         return predicted
 
     def predict(self, values: Mapping[str, Any]) -> xr.Dataset:
-        """Predict its outputs as a call does, but without the warning."""
+        """Predict its outputs as a call does, but without the warnings."""
         given = self._arrays(values)
         points = broadcast_inputs(given)
         some = points[self.fitted.random_inputs[0]]
@@ -138,6 +151,12 @@ class ArchivedSurrogate:
         points = broadcast_inputs(self._arrays(values))
         self._check_dimensions(points[self.fitted.random_inputs[0]])
         return self._is_outside(points)
+
+    @property
+    def refutation_text(self) -> str:
+        """Text on the outputs whose predictions runs refute; empty for none."""
+        reasons = (f"{output}: {reason}" for output, reason in self.refuted.items())
+        return f"{self.fitted.name}, {'; '.join(reasons)}" if self.refuted else ""
 
     def extrapolation_text(self, marked: xr.DataArray) -> str:
         """Return how many points are outside of the training range, and where; empty for none."""
@@ -238,6 +257,7 @@ def archived_surrogate(
             for output in fitted.outputs
         ),
         {each: _range(runs[each], completed) for each in inputs},
+        refuted_outputs(group),
     )
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from uqpen.core.labels import NOT_FITTED
+from uqpen.core.labels import NOT_FITTED, REFUTED
 from uqpen.core.variables import Variable
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIELD", "describe", "description", "unfitted_outputs"]
+__all__ = ["FIELD", "describe", "description", "refuted_outputs", "unfitted_outputs"]
 
 # What distinguishes an attribute that is a part of a fit from others of its group.
 FIELD = "field_"
@@ -32,8 +32,17 @@ def description(attributes: Mapping[Any, Any], prefix: str = "") -> tuple[str, s
 
 def unfitted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
     """Return the outputs that a surrogate could not be fitted to, each with the reason."""
+    return _reasons(surrogate, NOT_FITTED)
+
+
+def refuted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
+    """Return the outputs of a surrogate that runs refute, each with the reason."""
+    return _reasons(surrogate, REFUTED)
+
+
+def _reasons(surrogate: xr.DataTree, attribute: str) -> dict[str, str]:
     return {
-        str(output): str(group.attrs[NOT_FITTED])
+        str(output): str(group.attrs[attribute])
         for output, group in surrogate.children.items()
-        if NOT_FITTED in group.attrs
+        if attribute in group.attrs
     }

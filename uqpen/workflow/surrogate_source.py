@@ -6,13 +6,18 @@ from collections.abc import Mapping
 
 import xarray as xr
 
-from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_RECIPE
+from uqpen.core.labels import REFUTED, RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_RECIPE
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
 from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
+from uqpen.statistics.surrogate.refutation import (
+    contradiction,
+    refutations,
+    without_numbers,
+)
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
@@ -27,8 +32,9 @@ __all__ = ["RECIPE", "surrogate_source"]
 
 # Whoever changes how surrogates are fitted or corrected raises it: `verify` then leaves out those
 # of earlier archives. The first one compared estimates with runs; the second had intervals of
-# indices from known terms alone; the third had distribution functions that stepped back.
-RECIPE = 4
+# indices from known terms alone; the third had distribution functions that stepped back; the
+# fourth had estimates by surrogates that their runs refute.
+RECIPE = 5
 
 
 def surrogate_source(
@@ -83,6 +89,13 @@ def _surrogate_results(
     evidence = correction_evidence(draws, folds, training, check, quantities)
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
-    for output, missing in missing_run_predictions(checked, training, quantities).items():
+    refuted = refutations(draws, folds, training, check, tree.children)
+    for output, reason in refuted.items():
+        tree.children[output].attrs[REFUTED] = reason
+    believed = [each for each in quantities if each.output.name not in refuted]
+    for output, missing in missing_run_predictions(checked, training, believed).items():
         tree.children[output].attrs |= missing.attributes() | missing.share_attributes()
-    return tree, {**corrected, **found.fields}
+    statistics = {**corrected, **found.fields}
+    if reason := contradiction(training, check):
+        refuted |= dict.fromkeys(statistics, reason)
+    return tree, without_numbers(statistics, refuted)

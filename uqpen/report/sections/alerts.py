@@ -7,14 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.read import read_group
+from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
+    CONTRADICTION,
     DEPENDENCE,
     INTERVAL_LEVEL,
     NOTE,
     RUNS,
+    SURROGATES,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -26,7 +28,9 @@ from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.texts import capitalized, join_names
+from uqpen.results.table import telling_note
+from uqpen.results.texts import capitalized, join_names, plain_text
+from uqpen.surrogates.storage import refuted_outputs
 
 __all__ = ["alerts"]
 
@@ -41,9 +45,23 @@ def alerts(
 ) -> Iterator[Alert]:
     """Yield what to mind about quantities by a design, the gravest first."""
     yield from _missing_alert(view, design)
+    yield from _refutation_alerts(view)
     yield from _precision_alert(view, design, quantities)
     yield from _input_alerts(view, design)
-    yield _scope_alert(view, design)
+    estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
+    known = [each for each in estimates if each is not None]
+    assumes = any(telling_note(each) != interval_text(each, NOTE) for each in known)
+    yield _scope_alert(view, design, few_runs=assumes)
+
+
+def _with_moments(
+    view: ArchiveView, quantities: Sequence[QuotedStatistic]
+) -> Iterator[QuotedStatistic]:
+    """Yield quantities, and then the moments of their outputs."""
+    outputs = dict.fromkeys(each.output for each in quantities)
+    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    stated = {each.heading for each in quantities}
+    yield from (*quantities, *(each for each in moments if each.heading not in stated))
 
 
 def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
@@ -56,19 +74,33 @@ def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
         )
 
 
+def _refutation_alerts(view: ArchiveView) -> Iterator[Alert]:
+    """Yield one alert for each reason why runs refute a surrogate."""
+    for name in group_names(view.tree, SURROGATES):
+        outputs: dict[str, list[str]] = {}
+        for output, reason in refuted_outputs(
+            view.tree.children[SURROGATES].children[name]
+        ).items():
+            outputs.setdefault(reason, []).append(output_name(view, output))
+        for reason, those in outputs.items():
+            yield Alert(
+                "Refuted surrogate",
+                f"{name}, {join_names(those)}: {plain_text(reason, 300)}. None of its estimates is "
+                "stated.",
+                "Take the estimates of the runs, or fit another kind, transform or more runs.",
+            )
+
+
 def _precision_alert(
     view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
 ) -> Iterator[Alert]:
     """Yield one alert on the notes of quantities, and of the moments of their outputs."""
-    outputs = dict.fromkeys(each.output for each in quantities)
-    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
     named: dict[str, dict[str, list[str]]] = {}
-    stated = {each.heading for each in quantities}
-    for quantity in (*quantities, *(each for each in moments if each.heading not in stated)):
+    for quantity in _with_moments(view, quantities):
         estimate = quantity.leading_estimate(design)
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
-        if estimate is not None and not is_said and (note := interval_text(estimate, NOTE)):
+        if estimate is not None and not is_said and (note := telling_note(estimate)):
             outputs_of = named.setdefault(note, {}).setdefault(quantity.label, [])
             outputs_of.append(output_name(view, quantity.output))
     if named:
@@ -99,7 +131,16 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "distributions.",
         )
     yield from _absence_alert(view, design)
-    if dependence := str(read_group(view.tree, RUNS, design).attrs.get(DEPENDENCE, "")):
+    attributes = read_group(view.tree, RUNS, design).attrs
+    if CONTRADICTION in attributes:
+        yield Alert(
+            "Dependence",
+            "The inputs depend on each other, against what the study states: "
+            f"{plain_text(str(attributes[CONTRADICTION]), 100)}. Surrogates of these runs have no "
+            "estimates.",
+            "State the dependence in [dependence]; estimates are then of these inputs.",
+        )
+    elif dependence := str(attributes.get(DEPENDENCE, "")):
         yield Alert(
             "Dependence",
             f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
@@ -164,16 +205,21 @@ def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
         )
 
 
-def _scope_alert(view: ArchiveView, design: str) -> Alert:
+def _scope_alert(view: ArchiveView, design: str, *, few_runs: bool) -> Alert:
     runs = view.design(design).runs
     completed = status_counts(runs)[Status.OK]
+    # Said once: every mean of few runs rests on it, and no number of theirs tells which one fails.
+    assumed = (
+        " Intervals of means and standard deviations may be too narrow if extreme values are more "
+        "frequent than in these runs."
+    )
     rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
     return Alert(
         "Scope",
         "Intervals cover the sampling error alone, not that of the model or of the assumed "
         f"distributions. {_level_text(view, design)}, all together less often."
-        + rare
-        * (run_count(runs) > 1),
+        + rare * (run_count(runs) > 1)
+        + assumed * few_runs,
         "Compare the model with measurements, and try other distributions.",
     )
 

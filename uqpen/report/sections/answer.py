@@ -109,6 +109,8 @@ def _stated_blocks(
     if further:
         title = f"{count_text(len(further), 'more sentence')} to quote"
         yield Fold(title, (Quote(further),))
+    if asked := tuple(each for entry in shown for each in entry.further):
+        yield Findings(asked)
     if of_fields := tuple(field_sentences(view, design)):
         yield Quote(of_fields)
     sentences = (

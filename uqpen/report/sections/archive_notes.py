@@ -16,11 +16,12 @@ from uqpen.core.labels import (
     DIFFERENCES,
     MISSING,
     NOTE,
+    RANK,
     RUNS,
     SURROGATES,
 )
+from uqpen.core.statistic_dimensions import UNLISTED_DIMENSIONS
 from uqpen.report.counting import count_text
-from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.texts import plain_text
@@ -32,7 +33,14 @@ __all__ = ["archive_notes"]
 _MOST_NOTES = 20
 
 # Diagnostics of other estimates, which have notes of their own.
-_DIAGNOSES = ("kurtosis", "effective_runs")
+_DIAGNOSES = (
+    "kurtosis",
+    "effective_runs",
+    "effective_size",
+    *(name for name in CATALOGUE if name.startswith("tail_")),
+)
+# Growing parts of the runs repeat the notes of the whole, and so do all percentiles.
+_REPEATED = UNLISTED_DIMENSIONS - {RANK}
 # Heavy tails are one warning, however heavy.
 _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 
@@ -57,11 +65,15 @@ def _estimate_notes(statistics: SourceStatistics) -> Iterator[str]:
     sources = [name for name in statistics.sources if not statistics.citation(name)]
     outputs = statistics.scalar_outputs
     every = [statistics.statistics(source, output) for source in sources for output in outputs]
-    for names in STATISTIC_FAMILIES.values():
-        for arrays in every:
-            for name in names:
-                if name in arrays and name not in _DIAGNOSES:
-                    yield from _notes(arrays[name], is_whole=CATALOGUE[name].is_function)
+    counted = [
+        each
+        for each in CATALOGUE.values()
+        if each.name not in _DIAGNOSES and _REPEATED.isdisjoint(each.dims)
+    ]
+    for arrays in every:
+        for each in counted:
+            if each.name in arrays:
+                yield from _notes(arrays[each.name], is_whole=each.is_function)
 
 
 def _failure_notes(model: xr.DataTree) -> Iterator[str]:

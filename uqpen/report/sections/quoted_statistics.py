@@ -20,12 +20,10 @@ from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import equivalent_runs_text, is_corrected
 from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
+from uqpen.results.statistic_entries import entry_label
 from uqpen.results.table import (
-    below_label,
     estimate_remark,
-    exceedance_label,
     output_names,
-    quantile_label,
 )
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
@@ -47,6 +45,8 @@ _TOLERANCE_LIMITS = {
     "lower_tolerance_limit": "lower limit for",
     "tolerance_interval": "tolerance interval of",
 }
+# Numbers of the tail that a study can request.
+_TAILS = ("expected_shortfall", "return_level")
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,17 @@ class QuotedStatistic:
 
     def estimate(self, design: str) -> xr.DataArray | None:
         """Return a design's estimate of it, along ``bound``; None where there is none."""
+        array = self._entry(design)
+        # A tolerance interval has ends alone.
+        return array if array is not None and np.isfinite(array.values).any() else None
+
+    def reason_without_estimate(self, design: str) -> str:
+        """Return why a design has no estimate of it; empty if that is not known."""
+        array = self._entry(design)
+        return "" if array is None else estimate_remark(array)
+
+    def _entry(self, design: str) -> xr.DataArray | None:
+        """Return what a design has of it, which may be missing with a reason."""
         array = self.view.statistics.get(design, self.output, self.statistic)
         if array is None:
             return None
@@ -68,8 +79,7 @@ class QuotedStatistic:
             if self.entry not in entries:
                 return None
             array = array[{along: entries.index(self.entry)}]
-        # A tolerance interval has ends alone.
-        return array if np.isfinite(array.values).any() else None
+        return array
 
     def leading_estimate(self, design: str) -> xr.DataArray | None:
         """Return the estimate that the page states: corrected by real runs, or else the design's.
@@ -129,13 +139,8 @@ class QuotedStatistic:
         """Name of the statistic, behind that of its output."""
         if what := _TOLERANCE_LIMITS.get(self.statistic):
             return f"{what} {no_break(percent_text(self.entry))} of cases"
-        if self.statistic == "quantile":
-            return quantile_label(self.entry)
-        if self.statistic == "exceedance":
-            return exceedance_label(plain_text(self.entry))
-        if self.statistic == "below":
-            return below_label(plain_text(self.entry))
-        return CATALOGUE[self.statistic].title
+        entry = plain_text(self.entry) if isinstance(self.entry, str) else self.entry
+        return entry_label(self.statistic, entry) or CATALOGUE[self.statistic].title
 
     @property
     def is_probability(self) -> bool:
@@ -169,22 +174,22 @@ def no_break(text: str) -> str:
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
     """Return the requested statistics of an output.
 
-    What has a verdict comes first, then the first tolerance limit of each kind, thresholds, and the
-    other limits.
+    What has a verdict comes first, then the first tolerance limit of each kind, thresholds, numbers
+    of the tail (or the reason why there is none), and the other limits.
     """
-    limits, thresholds = (
+    limits, others_asked = (
         [
             [
                 each
                 for each in _entries(view, output, design, name)
-                if each.estimate(design) is not None
+                if name in _TAILS or each.estimate(design) is not None
             ]
             for name in names
         ]
-        for names in (_TOLERANCE_LIMITS, ("exceedance", "below"))
+        for names in (_TOLERANCE_LIMITS, ("exceedance", "below", *_TAILS))
     )
     first, others = ([each for kind in limits for each in kind[part]] for part in _FIRST_AND_OTHERS)
-    every = [*first, *chain(*thresholds), *others]
+    every = [*first, *chain(*others_asked), *others]
     return sorted(every, key=lambda quantity: not _has_acceptance(quantity, design))
 
 

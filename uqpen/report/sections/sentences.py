@@ -25,13 +25,15 @@ from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import is_corrected
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.table import estimate_remark
+from uqpen.results.table import estimate_remark, quantile_label
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
 __all__ = ["EVENTS", "OutputSentences", "acceptance_sentence", "output_sentences"]
 
 # Requested statistics of an output that are stated, and categories in a sentence.
 _MOST_STATED = 3
+# Further ones of an output in the table below the sentences.
+_MOST_FURTHER = 9
 _MOST_CATEGORIES = 4
 
 # Where an output lies in the event of a probability.
@@ -46,6 +48,7 @@ class OutputSentences(NamedTuple):
     sentences: tuple[str, ...]
     quantities: tuple[QuotedStatistic, ...]  # that they state
     omitted: int = 0  # requested quantities that have no sentence
+    further: tuple[Finding, ...] = ()  # requested quantities below the sentences
 
 
 def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
@@ -53,7 +56,9 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     if output in view.categorical_outputs:
         return _category_sentences(view, output, design)
     every = requested_statistics(view, output, design)
-    kept = every[:_MOST_STATED]
+    missing = [each for each in every if each.leading_estimate(design) is None]
+    known = [each for each in every if each not in missing]
+    kept, below = known[:_MOST_STATED], [*known[_MOST_STATED:], *missing]
     common = default_statistic(view, output, design)
     if common is not None and len(kept) < _MOST_STATED:
         kept.append(common)
@@ -68,8 +73,20 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
         tuple(_verdict(*each, design) for each in limits),
         tuple(_sentence(*each, design) for each in others),
         tuple(each for each, _ in estimates),
-        max(0, len(every) - _MOST_STATED),
+        max(0, len(below) - _MOST_FURTHER),
+        tuple(_further(each, design) for each in below[:_MOST_FURTHER]),
     )
+
+
+def _further(quantity: QuotedStatistic, design: str) -> Finding:
+    """Return a requested quantity with its sentence, the verdict on its limit, or a reason."""
+    array = quantity.leading_estimate(design)
+    if array is None:
+        reason = quantity.reason_without_estimate(design)
+        return Finding(quantity.heading, f"No estimate: {plain_text(reason, 240)}.")
+    if quantity.statistic in EVENTS:
+        return _verdict(quantity, array, design)
+    return Finding(quantity.heading, _sentence(quantity, array, design))
 
 
 def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Finding:
@@ -113,6 +130,11 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if _is_constant(quantity, design):
         return f"{capitalized(name)} is {value} in every run."
     stated = f"{value} {quantity.interval(array)}"
+    if quantity.statistic == "expected_shortfall":
+        return f"Beyond its {quantile_label(quantity.entry)}, the mean of {name} is {stated}."
+    if quantity.statistic == "return_level":
+        period = no_break(f"{quantity.entry:.10g} cases")
+        return f"Once in {period} on average, {name} exceeds {stated}."
     if quantity.statistic == "quantile":
         return f"The median of {name} is {stated}: half of all cases lie below."
     return f"The mean of {name} is {stated}."

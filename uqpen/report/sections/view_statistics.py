@@ -3,33 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import xarray as xr
 
-from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import INPUT, PAIR, STATUS
+from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["STATISTIC_FAMILIES", "failure_probabilities", "sample_account", "status_probability"]
-
-# The families of estimates, by their names in a table, in their order there.
-STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "moments": ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs"),
-        "quantiles": ("quantile",),
-        "tolerance limits": ("tolerance_limit", "lower_tolerance_limit", "tolerance_interval"),
-        "exceedance probabilities": ("exceedance",),
-        "probabilities of lying below": ("below",),
-        "distribution functions": ("cdf", "cdf_band"),
-        "category probabilities": ("share",),
-        "measures of sensitivity": tuple(
-            name for name, each in CATALOGUE.items() if not {INPUT, PAIR}.isdisjoint(each.dims)
-        ),
-    }
-)
+__all__ = ["failure_probabilities", "sample_account", "status_probability"]
 
 
 def failure_probabilities(view: ArchiveView, design: str) -> xr.DataArray | None:

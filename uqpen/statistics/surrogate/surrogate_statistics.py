@@ -12,17 +12,28 @@ from dataclasses import dataclass, field, replace
 
 import xarray as xr
 
-from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
+from uqpen.core.labels import (
+    CDFS,
+    ESTIMATOR,
+    EXCEEDANCE,
+    MOMENTS,
+    QUANTILES,
+    RUN,
+    SENSITIVITY,
+    TAILS,
+)
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.field_statistics import field_statistics
+from uqpen.statistics.surrogate.refutation import missing_estimates
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
 __all__ = ["SurrogateStatistics", "surrogate_statistics"]
 
-_SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS)
+_SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS, TAILS)
 
 
 @dataclass(frozen=True)
@@ -81,7 +92,14 @@ def _by_output(
 ) -> dict[str, OutputStatistics]:
     """Return the statistics of each output: sampled, in closed form, and its indices."""
     sampled = [name for name in _SAMPLED if only is None or name in only]
-    found = analyze(draws.runs, quantities, only=sampled)
+    found = analyze(
+        draws.runs, [replace(each, return_periods=()) for each in quantities], only=sampled
+    )
+    if TAILS in sampled:
+        no_runs = draws.runs.isel({RUN: slice(0)})
+        for output, arrays in analyze(no_runs, quantities, only=[TAILS]).items():
+            for name in arrays.keys() - found[output].keys():
+                found[output][name] = missing_estimates(arrays[name], texts.NO_TAIL_OF_SURROGATE)
     for quantity in quantities:
         statistics = found[quantity.output.name]
         for name, array in statistics.items():

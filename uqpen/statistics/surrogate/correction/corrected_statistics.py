@@ -36,6 +36,10 @@ from uqpen.statistics.surrogate.correction.output_correction import (
 
 __all__ = ["correct_statistics"]
 
+# A surrogate that leaves more of the variance than it explains has no figure that no run corrects:
+# half of a share of the variance can then be an error.
+_LEAST_Q2 = 0.5
+
 
 @np.errstate(over="ignore", invalid="ignore")  # fourth powers may overflow: no interval then
 def correct_statistics(
@@ -57,7 +61,8 @@ def correct_statistics(
     dict of str to dict of str to DataArray
         Estimate arrays with the coordinates ``surrogate_estimate``, the surrogate's own figure,
         and ``equivalent_runs``, the number of plain runs whose interval would be as narrow; NaN
-        where there is none. What runs cannot correct keeps its figure, with the reason.
+        where there is none. What runs cannot correct keeps its figure, with the reason, where the
+        surrogate explains at least half of the variance of the runs; else it has none.
     """
     wanted = {quantity.output.name: quantity for quantity in quantities}
     corrected = {
@@ -84,7 +89,7 @@ def _corrected(
         elif is_index(name):
             found[name] = _at_inputs(name, array, correction, plain.get(name))
         elif reason := correction.problem(name):
-            found[name] = _uncorrected(name, array, reason)
+            found[name] = _uncorrected(name, array, reason, correction.own_problem(name, _LEAST_Q2))
         else:
             estimates = correction.estimates(name, _probabilities(array))
             own = array.values[..., 0]
@@ -118,11 +123,12 @@ def _at_inputs(
 ) -> xr.DataArray:
     """Return the indices of one variable, or of several, each corrected if that is possible."""
     found = correction.indices(name)
-    inputs = array.sizes[INPUT]
+    inputs, problem = array.sizes[INPUT], correction.own_problem(name, _LEAST_Q2)
     estimates: list[Estimate] = []
     for start, indices in zip(range(0, array.size, inputs), found, strict=False):
         reason = indices if isinstance(indices, str) else ""
-        own = _own_estimates(name, array, reason)[start : start + inputs]
+        own = _own_estimates(name, array, reason, problem if reason else "")
+        own = own[start : start + inputs]
         if isinstance(indices, str):
             estimates += own
         else:
@@ -131,25 +137,32 @@ def _at_inputs(
             ]
     own_values = array.values[..., 0]
     if all(isinstance(each, str) for each in found):
-        return _corrected_array(array, estimates, own_values, np.full(own_values.shape, math.nan))
+        none = np.full(own_values.shape, math.nan)
+        return _corrected_array(array, estimates, none if problem else own_values, none)
     return _with_estimates(array, estimates, own_values, correction, plain)
 
 
-def _uncorrected(name: str, array: xr.DataArray, reason: str) -> xr.DataArray:
-    """Return the surrogate's own figures without bounds; what is no number keeps its reason."""
+def _uncorrected(name: str, array: xr.DataArray, reason: str, problem: str = "") -> xr.DataArray:
+    """Return the surrogate's own figures without bounds; what is no number keeps its reason.
+
+    With a problem, there are none.
+    """
     if BOUND not in array.dims:
         return array
-    own = array.values[..., 0]
-    found = _own_estimates(name, array, reason)
+    own = np.full(array.shape[:-1], math.nan) if problem else array.values[..., 0]
+    found = _own_estimates(name, array, reason, problem)
     return _corrected_array(array, found, own, np.full(own.shape, math.nan))
 
 
-def _own_estimates(name: str, array: xr.DataArray, reason: str) -> list[Estimate]:
-    """Return the surrogate's own figures as estimates without bounds."""
+def _own_estimates(name: str, array: xr.DataArray, reason: str, problem: str) -> list[Estimate]:
+    """Return the surrogate's own figures as estimates without bounds; none with a problem."""
     keeps_note = name in CATALOGUE and CATALOGUE[name].note_is_of_estimate
     found = []
     for at in np.ndindex(array.shape[:-1]):
         value, note = float(array.values[at][0]), str(array.coords[NOTE].values[at])
+        if problem and not math.isnan(value):
+            found.append(Estimate.without_bounds(math.nan, problem))
+            continue
         reasons = (note,) if math.isnan(value) else (reason, note if keeps_note else "")
         found.append(Estimate.without_bounds(value, *reasons))
     return found

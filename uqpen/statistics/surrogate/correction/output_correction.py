@@ -63,6 +63,23 @@ class OutputCorrection:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
         return "" if name in _KNOWN else texts.NO_CORRECTION
 
+    def own_problem(self, name: str, least: float) -> str:
+        """Return why the surrogate's own figures of a statistic say too little; empty if not.
+
+        Parameters
+        ----------
+        name : str
+        least : float
+            The least share of the variance of the runs that it has to explain: of the logarithm
+            for what is of that, and else of the output.
+        """
+        of_logarithm = self.indexed.get("log_", ()) if name.startswith("log_") else ()
+        q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
+        if q2 >= least:
+            return ""
+        explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
+        return texts.TOO_LITTLE_ALONE.format(explained=explained)
+
     def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
         """Return the corrected estimates of a statistic.
 
