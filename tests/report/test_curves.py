@@ -125,6 +125,16 @@ def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> No
     assert "(no interval: " in read.text(at)
 
 
+def test_the_chart_says_which_places_have_no_band_and_why(moving: xr.DataTree) -> None:
+    left_out = "1 of 41 places: the output does not vary, time 0 day"
+    fan, quantiles, tolerance = (
+        chart(moving, title) for title in ("Curve along", "Quantiles with", "Tolerance band")
+    )
+    assert f"Without bounds (mean, simultaneous bounds): {left_out}." in fan.notes
+    assert quantiles.notes == (f"Without bounds (quantile, simultaneous bounds): {left_out}.",)
+    assert tolerance.notes == (f"Without bounds (tolerance band): {left_out}.",)
+
+
 def test_where_all_curves_have_ended_only_their_share_is_told(moving: xr.DataTree) -> None:
     read = chart(moving, "Ending along time").place
     assert read is not None
