@@ -159,6 +159,27 @@ class TestPlacesThatFewRunsDecide:
         left_out = only(mean_band(sample, quantity(sample))).attrs[LEFT_OUT]
         assert left_out.endswith("does not vary, depth between 2 and 12 cm")
 
+    def test_are_those_beside_jumps_where_strata_hide_jumps_that_no_run_has_met(self) -> None:
+        """The scatter of 10 hypercubes misses steps that come in one of 500 runs."""
+        time = np.linspace(0, 6, 61)
+        normal = np.random.default_rng(1).normal(size=(200, 2))
+        steps = np.where(time > 3 + 0.6 * normal[:, :1], normal[:, 1:], 0.0)
+        smooth = smooth_curves(1, 200, 61)
+        smooth[:, 40:45] = smooth[:, [39]]  # No change at all, so the next one counts.
+        covered = {}
+        for name, sample in (
+            ("steps", field(steps, 10)),
+            ("independent steps", field(steps)),
+            ("smooth", field(smooth, 10)),
+        ):
+            band = only(mean_band(sample, quantity(sample)))
+            covered[name] = np.isfinite(band.values[:, 1:]).all(axis=1).sum()
+            if name == "steps":
+                assert "curves may jump at this place" in band.attrs[LEFT_OUT]
+        assert covered["steps"] == 0
+        assert covered["independent steps"] > 30
+        assert covered["smooth"] == 61
+
     def test_have_bands_of_quantiles(self) -> None:
         sample = field(pulses(1, 400)[0])
         band = only(quantile_band(sample, quantity(sample)))

@@ -68,6 +68,9 @@ MULTIPLES_OF_DISTANCES = "order statistics of multiples of the distances to quan
 NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
 FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
 FEW_DECIDE_THE_MEAN = "fewer than {runs} effective runs decide the mean at this place"
+CURVES_MAY_JUMP = (
+    "curves may jump at this place: fewer than {runs} effective runs decide the change to the next"
+)
 WIDEST_DISTANCES = "few runs decide the spread at this place; the band is as high as anywhere"
 FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
 LEFT_OUT = "{places} of {of} places: {reason}{extent}"

@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import BoolArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import LEFT_OUT
 from uqpen.core.model import Dimension
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.weights import effective_sizes
 
 __all__ = [
     "BandPlaces",
@@ -118,12 +119,53 @@ def band_places(field: FieldSample, reason: str = "") -> BandPlaces:
 
 
 def mean_band_places(field: FieldSample, reason: str = "") -> BandPlaces:
-    """Return the places that a band of the mean covers: those that not only few runs decide."""
+    """Return the places that a band of the mean covers: those that not only few runs decide.
+
+    Replicates spread runs evenly, so that their scatter shows no jump that no run has met.
+    Therefore their curves may not jump, either, from a place to the next one that differs.
+    """
     found = band_places(field, reason)
     if not found.covered.size:
         return found
     few = texts.FEW_DECIDE_THE_MEAN.format(runs=_FEWEST_EFFECTIVE_RUNS)
-    return found.without(field.effective_runs < _FEWEST_EFFECTIVE_RUNS, few)
+    found = found.without(field.effective_runs < _FEWEST_EFFECTIVE_RUNS, few)
+    if field.runs.error_model is ErrorModel.REPLICATED:
+        jumps = texts.CURVES_MAY_JUMP.format(runs=_FEWEST_EFFECTIVE_RUNS)
+        found = found.without(_runs_that_change(field) < _FEWEST_EFFECTIVE_RUNS, jumps)
+    return found
+
+
+def _runs_that_change(field: FieldSample) -> FloatArray:
+    """Return the effective runs that decide the changes to the next places, the fewest at each.
+
+    Next are the places along each dimension at which some run differs; infinity without one.
+    """
+    shape = field.output.shape
+    values, fewest = field.matrix.reshape(-1, *shape), np.full(shape, np.inf)
+    for axis, size in enumerate(shape):
+        along, found = np.moveaxis(values, axis + 1, 0), np.moveaxis(fewest, axis, 0)
+        changes = [_effective_runs(along[k + 1] - along[k]) for k in range(size - 1)]
+        for places in (range(size - 1), range(size - 2, -1, -1)):
+            nearest = np.full(found.shape[1:], np.inf)
+            for place in places:
+                is_change = changes[place] > 0
+                nearest = np.where(is_change, changes[place], nearest)
+                behind = place + 1 if places.step > 0 else place
+                found[behind] = np.minimum(found[behind], nearest)
+    return fewest.ravel()
+
+
+def _effective_runs(values: FloatArray) -> FloatArray:
+    """Return the effective runs that decide the variance of values along runs; 0 without any."""
+    deviations = np.nan_to_num(values - _mean_of_known(values))
+    largest = np.abs(deviations).max(axis=0)
+    squares = (deviations / np.where(largest > 0, largest, 1.0)) ** 2
+    return effective_sizes(np.moveaxis(squares, 0, -1))
+
+
+def _mean_of_known(values: FloatArray) -> FloatArray:
+    is_known = ~np.isnan(values)
+    return np.where(is_known, values, 0.0).sum(axis=0) / np.maximum(is_known.sum(axis=0), 1)
 
 
 def _extent(dims: tuple[Dimension, ...], places: list[int]) -> str:
