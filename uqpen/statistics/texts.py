@@ -46,7 +46,7 @@ CORRECTED_DELTA_ON_LOGARITHM = (
 )
 CORRECTED_BONETT_PRICE = "surrogate corrected by runs: Bonett-Price"
 CORRECTED_WOODRUFF = "surrogate corrected by runs: Woodruff, by Bonett-Price intervals"
-CORRECTED_TWO_WOODRUFF = f"{CORRECTED_WOODRUFF}, of both ends together"
+CORRECTED_TWO_WOODRUFF = f"{CORRECTED_WOODRUFF}, of both ends as independent ones"
 CORRECTED_BRACKET = "surrogate corrected by runs: between a lower and an upper bound, delta method"
 
 
@@ -309,6 +309,9 @@ NO_BAND_KNOWN = "no simultaneous band is known"
 NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
 EXPLAINS_TOO_LITTLE = "the surrogate explains {share:.0f} % of the variance at runs left out"
+OF_RUNS_ALONE = "the interval is that of the runs alone, as the surrogate does not make it narrower"
+NARROWER_ELSEWHERE = "the runs alone have a narrower interval, which does not hold this estimate"
+NARROWER_IF_SMOOTH = "the runs alone have a narrower interval, which supposes a smooth output"
 SEE_QUANTILES = "see the quantiles"
 WITHOUT_VALUE_IN_RUNS = "some of the runs that correct it have no value of it"
 NOT_FINITE_PREDICTIONS = "predictions of it are not finite"
