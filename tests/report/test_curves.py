@@ -179,6 +179,20 @@ def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> 
     assert first in report_page(moving)
 
 
+def test_the_main_results_say_why_a_mean_has_no_band_where_it_is_largest() -> None:
+    study = uqpen.Study(
+        model=lambda a: {"y": [0.0, np.exp(30 * a), 0.0]},
+        inputs={"a": uqpen.Uniform(0.0, 1.0)},
+        outputs={"y": uqpen.OutputSpec("1", along={"time": {"unit": "s", "values": [1, 2, 3]}})},
+        designs={"d": uqpen.MonteCarlo(runs=50)},
+        seed=1,
+    )
+    (sentence,) = field_sentences(ArchiveView(uqpen.run(study), ""), "d")
+    assert sentence.endswith(
+        "(without a band: fewer than 10 effective runs decide the mean at this place)."
+    )
+
+
 def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
     """Return the same with more places, each of which is repeated."""
     nodes = {}
