@@ -546,9 +546,13 @@ def _page(cells: dict[_Key, Cell]) -> Iterator[str]:
 
 
 def _widths(cells: dict[_Key, Cell]) -> Iterator[str]:
-    """Yield how many intervals are those of the runs alone, and how many are wider than these."""
+    """Yield how many intervals are those of the runs alone, and how many are wider than these.
+
+    Failed runs make the two estimates of different distributions; they are not counted.
+    """
+    of_same_runs = {key: cell for key, cell in cells.items() if not FUNCTIONS[key[0]].fails_at}
     indices, others = (
-        [cell for key, cell in cells.items() if (key[3] == "first") is is_index]
+        [cell for key, cell in of_same_runs.items() if (key[3] == "first") is is_index]
         for is_index in (True, False)
     )
     for what, found in (("first-order indices", indices), ("other statistics", others)):

@@ -315,7 +315,12 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. Means and standard deviations have
 the sentence on tails in all cells, as those of few plain runs have; plain runs have no standard
-deviation below 200. `benchmarks/corrected_coverage.py` makes these tables.
+deviation below 200. `benchmarks/corrected_coverage.py` makes these tables. They were measured with
+the fifth [recipe](archive.md#schemas) of surrogates, but rows with a star with the third: their
+intervals may be wider than those of the runs alone, and those of `half_spread` and of quantiles are
+now narrower. The last rows are without them. Wider than 1 are only intervals beside plain ones that
+do not hold the estimate, [indices](statistics.md#corrected-estimates) of the useless surrogate, and
+those with failed runs.
 """
 
 _INDICES_FROM_DRAWS = """\
