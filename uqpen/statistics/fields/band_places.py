@@ -135,6 +135,7 @@ def mean_band_places(field: FieldSample, reason: str = "") -> BandPlaces:
     return found
 
 
+@np.errstate(over="ignore", invalid="ignore")  # differences of the largest numbers
 def _runs_that_change(field: FieldSample) -> FloatArray:
     """Return the effective runs that decide the changes to the next places, the fewest at each.
 
