@@ -210,7 +210,7 @@ def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
 def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     tree = finer(moving, 321)
     fan = chart(tree, "Curve along time")
-    assert fan.notes == ("161 of 321 places are shown.",)
+    assert fan.notes[0] == "161 of 321 places are shown."
     assert all(len(set(trace["x"])) == 161 for trace in fan.traces)
     assert chart(tree, "Runs at").notes == ("At the nearest of 21 of 321 places.",)
     assert len(report_page(tree).encode()) < 2_000_000
