@@ -3,7 +3,9 @@
 Run it as ``python benchmarks/corrected_coverage.py --output FILE.csv``, with uqpen installed, and
 then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
 up. A file grows as seeds are done, so that a run may be stopped. A width is over that of the plain
-interval of the same runs: of the mean, the standard deviation, quantiles and probabilities.
+interval of the same runs: of the mean, the standard deviation, half the 16 % to 84 % range,
+quantiles, probabilities and first-order indices. An interval is that of the runs alone where the
+program takes it; how many are wider than these stands below the tables.
 
 A surrogate is a sparse polynomial chaos of an order fixed beforehand, in five folds. All statistics
 of a seed share the fits. True values are from a million points of a Sobol' sequence. A cell fails
@@ -41,12 +43,15 @@ from uqpen.execution import Evaluator
 from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_indices import InputParts, corrected_indices
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.study.load import load_study
 from uqpen.surrogates.basis import ProductBasis
@@ -69,7 +74,7 @@ SETS, POINTS = 16, 256
 _CHUNK = 5
 _TRUTH_POINTS = 20
 _COLUMNS = ("function", "design", "runs", "statistic", "seeds", "covers", "intervals", "width")
-_COLUMNS += ("plain_covers", "plain_intervals", "plain_width")
+_COLUMNS += ("plain_covers", "plain_intervals", "plain_width", "wider", "alone")
 
 CONCRETE = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
 
@@ -306,6 +311,9 @@ def _seed(problem: Problem, design: Design, runs: int, seed: int) -> Seed:
         values=values[completed],
         used=np.flatnonzero(completed),
         missing=np.flatnonzero(is_missing),
+        columns=InputColumns.from_matrix(
+            tuple(f"x{number}" for number in range(function.inputs)), points
+        ),
     )
     is_exact = (
         not function.is_logarithm and not function.correlation and len(draw_set) == SETS * POINTS
@@ -389,6 +397,10 @@ def _plain(seed: Seed, truth: Truth) -> Iterator[tuple[str, FloatArray]]:
     ((_, quantiles),) = quantile_estimates(seed.sample, QUANTITY)
     for p, ends in zip(QUANTILES, quantiles.values, strict=True):
         yield f"quantile {p:g}", ends
+    if seed.parts:
+        indices = dict(first_order(seed.sample, QUANTITY))["first_order"]
+        for name, ends in enumerate(indices.values):
+            yield f"first {name}", ends
 
 
 def main() -> int:
@@ -446,8 +458,14 @@ def _rows(
         for statistic, true in problem.truth.values.items():
             count = counts[statistic]
             count["seeds"] += 1
-            ends = corrected[statistic].bounds if statistic in corrected else (math.nan,) * 3
-            _, low, high = plain.get(statistic, (math.nan,) * 3)
+            value, low, high = plain.get(statistic, (math.nan,) * 3)
+            ends = (math.nan,) * 3
+            if statistic in corrected:
+                alone = Estimate(value, low, high, "alone", "nominal")
+                is_index = statistic.startswith(("first", "total"))
+                found = narrower(corrected[statistic], alone, seed.runs, is_index=is_index)
+                count["alone"] += found.method == "alone"
+                ends = found.bounds
             has_both = not math.isnan(high - low) and not math.isnan(ends[2] - ends[1])
             if not math.isnan(ends[2] - ends[1]):
                 count["intervals"] += 1
@@ -455,6 +473,7 @@ def _rows(
             if has_both:
                 count["plain_intervals"] += 1
                 count["plain_covers"] += bool(low <= true <= high)
+                count["wider"] += bool(ends[2] - ends[1] > high - low)
                 count["width"] += float(ends[2] - ends[1])
                 count["plain_width"] += float(high - low)
     for statistic, count in counts.items():
@@ -472,6 +491,8 @@ class Cell(NamedTuple):
     plain_covers: float = 0
     plain_intervals: float = 0
     plain_width: float = 0
+    wider: float = 0
+    alone: float = 0
 
     @property
     def fails(self) -> bool:
@@ -518,9 +539,32 @@ def _page(cells: dict[_Key, Cell]) -> Iterator[str]:
             texts = (_pooled(cells, design, runs, each) for each in statistics)
             yield f"| **all functions** | {runs} | {' | '.join(texts)} |"
         yield ""
+    yield from _widths(cells)
     fewest = min(cell.seeds for key, cell in cells.items() if key[3] == "mean")
     error = 100 * math.sqrt(0.95 * 0.05 / fewest)
     yield f"Seeds of a cell: {fewest:.0f} or more. Its standard error is up to {error:.1f} points."
+
+
+def _widths(cells: dict[_Key, Cell]) -> Iterator[str]:
+    """Yield how many intervals are those of the runs alone, and how many are wider than these.
+
+    Failed runs make the two estimates of different distributions; they are not counted.
+    """
+    of_same_runs = {key: cell for key, cell in cells.items() if not FUNCTIONS[key[0]].fails_at}
+    indices, others = (
+        [cell for key, cell in of_same_runs.items() if (key[3] == "first") is is_index]
+        for is_index in (True, False)
+    )
+    for what, found in (("first-order indices", indices), ("other statistics", others)):
+        both, alone, wider = (
+            sum(getattr(cell, each) for cell in found)
+            for each in ("plain_intervals", "alone", "wider")
+        )
+        if both:
+            shares = f"{100 * alone / both:.1f} % are those of the runs alone"
+            yield f"Of {both:.0f} intervals of {what} that both have, {shares}, and"
+            yield f"{100 * wider / both:.1f} % are wider."
+    yield ""
 
 
 def _pooled(cells: dict[_Key, Cell], design: str, runs: int, statistic: str) -> str:

@@ -291,10 +291,18 @@ _BANDS = """\
 How often [bands](statistics.md#bands-along-a-curve) cover a true curve at all places at once,
 and how often a tolerance band holds 95 % of all curves, in per cent of seeds. The curves are
 Campbell's with four inputs, one with two, and the nose velocity of the rod of
-`studies/rod_course.toml` by depth, which ends where the rod rests. Bands of quantiles and
-tolerance bands count whole runs, so they may cover more; tolerance bands over replicates are
-conservative. `benchmarks/band_coverage.py` makes this table, here with `--every 4`: of every
-fourth place. The standard error of a cell is 0.7 points with 1 000 seeds, 1.4 with 250.
+`studies/rod_course.toml` by depth, which ends where the rod rests. Few runs decide most places of
+the other three: a pulse exp(a − (t − c)² / (2 · 0.15²)) with a ~ N(0, 0.3), c ~ N(3, 0.6), a step
+to a height U(1, 2) at a time N(3, 0.6), and curves that are a bump with a lognormal height in 4 %
+of the runs, else 0. Of these and the rod the share of places that the band has stands behind, and
+of tolerance bands the height of the highest one, over the largest range of 95 % of the values.
+*None* is a cell with fewer than 100 bands. Bands of quantiles and tolerance bands count whole runs,
+so they may cover more; tolerance bands over replicates are conservative.
+`benchmarks/band_coverage.py` makes this table, of every fourth place (`--every 4`) of the first two
+and of the rod. The standard error of a cell is 0.7 points with 1 000 seeds, 1 with 500, 1.4 with
+250. Cells with 1 000 seeds, and the last row of the rod, were measured before
+[interval recipe](archive.md#schemas) 4, which leaves the bands of the first two curves as they
+were.
 """
 
 _CORRECTED = """\
@@ -307,7 +315,12 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. Means and standard deviations have
 the sentence on tails in all cells, as those of few plain runs have; plain runs have no standard
-deviation below 200. `benchmarks/corrected_coverage.py` makes these tables.
+deviation below 200. `benchmarks/corrected_coverage.py` makes these tables. They were measured with
+the fifth [recipe](archive.md#schemas) of surrogates, but rows with a star with the third: their
+intervals may be wider than those of the runs alone, and those of `half_spread` and of quantiles are
+now narrower. The last rows are without them. Wider than 1 are only intervals beside plain ones that
+do not hold the estimate, [indices](statistics.md#corrected-estimates) of the useless surrogate, and
+those with failed runs.
 """
 
 _INDICES_FROM_DRAWS = """\

@@ -125,6 +125,16 @@ def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> No
     assert "(no interval: " in read.text(at)
 
 
+def test_the_chart_says_which_places_have_no_band_and_why(moving: xr.DataTree) -> None:
+    left_out = "1 of 41 places: the output does not vary, time 0 day"
+    fan, quantiles, tolerance = (
+        chart(moving, title) for title in ("Curve along", "Quantiles with", "Tolerance band")
+    )
+    assert f"Without bounds (mean, simultaneous bounds): {left_out}." in fan.notes
+    assert quantiles.notes == (f"Without bounds (quantile, simultaneous bounds): {left_out}.",)
+    assert tolerance.notes == (f"Without bounds (tolerance band): {left_out}.",)
+
+
 def test_where_all_curves_have_ended_only_their_share_is_told(moving: xr.DataTree) -> None:
     read = chart(moving, "Ending along time").place
     assert read is not None
@@ -169,6 +179,20 @@ def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> 
     assert first in report_page(moving)
 
 
+def test_the_main_results_say_why_a_mean_has_no_band_where_it_is_largest() -> None:
+    study = uqpen.Study(
+        model=lambda a: {"y": [0.0, np.exp(30 * a), 0.0]},
+        inputs={"a": uqpen.Uniform(0.0, 1.0)},
+        outputs={"y": uqpen.OutputSpec("1", along={"time": {"unit": "s", "values": [1, 2, 3]}})},
+        designs={"d": uqpen.MonteCarlo(runs=50)},
+        seed=1,
+    )
+    (sentence,) = field_sentences(ArchiveView(uqpen.run(study), ""), "d")
+    assert sentence.endswith(
+        "(without a band: fewer than 10 effective runs decide the mean at this place)."
+    )
+
+
 def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
     """Return the same with more places, each of which is repeated."""
     nodes = {}
@@ -186,7 +210,7 @@ def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
 def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     tree = finer(moving, 321)
     fan = chart(tree, "Curve along time")
-    assert fan.notes == ("161 of 321 places are shown.",)
+    assert fan.notes[0] == "161 of 321 places are shown."
     assert all(len(set(trace["x"])) == 161 for trace in fan.traces)
     assert chart(tree, "Runs at").notes == ("At the nearest of 21 of 321 places.",)
     assert len(report_page(tree).encode()) < 2_000_000

@@ -11,10 +11,9 @@ import numpy.typing as npt
 import pytest
 import xarray as xr
 
-from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, NOTE
+from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, LEFT_OUT, NOTE
 from uqpen.core.model import Dimension, Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics.fields.band_places import LEFT_OUT
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.place_statistics import moments_at_places, quantiles_at_places
 from uqpen.statistics.fields.ranked_curves import band_depth, ranked_curves
@@ -121,6 +120,91 @@ class TestSimultaneousBands:
             _, lower, upper = only(mean_band(sample, quantity(sample))).values.T
             covered += bool(((lower <= 0) & (upper >= 0)).all())
         assert covered >= 40 * 0.95 - 3 * 1.4
+
+
+def pulses(seed: int, runs: int) -> tuple[Values, Values]:
+    """Travelling pulses of height 1 at 61 places from 0 to 6, and their true mean."""
+    time = np.linspace(0, 6, 61)
+    centre = 3 + 0.6 * np.random.default_rng(seed).normal(size=(runs, 1))
+    # A normal density of variance 0.15² at a normal place of variance 0.6².
+    variance = 0.15**2 + 0.6**2
+    mean = 0.15 / np.sqrt(variance) * np.exp(-((time - 3) ** 2) / (2 * variance))
+    return np.exp(-((time - centre) ** 2) / (2 * 0.15**2)), mean
+
+
+class TestPlacesThatFewRunsDecide:
+    def test_are_left_out_of_the_band_of_the_mean_which_covers_elsewhere(self) -> None:
+        """In 95 % of seeds, with a tolerance of three standard errors of such a count."""
+        covered = 0
+        for seed in range(40):
+            curves, mean = pulses(seed, 100)
+            sample = field(curves)
+            _, lower, upper = only(mean_band(sample, quantity(sample))).values.T
+            assert np.isfinite(lower[28:33]).all()
+            covered += not ((mean < lower) | (mean > upper)).any()
+        assert covered >= 40 * 0.95 - 3 * 1.4
+
+    def test_are_named_with_the_reason(self) -> None:
+        sample = field(pulses(1, 400)[0])
+        band = only(mean_band(sample, quantity(sample)))
+        reason = "fewer than 10 effective runs decide the mean at this place"
+        assert band.attrs[LEFT_OUT] == f"36 of 61 places: {reason}, depth 0 to 17, 43 to 60 cm"
+        assert str(band.coords[NOTE].values[0]) == reason
+        assert str(band.coords[INTERVAL_LABEL].values[0]) == "none"
+
+    def test_many_stretches_of_them_are_named_by_their_ends(self) -> None:
+        curves = smooth_curves(1, 100)
+        curves[:, 2:14:2] = 7.0
+        sample = field(curves)
+        left_out = only(mean_band(sample, quantity(sample))).attrs[LEFT_OUT]
+        assert left_out.endswith("does not vary, depth between 2 and 12 cm")
+
+    def test_are_those_beside_jumps_where_strata_hide_jumps_that_no_run_has_met(self) -> None:
+        """The scatter of 10 hypercubes misses steps that come in one of 500 runs."""
+        time = np.linspace(0, 6, 61)
+        normal = np.random.default_rng(1).normal(size=(200, 2))
+        steps = np.where(time > 3 + 0.6 * normal[:, :1], normal[:, 1:], 0.0)
+        smooth = smooth_curves(1, 200, 61)
+        smooth[:, 40:45] = smooth[:, [39]]  # No change at all, so the next one counts.
+        covered = {}
+        for name, sample in (
+            ("steps", field(steps, 10)),
+            ("independent steps", field(steps)),
+            ("smooth", field(smooth, 10)),
+        ):
+            band = only(mean_band(sample, quantity(sample)))
+            covered[name] = np.isfinite(band.values[:, 1:]).all(axis=1).sum()
+            if name == "steps":
+                assert "curves may jump at this place" in band.attrs[LEFT_OUT]
+        assert covered["steps"] == 0
+        assert covered["independent steps"] > 30
+        assert covered["smooth"] == 61
+
+    def test_have_bands_of_quantiles(self) -> None:
+        sample = field(pulses(1, 400)[0])
+        band = only(quantile_band(sample, quantity(sample)))
+        assert LEFT_OUT not in band.attrs
+        assert np.isfinite(band.values[..., 1:]).all()
+
+    def test_of_curves_that_are_nearly_all_zero_are_all_places(self) -> None:
+        curves = np.zeros((100, 20))
+        curves[:4] = smooth_curves(1, 4)
+        sample = field(curves)
+        band = only(mean_band(sample, quantity(sample)))
+        assert np.isnan(band.values[:, 1:]).all()
+        assert band.attrs[LEFT_OUT].startswith("20 of 20 places: fewer than 10 effective runs")
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_have_a_tolerance_band_as_high_as_elsewhere(self, seed: int) -> None:
+        """The highest of 500 such bands is 14 times as high as a pulse; once it was 10¹²."""
+        sample = field(pulses(seed, 100)[0])
+        band = only(tolerance_band(sample, quantity(sample))).isel(band_content=0)
+        assert np.isfinite(band.values).all()
+        assert 1 < band.values[:, 2].max() < 14
+        assert "few runs decide the spread at this place" in str(band.coords[NOTE].values[0])
+        signed = field(-pulses(seed, 100)[0])
+        mirrored = only(tolerance_band(signed, quantity(signed))).isel(band_content=0)
+        assert -14 < mirrored.values[:, 1].min() < -1
 
 
 class TestPlacesLeftOut:

@@ -22,10 +22,12 @@ from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean, spacing
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability, bonett_price
 from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
@@ -345,6 +347,94 @@ def test_a_bad_surrogate_costs_width_not_truth(study_of: MakeStudy) -> None:
     assert 100 / 1.12**2 < equivalent < 130
     assert abs(float(found["first_order"][1, 1])) < 1e-3
     assert float(found["first_order"][0, 2]) == 1.0
+
+
+def test_a_bad_surrogate_has_no_wider_interval_than_the_runs_alone(study_of: MakeStudy) -> None:
+    study = study_of(
+        "np.sign(np.sin(31 * a)) + a", "[outputs.y]\nexceeds = [1]", a=(0, 1), b=(0, 1)
+    )
+    found = corrected(study, made(study, MonteCarlo(runs=200)))
+    told = set()
+    for name in ("mean", "std", "half_spread", "quantile", "exceedance"):
+        equivalent = found[name].coords["equivalent_runs"].values.ravel()
+        notes = found[name].coords["note"].values.ravel()
+        contradicts = np.array(["does not hold this estimate" in str(note) for note in notes])
+        assert (equivalent[np.isfinite(equivalent) & ~contradicts] >= 200 - 1e-6).all(), name
+        told |= {name for note in notes if "the interval is that of the runs alone" in str(note)}
+    assert {"std", "half_spread"} <= told
+    assert (np.diff(found["quantile"].values[:, 0]) >= 0).all()
+
+
+class TestNarrower:
+    """Corrected estimates with the intervals of the runs alone."""
+
+    FOUND = Estimate(1.0, 0.0, 2.0, "corrected", "conservative", "a tail")
+    PLAIN = Estimate(1.2, 0.6, 1.8, "plain", "nominal", "a tail")
+
+    def test_takes_the_narrower_interval_and_keeps_the_estimate(self) -> None:
+        found = narrower(self.FOUND, self.PLAIN, runs_of(), is_index=False)
+        assert found.bounds == (1.0, 0.6, 1.8)
+        assert (found.method, found.label) == ("plain", "nominal")
+        assert found.note == (
+            "a tail; the interval is that of the runs alone, as the surrogate does not make it "
+            "narrower"
+        )
+
+    def test_keeps_an_interval_that_is_no_wider(self) -> None:
+        same = replace(self.PLAIN, lower=0.0, upper=2.0)
+        assert narrower(self.FOUND, same, runs_of(), is_index=False) is self.FOUND
+
+    def test_takes_one_with_both_ends_for_one_without(self) -> None:
+        open_end = replace(self.FOUND, upper=math.nan, note="no upper bound")
+        found = narrower(open_end, self.PLAIN, runs_of(), is_index=False)
+        assert found.bounds == (1.0, 0.6, 1.8)
+        assert "no upper bound" not in found.note
+
+    def test_keeps_a_wider_one_where_the_other_does_not_hold_the_estimate(self) -> None:
+        elsewhere = replace(self.PLAIN, lower=1.1)
+        found = narrower(self.FOUND, elsewhere, runs_of(), is_index=False)
+        assert found.bounds == self.FOUND.bounds
+        assert "narrower interval, which does not hold this estimate" in found.note
+
+    def test_takes_the_other_without_a_look_at_widths_for_a_useless_surrogate(self) -> None:
+        wide = replace(self.PLAIN, lower=-5.0, upper=5.0)
+        useless = runs_of(slope=-1.0)
+        assert useless.q2 < 0
+        assert narrower(self.FOUND, wide, useless, is_index=False).bounds == (1.0, -5.0, 5.0)
+        assert narrower(self.FOUND, wide, useless, is_index=True) is self.FOUND
+
+    def test_keeps_an_index_if_the_surrogate_explains_less_than_half(self) -> None:
+        poor = runs_of(error=0.6)
+        assert 0 < poor.q2 < 0.5
+        found = narrower(self.FOUND, self.PLAIN, poor, is_index=True)
+        assert found.bounds == self.FOUND.bounds
+        assert "supposes a smooth output; the surrogate explains" in found.note
+        assert narrower(self.FOUND, self.PLAIN, runs_of(), is_index=True).method == "plain"
+
+    @pytest.mark.parametrize(
+        "plain", [replace(PLAIN, label="none"), replace(PLAIN, upper=math.nan)]
+    )
+    def test_needs_an_interval_of_the_runs_alone(self, plain: Estimate) -> None:
+        assert narrower(self.FOUND, plain, runs_of(), is_index=False) is self.FOUND
+
+    def test_leaves_a_refusal_and_what_corrects_missing_runs(self) -> None:
+        refused = Estimate.without_bounds(1.0, "a heavy tail")
+        assert narrower(refused, self.PLAIN, runs_of(), is_index=False) is refused
+        assert narrower(self.FOUND, self.PLAIN, runs_of(missing=1), is_index=False) is self.FOUND
+
+
+@pytest.mark.parametrize("missing", [0, 3])
+def test_errors_of_both_ends_of_the_half_spread_add_up(missing: int) -> None:
+    """As those of independent ends do; what missing runs may do adds up as it is."""
+    cdf = CorrectedCdf(runs_of(3, 200, missing=missing))
+    (low, high), (low_least, high_least), (low_most, high_most) = cdf.quantile(
+        np.array([0.16, 0.84])
+    )
+    combined = np.add if missing else np.hypot
+    value, lower, upper = cdf.half_spread()
+    assert value == pytest.approx((high - low) / 2)
+    assert value - lower == pytest.approx(combined(low_most - low, high - high_least) / 2)
+    assert upper - value == pytest.approx(combined(low - low_least, high_most - high) / 2)
 
 
 def test_failed_runs_widen_and_are_told(study_of: MakeStudy) -> None:

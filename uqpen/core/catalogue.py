@@ -142,9 +142,10 @@ _STATISTICS = [
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
     Statistic("reached", "probability that a curve reaches a place"),
-    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE),
+    # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
+    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE, recipe=4),
     Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
-    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE),
+    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE, recipe=4),
     Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
     Statistic("band_depth", "modified band depth", (CURVE,), has_bounds=False),

@@ -89,6 +89,8 @@ NOTE = "note"
 # beside one that cheap models have made narrower: plain runs with an interval as narrow.
 SURROGATE_ESTIMATE = "surrogate_estimate"
 EQUIVALENT_RUNS = "equivalent_runs"
+# Of a band over the places of a field: the places that it leaves out, and why.
+LEFT_OUT = "left_out"
 # Of all intervals, at the root of an archive whose study states another than the default.
 CONFIDENCE_LEVEL = "confidence_level"
 

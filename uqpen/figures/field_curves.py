@@ -24,6 +24,8 @@ __all__ = ["fan_panels", "model_curve_panels"]
 _RUNS = 30
 # Shares of the curves; a line stands where no more than these get further.
 _MARKED = (0.95, 0.5, 0.05)
+# Characters of a note on places.
+_LONGEST_NOTE = 240
 # A label beyond this part of an axis stands before its line.
 _NEAR_END = 0.94
 # Inches; the name of a quantity takes two lines along it.
@@ -156,6 +158,8 @@ def _draw_band(
                 linewidth=0,
                 label=text.format(level=percent_text(found.level(band)), name=name),
             )
+    if left_out := found.left_out(f"{statistic}_band"):
+        yield f"the band of the {name} leaves out {plain_text(left_out, _LONGEST_NOTE)}"
     if not drawn:
         reason = plain_text(found.reason(statistic) or "no reason is known")
         yield f"no interval of the {name}: {reason}"

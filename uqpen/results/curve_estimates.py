@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, NOTE, RUNS
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL, LEFT_OUT, NOTE, RUNS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import first_runs
 
@@ -133,6 +133,11 @@ class CurveEstimates:
         """Return the confidence level of a statistic; NaN without one."""
         found = self.array(statistic)
         return np.nan if found is None else float(found.attrs.get(INTERVAL_LEVEL, np.nan))
+
+    def left_out(self, statistic: str) -> str:
+        """Return the places that a band leaves out, and why; empty for none."""
+        found = self.array(statistic)
+        return "" if found is None else str(found.attrs.get(LEFT_OUT, ""))
 
     def reason(self, statistic: str) -> str:
         """Return the first reason why a statistic has no bounds at a place; empty for none."""

@@ -46,7 +46,7 @@ CORRECTED_DELTA_ON_LOGARITHM = (
 )
 CORRECTED_BONETT_PRICE = "surrogate corrected by runs: Bonett-Price"
 CORRECTED_WOODRUFF = "surrogate corrected by runs: Woodruff, by Bonett-Price intervals"
-CORRECTED_TWO_WOODRUFF = f"{CORRECTED_WOODRUFF}, of both ends together"
+CORRECTED_TWO_WOODRUFF = f"{CORRECTED_WOODRUFF}, of both ends as independent ones"
 CORRECTED_BRACKET = "surrogate corrected by runs: between a lower and an upper bound, delta method"
 
 
@@ -67,6 +67,11 @@ SIMULTANEOUS = "{method}, at a level that holds at all places at once"
 MULTIPLES_OF_DISTANCES = "order statistics of multiples of the distances to quantiles of a third"
 NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
 FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
+FEW_DECIDE_THE_MEAN = "fewer than {runs} effective runs decide the mean at this place"
+CURVES_MAY_JUMP = (
+    "curves may jump at this place: fewer than {runs} effective runs decide the change to the next"
+)
+WIDEST_DISTANCES = "few runs decide the spread at this place; the band is as high as anywhere"
 FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
 LEFT_OUT = "{places} of {of} places: {reason}{extent}"
 TOLERANCE_BAND_NEEDS = "a tolerance band needs at least {runs} runs"
@@ -324,6 +329,9 @@ NO_VARIANCE_LEFT = "the runs leave no variance"
 HEAVY_TAIL_OF_SURROGATE = "heavy tail (kurtosis {kurtosis:.3g} of the runs or the surrogate)"
 EXPLAINS_TOO_LITTLE = "the surrogate explains {share:.0f} % of the variance at runs left out"
 TOO_LITTLE_ALONE = "{explained}, too little for a figure that no run corrects"
+OF_RUNS_ALONE = "the interval is that of the runs alone, as the surrogate does not make it narrower"
+NARROWER_ELSEWHERE = "the runs alone have a narrower interval, which does not hold this estimate"
+NARROWER_IF_SMOOTH = "the runs alone have a narrower interval, which supposes a smooth output"
 SEE_QUANTILES = "see the quantiles"
 WITHOUT_VALUE_IN_RUNS = "some of the runs that correct it have no value of it"
 NOT_FINITE_PREDICTIONS = "predictions of it are not finite"

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RUN
 from uqpen.figures.scatter import thin_runs
 from uqpen.report.blocks import Axis, Chart, LegendKey
@@ -59,7 +60,7 @@ def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
         y=value_axis(curve),
         traces=tuple(traces),
         keys=tuple(keys),
-        notes=_places_notes(curve),
+        notes=(*_places_notes(curve), *_left_out_notes(curve, "mean_band")),
         height=400,
         is_compared=True,
         place=readout,
@@ -70,6 +71,13 @@ def _places_notes(curve: CurveEstimates) -> tuple[str, ...]:
     """Return how many places are shown, where these are not all."""
     shown = curve.places.size
     return () if shown == curve.size else (f"{shown} of {curve.size} places are shown.",)
+
+
+def _left_out_notes(curve: CurveEstimates, statistic: str) -> Iterator[str]:
+    """Yield the places that a band leaves out, if there are any."""
+    if left_out := curve.left_out(statistic):
+        name = CATALOGUE[statistic].title
+        yield f"Without bounds ({name}): {left_out}."
 
 
 def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
@@ -93,6 +101,7 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
         y=value_axis(curve),
         traces=(*(trace for traces in found.values() for trace in traces), *lines),
         keys=(LegendKey(text, series, "band"), *keys),
+        notes=tuple(_left_out_notes(curve, "tolerance_band")),
         height=320,
     )
 
@@ -158,6 +167,7 @@ def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
         y=value_axis(curve),
         traces=(*bands, *lines),
         keys=tuple(LegendKey(label, n, "line", dash) for n, (label, dash, _) in numbered),
+        notes=tuple(_left_out_notes(curve, name)),
         is_compared=True,
     )
 

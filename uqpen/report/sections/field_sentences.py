@@ -35,7 +35,8 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     quantity = QuotedStatistic(view, field, statistic)
     value, interval = quantity.texts(array[index])[0], quantity.interval(array[index])
     if statistic == "mean_band":
-        interval = interval.replace("interval", "band, valid at all places at once")
+        interval = interval.replace("without an interval", "without a band", 1)
+        interval = interval.replace("% interval", "% band, valid at all places at once", 1)
     places = (
         coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)

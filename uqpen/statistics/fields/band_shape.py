@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.distribution_function.quantiles import sample_quantile
 from uqpen.statistics.fields.field_sample import FieldSample
 
@@ -18,6 +18,9 @@ _PROBABILITIES = 0.0, 0.01, 0.5, 0.99, 1.0
 # A distance is at least this share of the range. Else values that coincide at one end of a place
 # let the band of all places grow without limit.
 _LEAST_SHARE = 0.05
+# Where fewer effective runs decide the variance, the runs do not show how far a curve may go. With
+# 4, one band in 300 of a travelling pulse is still a thousand times as high as the pulse.
+_FEWEST_EFFECTIVE_RUNS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +35,16 @@ class BandShape:
     is_positive : bool
         Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
         equal near the median, but no multiple of the former leads to zero.
+    is_widest : ndarray of bool, shape (place,)
+        Whether few runs decide the spread at a place. Its distances are then the largest ones of
+        the field, but for those of the logarithm.
     """
 
     median: FloatArray
     below: FloatArray
     above: FloatArray
     is_positive: bool
+    is_widest: BoolArray
 
     @classmethod
     def of(cls, field: FieldSample, *, is_positive: bool) -> BandShape:
@@ -48,7 +55,13 @@ class BandShape:
         lowest, low, median, high, highest = quantiles.T
         below = _distance_below(median, low, is_positive=is_positive)
         least = _LEAST_SHARE * (highest - lowest)
-        return cls(median, np.maximum(below, least), np.maximum(high - median, least), is_positive)
+        below, above = np.maximum(below, least), np.maximum(high - median, least)
+        is_widest = field.effective_runs < _FEWEST_EFFECTIVE_RUNS
+        if is_widest.any():
+            above = np.where(is_widest, np.nanmax(above), above)
+        if is_widest.any() and not is_positive:
+            below = np.where(is_widest, np.nanmax(below), below)
+        return cls(median, below, above, is_positive, is_widest)
 
     def multiples(self, values: FloatArray, places: IntArray) -> FloatArray:
         """Return the multiples whose bands end at the values at some places, shape (run, place)."""

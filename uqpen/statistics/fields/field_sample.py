@@ -12,6 +12,7 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.model import Dimension, Output
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.sample_shape import shape_of
 
 __all__ = ["FieldSample", "PlaceSamples", "equal_columns"]
 
@@ -80,6 +81,14 @@ class FieldSample:
         """Mask of the values that exist, shape (run, place)."""
         mask: BoolArray = ~np.isnan(self.matrix)
         return mask
+
+    @cached_property
+    def effective_runs(self) -> FloatArray:
+        """Runs that decide the variance at each place, shape (place,); NaN without scatter."""
+        found = np.full(self.matrix.shape[1], np.nan)
+        for group in self.samples():
+            found[group.places] = shape_of(group.runs).effective_runs
+        return found
 
     def samples(self) -> Iterator[PlaceSamples]:
         """Yield the samples at all places, together for places that exist in the same runs."""

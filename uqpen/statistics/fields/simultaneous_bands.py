@@ -16,7 +16,12 @@ from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.fields.at_each_place import ScalarAnalysis, at_each_place
-from uqpen.statistics.fields.band_places import BandPlaces, band_places, reason_without_band
+from uqpen.statistics.fields.band_places import (
+    BandPlaces,
+    band_places,
+    mean_band_places,
+    reason_without_band,
+)
 from uqpen.statistics.fields.deviations import Influence, deviation_blocks
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.simultaneous_level import simultaneous_level
@@ -38,8 +43,12 @@ def mean_band(
     estimate : DataArray
         Along the dimensions of the field and ``bound``. The attribute ``pointwise_level`` is the
         level at each place.
+
+    Notes
+    -----
+    A place where few runs decide the variance has no bounds.
     """
-    places = band_places(field, reason_without_band(field.runs))
+    places = mean_band_places(field, reason_without_band(field.runs))
     level = _level(field, places, lambda values, _: values)
     array = _at_level(sample_moments, field, quantity, level)
     yield "mean_band", _band(array, field, places, level)

@@ -41,7 +41,8 @@ def tolerance_band(
     and to a high quantile. A band goes to a multiple of these distances. The least multiple that
     holds each other run is its score, and the band's multiple is an order statistic of the scores
     (Wilks 1941). If the same runs gave both, the band would be too narrow. A curve that ends counts
-    as far as it goes. If all runs are positive, so is the band.
+    as far as it goes. If all runs are positive, so is the band. Where few runs decide the spread,
+    the distances are those of the place that has the largest ones.
 
     Yields
     ------
@@ -63,7 +64,9 @@ def tolerance_band(
     ranks = upper_rank(others.runs.size, contents, runs.level).tolist()
     multiples = [math.nan if math.isnan(rank) else scores[int(rank) - 1] for rank in ranks]
     is_independent = runs.error_model is ErrorModel.INDEPENDENT
-    how = texts.MULTIPLES_OF_DISTANCES, "discrete" if is_independent else "conservative"
+    label = "discrete" if is_independent else "conservative"
+    note = np.where(shape.is_widest, texts.WIDEST_DISTANCES, "")
+    how = texts.MULTIPLES_OF_DISTANCES, label, note
     bands = [
         EstimateVector(shape.median, *shape.ends(multiple), *how).remove_bounds_at(
             np.isnan(multiple), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)

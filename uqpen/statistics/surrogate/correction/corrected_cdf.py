@@ -20,6 +20,7 @@ Chernozhukov, V., Fernández-Val, I. & Galichon, A. (2009). Biometrika 96, 559-5
 Chernozhukov, V., Fernández-Val, I. & Galichon, A. (2010). Econometrica 78, 1093-1125.
 Ubhaya, V. A. (1974). J. Approx. Theory 12, 146-159.
 Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646 (the inverse).
+Zou, G. Y. (2007). Psychol. Methods 12, 399-413 (the interval of a difference).
 """
 
 from __future__ import annotations
@@ -94,13 +95,17 @@ class CorrectedCdf:
     def half_spread(self) -> tuple[float, float, float]:
         """Return half the 16 % to 84 % range with bounds; NaN where one of the ends has none.
 
-        The ends have intervals of a higher level, so that both hold together at least as often as
-        the level of the runs says (Bonferroni).
+        The errors of both ends add up as those of independent ends do (Zou). They are no further
+        apart: a run that is on the wrong side of both ends is so in the same direction, and as
+        each end is off in few runs, their correlation is next to nothing or positive. What the
+        missing runs may do to both ends is one thing, and adds up as it is.
         """
-        found = self._function((1 + self.runs.level) / 2)
-        value, lower, upper = self._inverted(found, np.array([0.16, 0.84]))
-        least, most = lower[1] - upper[0], upper[1] - lower[0]
-        return float(np.diff(value)[0]) / 2, float(np.maximum(least, 0.0)) / 2, float(most) / 2
+        value, lower, upper = self._inverted(self._at_grid, np.array([0.16, 0.84]))
+        combined = np.add if self.runs.missing else np.hypot
+        spread = value[1] - value[0]
+        least = spread - combined(upper[0] - value[0], value[1] - lower[1])
+        most = spread + combined(value[0] - lower[0], upper[1] - value[1])
+        return float(spread) / 2, float(np.maximum(least, 0.0)) / 2, float(most) / 2
 
     @cached_property
     def choices(self) -> QuantileChoices:
