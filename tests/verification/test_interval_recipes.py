@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE
+from uqpen.core.catalogue import INTERVAL_RECIPE, JOINT_STATISTICS
 from uqpen.core.labels import RECIPE
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
@@ -54,7 +54,7 @@ def move_bounds(tree: xr.DataTree, statistic: str) -> None:
 
 
 def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
-    assert tree.attrs[RECIPE] == INTERVAL_RECIPE == CATALOGUE["cdf"].recipe
+    assert tree.attrs[RECIPE] == INTERVAL_RECIPE == JOINT_STATISTICS["joint_probability"].recipe
     found = checks(tree, tmp_path)
     assert "intervals" not in found
     assert found["statistics"].verdict is CheckOutcome.EQUAL
@@ -66,7 +66,8 @@ def test_intervals_of_the_first_recipe_are_no_difference(tree: xr.DataTree, tmp_
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
     assert found["intervals"].verdict is CheckOutcome.UNCHECKED
-    made = "those of mean, std, cdf, convergence_mean are made by an earlier recipe (1, here 3)"
+    names = "mean, std, cdf, convergence_mean, joint_probability"
+    made = f"those of {names} are made by an earlier recipe (1, here 4)"
     assert found["intervals"].text == f"{made}; only the estimates are compared"
 
 
@@ -100,7 +101,7 @@ def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_pat
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
-    assert found["intervals"].text == "made by a later recipe (4, here 3): not compared"
+    assert found["intervals"].text == "made by a later recipe (5, here 4): not compared"
 
 
 def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:

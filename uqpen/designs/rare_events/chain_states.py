@@ -91,14 +91,17 @@ class ChainStates:
         return bool((self.occurs | self.missing).mean() >= CONDITIONAL_PROBABILITY)
 
     def next_threshold(self, threshold: float) -> float | None:
-        """Return the performance that a tenth of the states reach; None if none is higher.
+        """Return the threshold that a tenth of the states reach; None if it is no higher.
 
-        Where many states are equal, as of an output with few values, it is the next higher
-        performance. It is never higher than that of all states with the event.
+        It lies directly above the largest of the other states: at the smallest of the tenth, the
+        probability of the level would be too large by one part in the number of its seeds (a beta
+        distribution). Where many states are equal, as of an output with few values, more than a
+        tenth reach it, or fewer if all are as high. It is never higher than that of all states
+        with the event.
         """
         number = max(1, round(len(self.runs) * CONDITIONAL_PROBABILITY))
         found = float(np.partition(self.performance, -number)[-number])
-        if found > threshold and not self.at_or_above(found).all():
-            return min(found, _EVENT)
-        higher = self.performance[self.performance > max(found, threshold)]
-        return min(float(higher.min()), _EVENT) if len(higher) and threshold < _EVENT else None
+        below = self.performance[self.performance < found]
+        excluded = float(below.max()) if len(below) else found
+        higher = min(math.nextafter(excluded, math.inf), _EVENT)
+        return higher if higher > threshold and self.at_or_above(higher).any() else None
