@@ -135,11 +135,9 @@ PROBLEMS |= {
     ),
 }
 
-MANY = (2, 10, 100, 1000)
-
 
 def _of_many_inputs(dimension: int) -> dict[str, Problem]:
-    """Return events whose probability does not depend on the number of inputs, or hardly."""
+    """Return events of probabilities that are the same in any number of inputs."""
     rare, samples = 1e-4, 1000
     radius = float(stats.chi2.isf(rare, dimension))
     # x₁ + a - 0.1 Σx² > 0 where (x₁ - 5)² + the other squares are below 10 a + 25.
@@ -162,13 +160,20 @@ def _of_many_inputs(dimension: int) -> dict[str, Problem]:
             f"Σx² > {radius:.5g}, {dimension} inputs", dimension, rare, samples, squares
         ),
         f"mixed{dimension}": Problem(
-            f"x₁ {offset:+.4g} − 0.1 Σx² > 0, {dimension} inputs", dimension, rare, samples, mixed
+            f"x₁ {'−' if offset < 0 else '+'} {abs(offset):.4g} − 0.1 Σx² > 0, {dimension} inputs",
+            dimension,
+            rare,
+            samples,
+            mixed,
         ),
     }
 
 
-PROBLEMS_OF_MANY = {name: each for d in MANY for name, each in _of_many_inputs(d).items()}
-PROBLEMS_OF_MANY |= _of_many_inputs(50)
+PROBLEMS_OF_MANY = {
+    name: each
+    for dimension in (2, 10, 20, 50, 80, 90, 100, 1000)
+    for name, each in _of_many_inputs(dimension).items()
+}
 ALL = PROBLEMS | PROBLEMS_OF_MANY
 
 
@@ -199,14 +204,14 @@ def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray
 
     def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
         points = points_in_memory(points_of(drawn))
-        return {"": _run(problem, points, np.column_stack([points[name] for name in names]))}
+        values = problem.function(np.column_stack([points[name].values for name in names]))
+        return {"": _run(points, values)}
 
     rounds = run_rounds(design, joint, Stream(seed, "designs", "rare"), make_runs)
     return _estimated([each[""] for each in rounds], design)
 
 
-def _run(problem: Problem, points: xr.Dataset, u: FloatArray) -> xr.Dataset:
-    values = problem.function(u)
+def _run(points: xr.Dataset, values: FloatArray) -> xr.Dataset:
     status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
     described = {"units": "1", ROLE: "output"}
     return points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})
@@ -222,25 +227,37 @@ def _estimated(rounds: Sequence[xr.Dataset], design: Design) -> tuple[int, Float
 def subset_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
     """Return what `answer` returns for subset simulation, without a column for each input.
 
-    The replicates are those of the design, one after the other. A thousand columns would take
+    The replicates are those of the design, a round of all at once. A thousand columns would take
     several times as long as the runs.
     """
     design, event = SubsetSimulation(EVENT, samples=problem.samples), parse_limit_state(EVENT)
     joint, stream = standard_normals(problem.dimension), Stream(seed, "designs", "rare")
+    replicates = [
+        design.replicate(joint, event, stream.child("replicate", number))
+        for number in range(design.replicate_count)
+    ]
+    wanted = {number: next(each) for number, each in enumerate(replicates)}
     rounds: list[xr.Dataset] = []
     first = 0
-    for number in range(design.replicate_count):
-        replicate = design.replicate(joint, event, stream.child("replicate", number))
-        wanted = next(replicate)
-        with suppress(StopIteration):  # it is at its last level
-            while True:
-                runs = np.arange(first, first + len(wanted.points))
-                columns = {name: (RUN, each) for name, each in wanted.coordinates.items()}
-                columns |= {RUN: (RUN, runs), REPLICATE: (RUN, np.full(len(runs), number))}
-                rounds.append(_run(problem, xr.Dataset(coords=columns), wanted.points))
-                first += len(runs)
-                wanted = replicate.send(RunOutcomes(runs, event.outcomes(rounds[-1])))
-    rounds = [each.assign_attrs({RARE_EVENT: str(event)}) for each in rounds]
+    while wanted:
+        sizes = [len(each.points) for each in wanted.values()]
+        columns: dict[str, npt.NDArray[Any]] = {REPLICATE: np.repeat(list(wanted), sizes)}
+        for name in next(iter(wanted.values())).coordinates:
+            columns[name] = np.concatenate([each.coordinates[name] for each in wanted.values()])
+        described = {name: (RUN, each) for name, each in columns.items()}
+        points = xr.Dataset(coords={RUN: np.arange(sum(sizes)), **described})
+        values = np.concatenate([problem.function(each.points) for each in wanted.values()])
+        rounds.append(_run(points.assign_attrs({RARE_EVENT: str(event)}), values))
+        outcomes = event.outcomes(rounds[-1])
+        following = {}
+        for number, part in zip(
+            wanted, np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), strict=True
+        ):
+            with suppress(StopIteration):  # it is at its last level
+                made = RunOutcomes(first + part, outcomes.of(part))
+                following[number] = replicates[number].send(made)
+        first += sum(sizes)
+        wanted = following
     return _estimated(rounds, design)
 
 

@@ -195,6 +195,15 @@ def test_a_threshold_leaves_the_probability_of_its_level_unbiased() -> None:
     assert abs(ratios.mean() - 1) < 0.02
 
 
+def test_states_equal_to_the_largest_left_out_are_left_out() -> None:
+    # States of a chain that has not moved: were they kept, the threshold would depend on them.
+    performance = np.repeat([-3.0, -2.0, -1.0], [75, 20, 5])
+    none = np.zeros(100, dtype=np.bool_)
+    threshold = ChainStates(np.arange(100), performance, none, none).next_threshold(-math.inf)
+    assert threshold is not None
+    assert -2 < threshold <= -1
+
+
 def test_many_equal_states_reach_a_threshold_together() -> None:
     performance = np.repeat([-3.0, -2.0, -1.0], [50, 30, 20])
     none = np.zeros(100, dtype=np.bool_)

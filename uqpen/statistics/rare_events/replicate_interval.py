@@ -83,4 +83,5 @@ def half_width_of_logarithm(values: FloatArray, level: float) -> FloatArray:
     number = len(values)
     variance = np.log(values).var(axis=0, ddof=1)
     error = np.sqrt(variance / number + variance**2 / (2 * (number - 1)))
-    return np.minimum(student_quantile(number - 1, level) * error, _WIDEST)
+    half_width: FloatArray = np.minimum(student_quantile(number - 1, level) * error, _WIDEST)
+    return half_width
