@@ -14,7 +14,8 @@ import argparse
 import importlib.util
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,10 +24,10 @@ import numpy.typing as npt
 import xarray as xr
 from coverage_table import Place
 from result_files import append_results, read_records
-from scipy import special
+from scipy import special, stats
 from scipy.special import ndtr
 
-from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.labels import RARE_EVENT, REPLICATE, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
@@ -34,6 +35,8 @@ from uqpen.core.variables import Input
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
+from uqpen.designs.rare_events.limit_state import parse_limit_state
+from uqpen.designs.rare_events.replicates import RunOutcomes
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
 from uqpen.designs.round import points_of
 from uqpen.designs.rounds import run_rounds
@@ -47,13 +50,13 @@ FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"
 LEVEL = 0.95
 RUNS = 10_000
-TABLE = Place("rare events")
+TABLE, MANY_TABLE = Place("rare events"), Place("rare events of many inputs")
 
 
 class Problem(NamedTuple):
     """A limit-state function of standard normal inputs, and the probability that it is below 0.
 
-    The numbers of states at a level spend about 10 000 runs in five replicates.
+    The numbers of states at a level spend about 10 000 runs in five replicates, or are the default.
     """
 
     title: str
@@ -133,6 +136,47 @@ PROBLEMS |= {
 }
 
 
+def _of_many_inputs(dimension: int) -> dict[str, Problem]:
+    """Return events of probabilities that are the same in any number of inputs."""
+    rare, samples = 1e-4, 1000
+    radius = float(stats.chi2.isf(rare, dimension))
+    # x₁ + a - 0.1 Σx² > 0 where (x₁ - 5)² + the other squares are below 10 a + 25.
+    offset = float(stats.ncx2.ppf(rare, dimension, 25.0) - 25.0) / 10
+
+    def linear(u: FloatArray) -> FloatArray:
+        return 4 * math.sqrt(dimension) - u.sum(axis=1)
+
+    def squares(u: FloatArray) -> FloatArray:
+        return radius - np.einsum("ij,ij->i", u, u)
+
+    def mixed(u: FloatArray) -> FloatArray:
+        return 0.1 * np.einsum("ij,ij->i", u, u) - u[:, 0] - offset
+
+    return {
+        f"linear{dimension}": Problem(
+            f"Σx > 4√{dimension}", dimension, float(ndtr(-4)), samples, linear
+        ),
+        f"squares{dimension}": Problem(
+            f"Σx² > {radius:.5g}, {dimension} inputs", dimension, rare, samples, squares
+        ),
+        f"mixed{dimension}": Problem(
+            f"x₁ {'−' if offset < 0 else '+'} {abs(offset):.4g} − 0.1 Σx² > 0, {dimension} inputs",
+            dimension,
+            rare,
+            samples,
+            mixed,
+        ),
+    }
+
+
+PROBLEMS_OF_MANY = {
+    name: each
+    for dimension in (2, 10, 20, 50, 80, 90, 100, 1000)
+    for name, each in _of_many_inputs(dimension).items()
+}
+ALL = PROBLEMS | PROBLEMS_OF_MANY
+
+
 class Answer(NamedTuple):
     """One answer: a row of the file."""
 
@@ -161,15 +205,60 @@ def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray
     def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
         points = points_in_memory(points_of(drawn))
         values = problem.function(np.column_stack([points[name].values for name in names]))
-        status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
-        described = {"units": "1", ROLE: "output"}
-        return {"": points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})}
+        return {"": _run(points, values)}
 
     rounds = run_rounds(design, joint, Stream(seed, "designs", "rare"), make_runs)
-    runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
+    return _estimated([each[""] for each in rounds], design)
+
+
+def _run(points: xr.Dataset, values: FloatArray) -> xr.Dataset:
+    status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
+    described = {"units": "1", ROLE: "output"}
+    return points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})
+
+
+def _estimated(rounds: Sequence[xr.Dataset], design: Design) -> tuple[int, FloatArray]:
+    runs = join_rounds(rounds, range(len(rounds)))
     runs = runs.assign_attrs({SAMPLING: str(design.sampling)})
     found = joint_probabilities(runs, (), LEVEL)["joint_probability"]
     return runs.sizes[RUN], found.values[0]
+
+
+def subset_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
+    """Return what `answer` returns for subset simulation, without a column for each input.
+
+    The replicates are those of the design, a round of all at once. A thousand columns would take
+    several times as long as the runs.
+    """
+    design, event = SubsetSimulation(EVENT, samples=problem.samples), parse_limit_state(EVENT)
+    joint, stream = standard_normals(problem.dimension), Stream(seed, "designs", "rare")
+    replicates = [
+        design.replicate(joint, event, stream.child("replicate", number))
+        for number in range(design.replicate_count)
+    ]
+    wanted = {number: next(each) for number, each in enumerate(replicates)}
+    rounds: list[xr.Dataset] = []
+    first = 0
+    while wanted:
+        sizes = [len(each.points) for each in wanted.values()]
+        columns: dict[str, npt.NDArray[Any]] = {REPLICATE: np.repeat(list(wanted), sizes)}
+        for name in next(iter(wanted.values())).coordinates:
+            columns[name] = np.concatenate([each.coordinates[name] for each in wanted.values()])
+        described = {name: (RUN, each) for name, each in columns.items()}
+        points = xr.Dataset(coords={RUN: np.arange(sum(sizes)), **described})
+        values = np.concatenate([problem.function(each.points) for each in wanted.values()])
+        rounds.append(_run(points.assign_attrs({RARE_EVENT: str(event)}), values))
+        outcomes = event.outcomes(rounds[-1])
+        following = {}
+        for number, part in zip(
+            wanted, np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), strict=True
+        ):
+            with suppress(StopIteration):  # it is at its last level
+                made = RunOutcomes(first + part, outcomes.of(part))
+                following[number] = replicates[number].send(made)
+        first += sum(sizes)
+        wanted = following
+    return _estimated(rounds, design)
 
 
 def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
@@ -234,9 +323,7 @@ def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray
     """Return the methods by name, each a function of the seed."""
     found = {
         "active-learning": lambda seed: answer(problem, ActiveLearning(EVENT), seed),
-        "subset-simulation": lambda seed: answer(
-            problem, SubsetSimulation(EVENT, samples=problem.samples), seed
-        ),
+        "subset-simulation": lambda seed: subset_answer(problem, seed),
     }
     each = RUNS // 5
     found["importance-sampling"] = lambda seed: answer(
@@ -257,7 +344,7 @@ def answers(
     """Yield the answers of all methods that are not known, by problem, method and seed."""
     for seed in seeds:
         for key in problems:
-            for method, ask in methods(PROBLEMS[key]).items():
+            for method, ask in methods(ALL[key]).items():
                 if (not wanted or method in wanted) and (key, method, seed) not in known:
                     start = time.perf_counter()
                     runs, (estimate, lower, upper) = ask(seed)
@@ -265,15 +352,15 @@ def answers(
                     yield Answer(key, method, seed, runs, estimate, lower, upper, seconds)
 
 
-def page(rows: Sequence[Answer]) -> Iterator[str]:
-    """Yield the lines of the table."""
+def page(rows: Sequence[Answer], problems: Mapping[str, Problem]) -> Iterator[str]:
+    """Yield the lines of the table of some problems."""
     columns = ("event", "method", "seeds", "runs", "bias", "variation seen", "stated")
     yield f"| {' | '.join((*columns, 'upper/lower', 'coverage'))} |"
     yield "|---" * 9 + "|"
     groups: dict[tuple[str, str], list[Answer]] = {}
     for row in rows:
         groups.setdefault((row.problem, row.method), []).append(row)
-    for key, problem in PROBLEMS.items():
+    for key, problem in problems.items():
         for (name, method), found in groups.items():
             if name == key:
                 yield _line(problem, method, found)
@@ -286,19 +373,24 @@ def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
     if not has_number.any():
         return title + "| – | – | – | – | no number, with the reason |"
     exact = problem.probability
-    estimate, lower, upper = (each[has_number] for each in (estimate, lower, upper))
-    bias = estimate.mean() / exact - 1
-    seen = np.sqrt(np.mean((estimate / exact - 1) ** 2))
+    relative = estimate[has_number] / exact - 1
+    error = relative.std(ddof=1) / math.sqrt(len(relative)) if len(relative) > 1 else math.nan
+    bias = f"{100 * relative.mean():+.1f} ± {100 * error:.1f} %"
+    seen = np.sqrt(np.mean(relative**2))
+    has_interval = np.isfinite(upper)
+    if not has_interval.any():
+        return f"{title}| {bias} | {100 * seen:.1f} % | – | – | no interval, with the reason |"
+    lower, upper = lower[has_interval], upper[has_interval]
     covers = f"{100 * np.mean((lower <= exact) & (exact <= upper)):.1f} %"
-    if not has_number.all():
-        covers += f" of {np.count_nonzero(has_number)}"
+    if not has_interval.all():
+        covers += f" of {np.count_nonzero(has_interval)}"
     ratio = np.where(lower > 0, upper / np.maximum(lower, 1e-300), np.inf)
     stated = np.median(np.log(ratio)) / 2 / _quantile(method)
     texts = (f"{100 * each:.1f} %" if math.isfinite(each) else "–" for each in (seen, stated))
     seen_text, stated_text = texts
     width = np.median(ratio)
     width_text = f"{width:.3g}" if math.isfinite(width) else "–"
-    return f"{title}| {100 * bias:+.1f} % | {seen_text} | {stated_text} | {width_text} | {covers} |"
+    return f"{title}| {bias} | {seen_text} | {stated_text} | {width_text} | {covers} |"
 
 
 def _quantile(method: str) -> float:
@@ -322,7 +414,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=500)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=[*PROBLEMS])
+    parser.add_argument("--problems", nargs="+", choices=ALL, default=[*PROBLEMS])
     parser.add_argument("--methods", nargs="+", default=[])
     parser.add_argument("--output", type=Path, metavar="FILE.csv")
     parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
@@ -336,10 +428,12 @@ def main() -> None:
         with one_blas_thread():
             found = answers(options.problems, options.methods, seeds, known)
             rows += append_results(found, options.output) if options.output else found
-    lines = "\n".join(page(rows))
-    print(lines)
-    if options.markdown:
-        TABLE.fill(options.markdown, lines)
+    for table, problems in ((TABLE, PROBLEMS), (MANY_TABLE, PROBLEMS_OF_MANY)):
+        if any(each.problem in problems for each in rows):
+            lines = "\n".join(page(rows, problems))
+            print(lines)
+            if options.markdown:
+                table.fill(options.markdown, lines)
 
 
 if __name__ == "__main__":

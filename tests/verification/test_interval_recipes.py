@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE
+from uqpen.core.catalogue import INTERVAL_RECIPE, JOINT_STATISTICS
 from uqpen.core.labels import RECIPE
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
@@ -54,7 +54,8 @@ def move_bounds(tree: xr.DataTree, statistic: str) -> None:
 
 
 def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
-    assert tree.attrs[RECIPE] == INTERVAL_RECIPE == CATALOGUE["mean_band"].recipe
+    recipes = {CATALOGUE["mean_band"].recipe, JOINT_STATISTICS["joint_probability"].recipe}
+    assert {tree.attrs[RECIPE]} == {INTERVAL_RECIPE} == recipes
     found = checks(tree, tmp_path)
     assert "intervals" not in found
     assert found["statistics"].verdict is CheckOutcome.EQUAL
@@ -66,7 +67,7 @@ def test_intervals_of_the_first_recipe_are_no_difference(tree: xr.DataTree, tmp_
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
     assert found["intervals"].verdict is CheckOutcome.UNCHECKED
-    of = "those of mean, std, cdf, mean_band, tolerance_band, convergence_mean"
+    of = "those of mean, std, cdf, mean_band, tolerance_band, convergence_mean, joint_probability"
     made = f"{of} are made by an earlier recipe (1, here 4)"
     assert found["intervals"].text == f"{made}; only the estimates are compared"
 

@@ -225,7 +225,13 @@ FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 # Statistics of a design's runs that concern several outputs.
 JOINT_STATISTICS = _by_name(
     [
-        Statistic("joint_probability", "probability of an event of several outputs", (EVENT,)),
+        Statistic(
+            "joint_probability",
+            "probability of an event of several outputs",
+            (EVENT,),
+            # Recipe 4 takes estimates of a rare event for log-normal.
+            recipe=4,
+        ),
         Statistic(
             "event_first_order",
             "first-order Sobol' index of an event",

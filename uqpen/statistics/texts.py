@@ -88,7 +88,12 @@ PART_NOT_MET = (
     "run that shows it, the runs would have met one of {probability:.2g} or more, with 95 %"
 )
 EVENT_NEVER_SEEN = "no run shows the event: its probability is too small for these runs"
-SEEN_IN_SOME = "not all replicates have met the event: the interval may be too narrow"
+NOT_MET_BY_ALL = "not all replicates have met the event"
+SEEN_IN_SOME = f"{NOT_MET_BY_ALL}: their scatter gives no interval, and the value may be far off"
+REPLICATES_SAY_NOTHING = (
+    "the estimates of the replicates differ by a factor above {factor}: they say nothing of the "
+    "probability"
+)
 NO_ADMISSIBLE_REPLICATE = "a replicate has no admissible draw"
 UNMET_PART = (
     "parts of the event that no replicate met are not in it; as many plain runs would show a part "

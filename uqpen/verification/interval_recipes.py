@@ -8,19 +8,26 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, interval_codes_name
-from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE, interval_recipe
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    INTERVAL_RECIPE,
+    JOINT_STATISTICS,
+    interval_recipe,
+)
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 
 __all__ = ["check_recipe", "other_recipe", "without_intervals"]
+
+_STATISTICS = {**CATALOGUE, **JOINT_STATISTICS}
 
 
 def other_recipe(tree: xr.DataTree) -> frozenset[str]:
     """Return the statistics whose intervals another recipe than this uqpen's has made."""
     recipe = interval_recipe(tree.attrs)
     if recipe > INTERVAL_RECIPE:
-        return frozenset(CATALOGUE)  # what a later one has changed is not known here
-    return frozenset(name for name, entry in CATALOGUE.items() if entry.recipe > recipe)
+        return frozenset(_STATISTICS)  # what a later one has changed is not known here
+    return frozenset(name for name, entry in _STATISTICS.items() if entry.recipe > recipe)
 
 
 def check_recipe(tree: xr.DataTree) -> CheckResult | None:
@@ -30,7 +37,7 @@ def check_recipe(tree: xr.DataTree) -> CheckResult | None:
     if recipe > INTERVAL_RECIPE:
         message = f"made by a later recipe ({recipe}, here {INTERVAL_RECIPE}): not compared"
     elif names:
-        of = ", ".join(name for name in CATALOGUE if name in names)
+        of = ", ".join(name for name in _STATISTICS if name in names)
         made = f"made by an earlier recipe ({recipe}, here {INTERVAL_RECIPE})"
         message = f"those of {of} are {made}; only the estimates are compared"
     else:

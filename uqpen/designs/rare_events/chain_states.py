@@ -91,14 +91,20 @@ class ChainStates:
         return bool((self.occurs | self.missing).mean() >= CONDITIONAL_PROBABILITY)
 
     def next_threshold(self, threshold: float) -> float | None:
-        """Return the performance that a tenth of the states reach; None if none is higher.
+        """Return the threshold that a tenth of the states reach; None if it is no higher.
 
-        Where many states are equal, as of an output with few values, it is the next higher
-        performance. It is never higher than that of all states with the event.
+        It lies directly above the largest of the other states: at the smallest of the tenth, the
+        probability of the level would be too large by one part in the number of its seeds (a beta
+        distribution). States that are equal to that one do not reach it either, or the threshold
+        would depend on what lies above it. Only where none would be left, as of an output with few
+        values, more than a tenth reach it. It is never higher than that of all states with the
+        event.
         """
         number = max(1, round(len(self.runs) * CONDITIONAL_PROBABILITY))
-        found = float(np.partition(self.performance, -number)[-number])
-        if found > threshold and not self.at_or_above(found).all():
-            return min(found, _EVENT)
-        higher = self.performance[self.performance > max(found, threshold)]
-        return min(float(higher.min()), _EVENT) if len(higher) and threshold < _EVENT else None
+        place = min(number + 1, len(self.runs))
+        excluded = float(np.partition(self.performance, -place)[-place])
+        if excluded == self.performance.max():
+            below = self.performance[self.performance < excluded]
+            excluded = float(below.max()) if len(below) else excluded
+        higher = min(math.nextafter(excluded, math.inf), _EVENT)
+        return higher if higher > threshold and self.at_or_above(higher).any() else None

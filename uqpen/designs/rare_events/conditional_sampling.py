@@ -1,9 +1,9 @@
-"""Adaptive conditional sampling: moves of Markov chains in standard normal space."""
+"""Conditional sampling: moves of Markov chains in standard normal space."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,46 +11,38 @@ from uqpen.core.arrays import FloatArray
 
 __all__ = ["ConditionalSampling"]
 
-# Share of moves to accept; the optimum of Papaioannou et al. (2015).
-_TARGET = 0.44
+# Share of moves to accept. The variance of an estimate hardly depends on it from 0.4 to 0.5.
+_TARGET = 0.5
+
+# Limits of the standard deviation, and of the factor by which it changes between levels.
+_SMALLEST, _LARGEST = 1e-3, 1.0
+_SMALLEST_FACTOR = 0.05
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ConditionalSampling:
     """Moves ``sqrt(1 - sigma²) u + sigma z`` with standard normal z.
 
     They keep the normal distribution. A move is accepted where it stays in the level, so no density
-    is needed. The standard deviation of a move follows the scatter of the seeds in each direction,
-    times a factor that is adapted after each step, so that 44 % of the moves are accepted.
+    is needed. All inputs have the same sigma, and a level keeps it: a scale that followed the
+    states that it moves would not keep their distribution.
 
     Parameters
     ----------
-    factor : float
-        Factor of the scatter.
-    spread : float or ndarray, shape (random input,)
-        Standard deviation of the seeds.
-    steps : int
-        Number of steps at this level so far.
+    sigma : float
+        Standard deviation of a move.
     """
 
-    factor: float = 0.6
-    spread: float | FloatArray = 1.0
-    steps: int = 0
-
-    def start(self, seeds: FloatArray) -> ConditionalSampling:
-        """Return the moves of the next level, from its seeds, shape (chain, random input)."""
-        return replace(self, spread=seeds.std(axis=0), steps=0)
+    sigma: float = 0.6
 
     def candidates(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Return a candidate for each state, shape (chain, random input)."""
-        sigma = np.clip(self.factor * self.spread, 1e-3, 1.0)
-        moved: FloatArray = np.sqrt(1 - sigma**2) * states + sigma * rng.standard_normal(
-            states.shape
-        )
+        moved: FloatArray = rng.standard_normal(states.shape)
+        moved *= self.sigma
+        moved += math.sqrt(1 - self.sigma**2) * states
         return moved
 
-    def adapted(self, accepted: float) -> ConditionalSampling:
-        """Return the moves after a step, given the share that was accepted."""
-        steps = self.steps + 1
-        factor = self.factor * math.exp((accepted - _TARGET) / math.sqrt(steps))
-        return replace(self, factor=factor, steps=steps)
+    def following(self, accepted: float) -> ConditionalSampling:
+        """Return the moves of the next level, given the share that was accepted at this one."""
+        factor = max(accepted / _TARGET, _SMALLEST_FACTOR)
+        return ConditionalSampling(min(max(factor * self.sigma, _SMALLEST), _LARGEST))

@@ -25,7 +25,7 @@ __all__ = ["SubsetSimulation"]
 
 @dataclass(frozen=True)
 class SubsetSimulation(RareEventDesign):
-    """Subset simulation by adaptive conditional sampling, in independent replicates.
+    """Subset simulation by conditional sampling, in independent replicates.
 
     Independent draws give the nearest tenth of all cases. Markov chains from there stay within it
     and give the nearest tenth of those, and so on until a tenth of the cases show the event.
@@ -86,8 +86,7 @@ class SubsetSimulation(RareEventDesign):
             rng = stream.generator("level", level)
             seeds = _choose(np.flatnonzero(states.at_or_above(threshold)), self._chains, rng)
             chain, at = states.at(seeds), points[seeds]
-            sampling = sampling.start(at)
-            visited, places = [chain], [at]
+            visited, places, accepted_moves = [chain], [at], 0
             for _ in range(STEPS):
                 candidates = sampling.candidates(at, rng)
                 made = yield _request(candidates, level, chain.runs, threshold)
@@ -95,9 +94,10 @@ class SubsetSimulation(RareEventDesign):
                 accepted = new.at_or_above(threshold)
                 chain = chain.moved(new, threshold)
                 at = np.where(accepted[:, np.newaxis], candidates, at)
-                sampling = sampling.adapted(float(accepted.mean()))
+                accepted_moves += int(accepted.sum())
                 visited.append(chain)
                 places.append(at)
+            sampling = sampling.following(accepted_moves / (STEPS * self._chains))
             states, points = ChainStates.joined(visited), np.concatenate(places)
 
     @property

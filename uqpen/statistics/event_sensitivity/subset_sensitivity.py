@@ -61,7 +61,7 @@ class SubsetScores:
             if not (levels := subset_levels(runs, outcomes, event, members)):
                 return cls(runs, (), level, texts.NO_ADMISSIBLE_REPLICATE)
             found.append((levels[0], levels[-1]))
-        reason = "" if all(last.states.occurs.any() for _, last in found) else texts.SEEN_IN_SOME
+        reason = "" if all(last.states.occurs.any() for _, last in found) else texts.NOT_MET_BY_ALL
         return cls(runs, tuple(found), level, reason)
 
     def sensitivities(self, name: str, scores: InputScores) -> SensitivityEstimates:

@@ -78,10 +78,12 @@ def importance_estimate(runs: xr.Dataset, outcomes: EventOutcomes, level: float)
             return Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
         found.append(each)
     estimate = replicate_interval([each.probability for each in found], level)
+    unmet = _unmet(runs, outcomes)
+    if estimate.label == "none":
+        return estimate.with_note(estimate.note, unmet)
     few = texts.FEW_RUNS_IN_REPLICATES.format(runs=_ENOUGH_RUNS, few=_FEW_RUNS)
-    is_few = len(replicate) < _ENOUGH_RUNS * len(found) and not math.isnan(estimate.value)
-    notes = (*_warnings(found), few if is_few else "", _unmet(runs, outcomes))
-    return estimate.with_note(estimate.note, *notes)
+    is_few = len(replicate) < _ENOUGH_RUNS * len(found)
+    return estimate.with_note(*_warnings(found), few if is_few else "", unmet)
 
 
 def _replicate(runs: xr.Dataset, outcomes: EventOutcomes, members: IntArray) -> _Replicate | None:

@@ -127,9 +127,8 @@ def _estimate(value: float, ends: tuple[float, float], is_above: bool, is_met: b
     """Return a quantile with its bounds, which change places where the event lies below."""
     if math.isnan(value):
         return Estimate.without_bounds(math.nan, texts.BEYOND_ALL_LEVELS)
-    if math.isnan(ends[1]):
-        return Estimate.without_bounds(value if is_above else -value, texts.BEYOND_ALL_LEVELS)
-    lower, upper = ends if is_above else (-ends[1], -ends[0])
-    note = "" if is_met else texts.SEEN_IN_SOME
     shown = value if is_above else -value
-    return Estimate(shown, lower, upper, texts.INVERTED_OVER_REPLICATES, "nominal", note)
+    if math.isnan(ends[1]) or not is_met:
+        return Estimate.without_bounds(shown, texts.BEYOND_ALL_LEVELS)
+    lower, upper = ends if is_above else (-ends[1], -ends[0])
+    return Estimate(shown, lower, upper, texts.INVERTED_OVER_REPLICATES, "nominal")

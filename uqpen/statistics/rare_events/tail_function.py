@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import REPLICATE
 from uqpen.designs.rare_events.limit_state import LimitState
-from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.rare_events.replicate_interval import half_width_of_logarithm
 from uqpen.statistics.rare_events.subset_probability import Level, subset_levels
 
 __all__ = ["TailFunction"]
@@ -129,9 +129,12 @@ def _probabilities(
 
 
 def _ends(table: FloatArray, level: float, sign: int) -> FloatArray:
-    """Return an end of the interval m·exp(±t·s/(√n·m)) of the probability beyond each value."""
-    number = len(table)
-    mean = table.mean(axis=0)
-    half = student_quantile(number - 1, level) * table.std(axis=0, ddof=1) / math.sqrt(number)
-    exponent = np.minimum(sign * half / np.where(mean > 0, mean, 1.0), 700.0)
-    return np.where(mean > 0, mean * np.exp(exponent), 0.0)
+    """Return an end of the interval of the probability beyond each value.
+
+    It is 0 where a replicate has no state beyond a value: what is found there has no interval.
+    """
+    is_met = (table > 0).all(axis=0)
+    met = table[:, is_met]
+    ends = np.zeros(table.shape[1])
+    ends[is_met] = met.mean(axis=0) * np.exp(sign * half_width_of_logarithm(met, level))
+    return ends

@@ -44,18 +44,20 @@ def surrogate_states(
     sampling = ConditionalSampling()
     probability, visited, weights = 1.0, [], []
     for level in range(_LEVELS):
-        threshold = min(float(np.partition(performance, -_CHAINS)[-_CHAINS]), 0.0)
-        reached = performance > threshold if threshold == 0 else performance >= threshold
-        is_last = threshold == 0 or level == _LEVELS - 1 or bool(reached.all())
+        excluded = performance < np.partition(performance, -_CHAINS)[-_CHAINS]
+        threshold = min(float(performance.max(where=excluded, initial=-math.inf)), 0.0)
+        reached = performance > threshold
+        is_last = threshold == 0 or level == _LEVELS - 1 or not excluded.any()
         visited.append(points)
         weights.append(np.where(reached & (not is_last), 0.0, probability / _STATES))
         if is_last:
             break
         probability *= float(reached.mean())
         seeds = rng.permutation(np.flatnonzero(reached))[:_CHAINS]
-        points, performance = _chains(
+        points, performance, accepted = _chains(
             surrogate, points[seeds], performance[seeds], threshold, sampling, rng
         )
+        sampling = sampling.following(accepted)
     return SurrogateStates(np.concatenate(visited), np.concatenate(weights))
 
 
@@ -66,17 +68,16 @@ def _chains(
     threshold: float,
     sampling: ConditionalSampling,
     rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the states of chains that stay above a threshold, and their performance."""
-    sampling = sampling.start(at)
-    points, found = [at], [performance]
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return states of chains above a threshold, their performance, and the share of moves."""
+    points, found, shares = [at], [performance], []
     for _ in range(math.ceil(_STATES / _CHAINS) - 1):
         candidates = sampling.candidates(at, rng)
         new = surrogate.predict_performance(candidates)
-        accepted = new >= threshold
+        accepted = new > threshold
         at = np.where(accepted[:, np.newaxis], candidates, at)
         performance = np.where(accepted, new, performance)
-        sampling = sampling.adapted(float(accepted.mean()))
+        shares.append(float(accepted.mean()))
         points.append(at)
         found.append(performance)
-    return np.concatenate(points), np.concatenate(found)
+    return np.concatenate(points), np.concatenate(found), float(np.mean(shares))
