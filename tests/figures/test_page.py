@@ -8,12 +8,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 import uqpen
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
@@ -162,6 +165,24 @@ class TestFiles:
         subprocess.run(command, check=True, cwd=tmp_path, env=elsewhere, capture_output=True)
         for kind, content in here.items():
             assert (tmp_path / f"there.{kind}").read_bytes() == content, kind
+
+    def test_the_bytes_do_not_depend_on_the_last_digits_of_a_layout(
+        self, archives: Archives, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        lay_out = ConstrainedLayoutEngine.execute
+
+        def shifted(engine: ConstrainedLayoutEngine, fig: Figure, by: float) -> None:
+            lay_out(engine, fig)
+            for axes in fig.axes:
+                place = axes.get_position(original=True)
+                axes.set_position(place.translated(by, by))
+                axes.set_in_layout(True)
+
+        contents = set()
+        for by in (0.0, 1e-15, -1e-14):
+            monkeypatch.setattr(ConstrainedLayoutEngine, "execute", partialmethod(shifted, by=by))
+            contents.add(figure_bytes(figure(archives["beam"], "methods"), "svg"))
+        assert len(contents) == 1
 
     def test_they_are_listed_and_drawn(self, beam: Path, command_line: Command) -> None:
         listed = command_line("figure", str(beam), "--list")
