@@ -25,6 +25,7 @@ from uqpen.core.lookup import resolve
 from uqpen.figures import BENCHMARK_FIGURES, FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
+from uqpen.results.digits import number_text
 from uqpen.results.texts import plain_text, typeset_unit
 
 pytestmark = pytest.mark.slow
@@ -132,6 +133,14 @@ class TestMany:
         assert "the first 24 of 30 panels" in page.legends[0].get_title().get_text()
         (indices,) = figure(tree, "sensitivity").axes
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
+
+
+def test_the_largest_run_is_said_of_each_output_by_its_name(study_of: Callable[..., Any]) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
+    largest = number_text(float(tree["runs/some"]["y"].values.max()))
+    page = figure(tree, "cdf")
+    assert f"y, largest of 400 runs: {largest}" in page.legends[0].get_title().get_text()
 
 
 class TestFiles:

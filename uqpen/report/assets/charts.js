@@ -14,7 +14,9 @@ root.dataset.script = "runs";
 // A list that several traces have is written in the first of them.
 const holders = [...charts, ...runTables];
 const listAt = ([holder, trace, key]) => holders[holder].traces[trace][key];
-const places = charts.flatMap(({ place }) => (place ? [place, ...place.columns] : []));
+const places = charts.flatMap(({ place, reading }) => [
+  ...(place ? [place, ...place.columns] : []), ...(reading ? [reading] : []),
+]);
 for (const each of [...holders.flatMap(({ traces }) => traces), ...places]) {
   for (const [key, value] of Object.entries(each)) {
     if (value?.same) each[key] = listAt(value.same);
@@ -66,7 +68,7 @@ function axis(style, { of, ...told }) {
   return {
     automargin: true, zeroline: false, showline: true, ticks: "outside", ticklen: 4,
     linecolor: looked(style, "quiet"), tickcolor: looked(style, "quiet"),
-    gridcolor: looked(style, "grid"), exponentformat: "power", nticks: 7,
+    gridcolor: looked(style, "grid"), exponentformat: "power", minexponent: 5, nticks: 7,
     ...(isWide ? { dtick: 1 } : {}), ...told, title,
   };
 }
