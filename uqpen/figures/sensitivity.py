@@ -22,12 +22,12 @@ __all__ = [
     "INDICES",
     "ResponseMeasure",
     "best_sources",
-    "index_kinds",
     "index_series",
     "magnitudes",
     "response_measures",
     "response_panels",
     "sensitivity_panels",
+    "shown_indices",
 ]
 
 
@@ -84,7 +84,7 @@ def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
     shares = index_titles(view.tree)
     for output in view.numeric_outputs:
-        for of, measures in index_kinds(view, output):
+        for of, measures in shown_indices(view, output):
             if found := best_sources(view, index_series(view, output, measures)):
                 title = view.title(f"{output}: {shares.title(of)}")
                 yield measures_panel(view, title, shares.axis, found, identity, shares.note)
@@ -104,7 +104,7 @@ def response_panels(view: ArchiveView) -> Iterator[Panel]:
                 yield measures_panel(view, title, each.axis, found, each.convert)
 
 
-def index_kinds(view: ArchiveView, output: str) -> tuple[tuple[str, Sequence[Measure]], ...]:
+def shown_indices(view: ArchiveView, output: str) -> tuple[tuple[str, Sequence[Measure]], ...]:
     """Return the indices of an output to show: of its logarithm first if that is shown."""
     of_output = ("its variance", INDICES)
     if not view.is_logarithmic(output):

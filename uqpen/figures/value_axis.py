@@ -123,7 +123,7 @@ class ValueAxis:
 
         On a linear axis their step is 1, 2 or 5 times a power of ten; on a logarithmic one they
         are as many in each tenfold. Where most of the values lie within few of these steps,
-        quantiles of the values are thresholds as well, so that these can be told apart.
+        quantiles of the values are thresholds as well, so that these can be distinguished.
 
         Parameters
         ----------

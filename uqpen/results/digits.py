@@ -28,6 +28,8 @@ _DIGITS = 4
 _WRITTEN_OUT = (-3, 6)
 # A side of an interval that is shorter than this part of its estimate is 0 but for rounding.
 _ROUNDING = 1e-12
+# Digits before the point that are written without thin spaces.
+_UNGROUPED = 4
 # Digits of each number by itself where an interval spans a tenfold of a logarithmic scale.
 _OF_TENFOLDS = 2
 
@@ -64,8 +66,8 @@ def estimate_text(
     '71.1 (70.6 … 72.9)'
     >>> estimate_text(0.4663, 0.4640, 0.4687)
     '0.4663 (0.4640 … 0.4687)'
-    >>> estimate_text(436.2, 33.7, 41529.0, is_logarithmic=True)
-    '440 (34 … 42000)'
+    >>> estimate_text(436.2, 33.7, 4152.9, is_logarithmic=True)
+    '440 (34 … 4200)'
     """
     if is_logarithmic and _spans_tenfolds(lower, upper):
         middle, *between = (
@@ -160,8 +162,8 @@ def estimate_texts(
 def number_text(value: float, digits: int = _DIGITS, *, is_short: bool = True) -> str:
     """A number without an interval; a short one ends before zeros behind the point.
 
-    >>> number_text(889200.0), number_text(-2.5731), number_text(6.559e6), number_text(0.0001)
-    ('889200', '−2.573', '6.559×10⁶', '1×10⁻⁴')
+    >>> number_text(8892.0), number_text(-2.5731), number_text(6.559e6), number_text(0.0001)
+    ('8892', '−2.573', '6.559×10⁶', '1×10⁻⁴')
     """
     return _text_without_interval(value, digits, is_short=is_short)
 
@@ -196,7 +198,7 @@ def _text_without_interval(estimate: float, digits: int = _DIGITS, *, is_short: 
     if first <= exponent < end or not estimate:
         rounded = Decimal(mantissa).scaleb(exponent)
         text = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
-        return typeset_minus(_shortened(text) if is_short or not estimate else text)
+        return _typeset(_shortened(text) if is_short or not estimate else text)
     mantissa = _shortened(mantissa) if is_short else mantissa
     return typeset_minus(f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}")
 
@@ -216,6 +218,15 @@ def typeset_minus(text: str) -> str:
     return text.replace("-", MINUS)
 
 
+def _typeset(text: str) -> str:
+    """Return a number with a minus sign, and in groups if it has more than four digits."""
+    whole, point, part = typeset_minus(text).partition(".")
+    digits = whole.lstrip(MINUS)
+    if len(digits) > _UNGROUPED:
+        whole = whole.replace(digits, grouped_number(int(digits)))
+    return f"{whole}{point}{part}"
+
+
 class _NumberFormat:
     """Writes numbers to one place, given by the uncertainty, with one power of ten."""
 
@@ -232,7 +243,7 @@ class _NumberFormat:
     def __call__(self, value: float) -> str:
         if math.isnan(value):
             return "?"
-        return typeset_minus(f"{value / self._power:.{self._places}f}")
+        return _typeset(f"{value / self._power:.{self._places}f}")
 
     def is_same(self, one: float, other: float) -> bool:
         """Return whether two lengths differ by at most half of the last place."""
@@ -242,9 +253,7 @@ class _NumberFormat:
         """Write a bound from above, which may not become less."""
         # Twelve digits: 13.77 in binary is a little more or less.
         digits = Decimal(f"{value / self._power:.12g}")
-        return typeset_minus(
-            f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
-        )
+        return _typeset(f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}")
 
     def rounded_down(self, value: float) -> str:
         """Write a bound from below, which may not become more."""

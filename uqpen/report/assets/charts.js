@@ -94,7 +94,7 @@ function layout(style, chart, width) {
       align: "left", bgcolor: looked(style, "raised"), bordercolor: looked(style, "quiet"),
       font: { color: looked(style, "ink"), size: 13 },
     },
-    hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
+    separators: ".\u202f", hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
     dragmode: isCoarse ? false : drag, selections: [],
     newselection: { line: { color: looked(style, "accent"), width: 1.5, dash: "dot" } },
     xaxis: { ...axis(style, chart.x), ...upright, ...head },

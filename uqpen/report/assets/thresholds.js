@@ -6,12 +6,16 @@ const raised = (digits) => [...digits].map((each) => "⁻⁰¹²³⁴⁵⁶⁷�
 const powerText = (text) => text.replace(/e\+?(-?)(\d+)/, (_, sign, digits) => `×10${raised(sign + digits)}`);
 
 // A number in some digits as the tables write it: with its power of ten where it is very small or
-// large, and with a minus sign.
+// large, with a minus sign, and more than four digits in groups.
 function numberText(value, digits = 4) {
   const rounded = Number(value.toPrecision(digits));
   const size = Math.abs(rounded);
   const isLong = size !== 0 && (size < 1e-3 || size >= 1e6);
-  return powerText(isLong ? rounded.toExponential() : String(rounded)).replace("-", "−");
+  if (isLong) return powerText(rounded.toExponential()).replace("-", "−");
+  const [whole, part] = String(rounded).replace("-", "−").split(".");
+  const number = whole.replace("−", "");
+  const shown = number.length > 4 ? whole.replace(number, grouped(number)) : whole;
+  return part === undefined ? shown : `${shown}.${part}`;
 }
 const percent = (value, places) => (100 * value).toFixed(places);
 const grouped = (count) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");

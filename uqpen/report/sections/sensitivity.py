@@ -15,9 +15,9 @@ from uqpen.figures.sensitivity import (
     EFFECTS,
     INDICES,
     best_sources,
-    index_kinds,
     index_series,
     response_measures,
+    shown_indices,
 )
 from uqpen.report.blocks import Block, Chart, Charts, Fold, Table
 from uqpen.report.sections.drivers import InputOrder, input_order, input_ranking
@@ -62,7 +62,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         tables.setdefault(name, []).append(table)
     shares = index_titles(view.tree)
     order = input_order(view, output)
-    for of, measures in index_kinds(view, output):
+    for of, measures in shown_indices(view, output):
         every = index_series(view, output, measures)
         if found := _shown_series(view, output, every):
             notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
