@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
@@ -29,8 +30,8 @@ class RoundedLayout(ConstrainedLayoutEngine):
         """Lay out a figure, and round the place of each of its axes."""
         super().execute(fig)
         for axes in fig.axes:
-            extents = axes.get_position(original=True).extents.round(_DIGITS)
-            axes.set_position(Bbox.from_extents(*extents))
+            corners = axes.get_position(original=True).get_points()
+            axes.set_position(Bbox(np.round(corners, _DIGITS)))
             # A place that is set by hand is left alone by the next layout.
             axes.set_in_layout(True)
 
