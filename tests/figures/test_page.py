@@ -8,12 +8,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 import uqpen
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
@@ -22,6 +25,7 @@ from uqpen.core.lookup import resolve
 from uqpen.figures import BENCHMARK_FIGURES, FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
+from uqpen.results.digits import number_text
 from uqpen.results.texts import plain_text, typeset_unit
 
 pytestmark = pytest.mark.slow
@@ -131,6 +135,14 @@ class TestMany:
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
 
 
+def test_the_largest_run_is_said_of_each_output_by_its_name(study_of: Callable[..., Any]) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
+    largest = number_text(float(tree["runs/some"]["y"].values.max()))
+    page = figure(tree, "cdf")
+    assert f"y, largest of 400 runs: {largest}" in page.legends[0].get_title().get_text()
+
+
 class TestFiles:
     @pytest.fixture
     def beam(self, archives: Archives, tmp_path: Path) -> Path:
@@ -162,6 +174,24 @@ class TestFiles:
         subprocess.run(command, check=True, cwd=tmp_path, env=elsewhere, capture_output=True)
         for kind, content in here.items():
             assert (tmp_path / f"there.{kind}").read_bytes() == content, kind
+
+    def test_the_bytes_do_not_depend_on_the_last_digits_of_a_layout(
+        self, archives: Archives, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        lay_out = ConstrainedLayoutEngine.execute
+
+        def shifted(engine: ConstrainedLayoutEngine, fig: Figure, by: float) -> None:
+            lay_out(engine, fig)
+            for axes in fig.axes:
+                place = axes.get_position(original=True)
+                axes.set_position(place.translated(by, by))
+                axes.set_in_layout(True)
+
+        contents = set()
+        for by in (0.0, 1e-15, -1e-14):
+            monkeypatch.setattr(ConstrainedLayoutEngine, "execute", partialmethod(shifted, by=by))
+            contents.add(figure_bytes(figure(archives["beam"], "methods"), "svg"))
+        assert len(contents) == 1
 
     def test_they_are_listed_and_drawn(self, beam: Path, command_line: Command) -> None:
         listed = command_line("figure", str(beam), "--list")

@@ -111,6 +111,18 @@ def test_the_picture_has_the_limits_of_the_study(archives: Mapping[str, xr.DataT
     assert ("limit 10" in [key.text for key in columns.picture.keys]) == is_shown
 
 
+def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(
+    concrete: xr.DataTree, archives: Mapping[str, xr.DataTree]
+) -> None:
+    told = {}
+    for name, tree in (("concrete", concrete), ("schema_2", archives["schema_2"])):
+        (columns, *_) = answer(ArchiveView(tree, ""))
+        assert isinstance(columns, Columns)
+        told[name] = " ".join(columns.picture.notes)
+    assert "intervals of the marked estimates, of these runs alone." in told["concrete"]
+    assert "alone" not in told["schema_2"]
+
+
 def test_the_largest_part_that_a_publication_names_is_compared(concrete: xr.DataTree) -> None:
     told = " ".join(_told(concrete))
     assert "Outer radius of plastic flow in the target causes about " in told

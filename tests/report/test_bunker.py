@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.report.sections.model_comparison import model_chart
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 
@@ -65,6 +69,51 @@ def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> Non
     table = page.locator("table", has_text="Depth of penetration by model").first
     assert table.locator("thead th").all_inner_texts()[0].startswith("walker_anderson")
     assert "an upper bound needs at least 29956 runs" in page.content()
+
+
+def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_drawn(
+    bunker: xr.DataTree, show: Any
+) -> None:
+    view = ArchiveView(bunker, "walker_anderson")
+    chart = model_chart(view, "penetration_depth", "monte_carlo")
+    assert chart is not None
+    places = [shape["x0"] for shape in chart.shapes]
+    np.testing.assert_allclose(places, [60, 54, 80, 100, 150, 200, 300][: len(places)])
+    assert len(places) >= 6
+    labels = [shape["label"]["text"] for shape in chart.shapes if "label" in shape]
+    assert labels[0] == "60 cm"
+    keys = [key.text for key in chart.keys if key.text.startswith("limit")]
+    assert keys[0] == "limit 60 cm, at most 5 % of cases"
+    assert keys[1].startswith("limits 54 cm, 80 cm, 100 cm")
+    page = show("bunker")
+    readout = page.locator(".readout").first.text_content()
+    assert readout.startswith("P(at most 60 cm) = ")
+    # The line that follows the threshold stands at the limit of the verdict.
+    line = "(plot) => plot.layout.shapes.filter((s) => s.line?.width === 2).map((s) => s.x0)"
+    assert page.locator("#answer .plot").first.evaluate(line) == [60]
+
+
+def test_the_thickness_stands_beside_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+    page = show("bunker")
+    found = {
+        finding.locator("dt").inner_text(): " ".join(finding.locator("dd").inner_text().split())
+        for finding in page.locator("#answer .findings > div").all()
+        if finding.is_visible()
+    }
+    head = "Depth of penetration, limit for 95 % of cases".replace("for ", "for ")
+    text = found[head]
+    assert all(f" by {model}" in text for model in MODELS)
+    bounds = [
+        100
+        * bunker[f"models/{model}/statistics/monte_carlo/penetration_depth"][
+            "tolerance_limit"
+        ].values[0, 2]
+        for model in MODELS
+    ]
+    told = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
+    # Rounded up to the digits that are shown, so that each remains a bound.
+    np.testing.assert_allclose(told, sorted(bounds), rtol=0.02)
+    assert (np.array(told) >= np.sort(bounds) * (1 - 1e-12)).all()
 
 
 @pytest.mark.parametrize("width", [390, 1280])

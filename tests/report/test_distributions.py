@@ -46,8 +46,7 @@ class TestTheThreshold:
         admissible = int((status != Status.INADMISSIBLE).sum())
         kept, half = values.size / admissible, dkw_half_width(admissible, 0.95)
         assert kept < 1
-        for place, (estimate, lower, upper) in enumerate(reading.bounds):
-            at = round(reading.first + place * reading.step, reading.decimals)
+        for at, (estimate, lower, upper) in zip(reading.values, reading.bounds, strict=True):
             share = np.mean(values <= at)
             assert estimate == pytest.approx(share, abs=1e-9)
             assert lower == pytest.approx(max(kept * share - half, 0), abs=1e-9)
@@ -59,7 +58,7 @@ class TestTheThreshold:
         reading = next(find_charts(beam)).reading
         assert reading is not None
         _, least, most = archives["beam"]["statistics/only/deflection/exceedance"].values[0]
-        _, lower, upper = reading.bounds[reading.start]
+        _, lower, upper = reading.bounds[reading.values.index(reading.start)]
         assert lower is not None
         assert upper is not None
         assert lower <= 1 - most < 1 - least <= upper
@@ -69,17 +68,20 @@ class TestTheThreshold:
         reading, ends = chart.reading, chart.x.ends
         assert reading is not None
         assert ends is not None
-        assert f"{reading.step:g}"[-1] in "125"
-        assert reading.first / reading.step == pytest.approx(round(reading.first / reading.step))
-        last = reading.first + reading.step * (len(reading.bounds) - 1)
-        assert ends[0] <= reading.first < ends[0] + reading.step
-        assert ends[1] - reading.step < last <= ends[1]
+        steps = np.unique(np.diff(reading.values).round(9))
+        assert steps.size == 1
+        step = steps.item()
+        assert f"{step:g}"[-1] in "125"
+        assert reading.values[0] / step == pytest.approx(round(reading.values[0] / step))
+        assert ends[0] <= reading.values[0] < ends[0] + step
+        assert ends[1] - step < reading.values[-1] <= ends[1]
         assert 250 <= len(reading.bounds) <= 700
 
     def test_it_begins_where_the_study_asks(self, beam: list[Block]) -> None:
         reading = next(find_charts(beam)).reading
         assert reading is not None
-        assert reading.first + reading.start * reading.step == pytest.approx(2.0)
+        assert reading.start == pytest.approx(2.0)
+        assert reading.limits == ((pytest.approx(2.0), "2 mm"),)
         assert (reading.unit, reading.source, reading.level) == ("mm", "only", 0.95)
 
     def test_points_of_unknown_origin_have_no_band(self, archives: Archives) -> None:
@@ -179,7 +181,7 @@ class TestThresholdsFarAway:
     def test_the_threshold_begins_at_the_first_on_the_axis(self, told: list[Chart]) -> None:
         reading = told[0].reading
         assert reading is not None
-        assert reading.first + reading.start * reading.step == pytest.approx(1.5)
+        assert reading.start == pytest.approx(1.5)
 
 
 def test_of_whole_numbers_the_function_reaches_whole_numbers(
@@ -223,7 +225,12 @@ class TestSeveralModels:
         assert headings[0] == "length of projectile left (projectile_residue)"
         depth = model_chart(view, "penetration_depth", "latin")
         assert depth is not None
-        assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
+        assert [key.text for key in depth.keys] == [
+            "original",
+            "smoothed",
+            "rigid",
+            "limits 60 cm, 90 cm",
+        ]
         assert "By rigid, the median is 102.5 cm." in depth.summary
         depths = archives["rods"]["models/rigid/runs/latin"]["penetration_depth"].values
         assert np.mean(depths <= 1.0225) >= 0.5 > np.mean(depths <= 1.0215)

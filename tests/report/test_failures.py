@@ -61,12 +61,26 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
     larger, further = chart.traces
     assert larger["marker"]["symbol"] == ["pentagon-open", "pentagon"]
     assert further["marker"]["symbol"] == ["cross", "cross"]
+    assert [key.mark for key in chart.keys] == ["pentagon", "cross"]
     assert chart.notes[-2:] == (
         "Bars: 95 % intervals.",
         "Hollow: no interval; the table gives the reason.",
     )
     assert chart.tables[0].notes[0].startswith("probability of superiority: the input is larger")
     assert chart.tables[0].notes[2:] == ["the failed runs are completely separated from the others"]
+
+
+def test_where_no_input_has_an_interval_the_legend_is_hollow_too(
+    archives: Mapping[str, xr.DataTree],
+) -> None:
+    tree = archives["beam"].copy(deep=True)
+    group = tree["failures/only"]
+    for name in ("larger", "further_out"):
+        group[name][:, 1:] = np.nan
+    _, chart, _ = failures(ArchiveView(tree, ""))
+    assert isinstance(chart, Chart)
+    drawn = {mark for trace in chart.traces for mark in trace["marker"]["symbol"]}
+    assert drawn == {key.mark for key in chart.keys} == {"pentagon-open", "cross-open"}
 
 
 def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:

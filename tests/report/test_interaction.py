@@ -181,7 +181,7 @@ class TestThreshold:
 
     def test_a_place_stands_before_it(self, page: Page) -> None:
         page.evaluate("location.hash = '#scatter&y>0.55_m'")
-        page.wait_for_function("() => document.querySelector('.threshold').value === '0.550'")
+        page.wait_for_function("() => document.querySelector('.threshold').value === '0.55'")
         assert page.evaluate("document.getElementById('scatter').getBoundingClientRect().top") < 200
         page.locator("nav li a").first.click()
         page.wait_for_function(
@@ -195,7 +195,7 @@ class TestThreshold:
             "() => document.querySelector('.readout').textContent.includes('unit')"
         )
         assert readout.inner_text() == "The address asks for y>70 cm; the unit here is m."
-        assert page.locator(".threshold").first.input_value() == "0.500"
+        assert page.locator(".threshold").first.input_value() == "0.5"
 
     def test_a_value_that_no_run_reached_is_answered(self, page: Page, values: Values) -> None:
         found = re.fullmatch(
@@ -208,7 +208,7 @@ class TestThreshold:
         # Rounded up, so that the bound holds.
         assert 0 <= float(found[2]) - 100 * values.most_beyond < 0.1
         below = _type(page, 0, "-1")
-        assert below.startswith(f"-1 m: each of the {values.y.size} runs exceeded it")
+        assert below.startswith(f"−1 m: each of the {values.y.size} runs exceeded it")
         assert page.locator(".threshold").first.input_value() == "-1"
 
     def test_between_two_steps_both_shares_are_given(self, page: Page, values: Values) -> None:
@@ -424,13 +424,13 @@ def _csv(saved: Any, folder: Path) -> list[list[str]]:
 def test_a_table_is_sorted_by_its_numbers(page: Page) -> None:
     table = page.locator("#distributions .table:visible table").first
     column = (
-        "(table) => [...table.tBodies[0].rows].map((row) => parseFloat(row.cells[1].textContent))"
+        "(table) => [...table.tBodies[0].rows].map((row) => parseFloat(row.cells[2].textContent))"
     )
     before = table.evaluate(column)
-    button = table.locator("button.sort").first
+    button = table.locator("button.sort").nth(1)
     button.focus()
     page.keyboard.press("Enter")
-    head = table.locator("th:has(button.sort)").first
+    head = table.locator("th:has(button.sort)").nth(1)
     assert head.get_attribute("aria-sort") == "ascending"
     assert table.evaluate(column) == sorted(before)
     page.keyboard.press("Space")

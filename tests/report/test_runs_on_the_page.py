@@ -77,8 +77,7 @@ class TestThresholdsBeyondTheAxis:
         assert beyond.runs == values.size
         assert (beyond.smallest, beyond.largest) == pytest.approx((values[0], values[-1]), rel=1e-9)
         assert beyond.nothing[:2] == [0.0, 0.0]
-        last = chart.reading.first + chart.reading.step * (len(chart.reading.bounds) - 1)
-        outside = values[values > last]
+        outside = values[values > chart.reading.values[-1]]
         assert [row[0] for row in beyond.above] == pytest.approx(outside.tolist())
         for at, share, *_ in beyond.above:
             assert at is not None

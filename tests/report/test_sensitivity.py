@@ -10,6 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.report.blocks import Block, Chart, Fold, Table, find_charts
+from uqpen.report.sections.drivers import input_ranking
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
@@ -102,6 +103,31 @@ def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Ar
         "Hollow, no interval: first order by blocks, total order by blocks "
         "(fewer than ten blocks contribute to it)."
     )
+
+
+def test_the_driver_that_is_quoted_is_in_the_chart(study_of: Any) -> None:
+    designs = (
+        '[designs.sample]\nkind = "monte-carlo"\nruns = 4000\n'
+        '[designs.blocks]\nkind = "saltelli"\nbase = 64'
+    )
+    tree = uqpen.run(study_of("a + 2 * b", designs, a=(0.0, 1.0), b=(0.0, 1.0)))
+    ranking = input_ranking(ArchiveView(tree, ""), "y")
+    assert ranking is not None
+    # The plain sample is known best, so that the main results quote it.
+    assert ranking.source == "sample"
+    (chart, *_) = charts(tree)
+    assert "first order by sample" in [key.text for key in chart.keys]
+
+
+def test_what_is_published_is_written_alike_in_table_and_pointer(study_of: Any) -> None:
+    asked = (
+        '[published.report]\nsource = "a report"\n[published.report.y]\nresponse = { a = 0.423 }\n'
+        '[designs.some]\nkind = "one-at-a-time"'
+    )
+    tree = uqpen.run(study_of("a + b", asked, a=(1.0, 2.0), b=(1.0, 2.0)))
+    (chart,) = [each for each in charts(tree) if each.title.startswith("Response, near")]
+    (trace,) = [each for each in chart.traces if each["name"] == "report"]
+    assert trace["text"] == ["a, report: 42.3 &#37; (published in a report)"]
 
 
 def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:

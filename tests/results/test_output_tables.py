@@ -42,7 +42,7 @@ from uqpen.study.study import ValidatedStudy
         # Without an interval, four digits: alike within a column.
         (387.02, math.nan, math.nan, "387.0"),
         (389.5, math.nan, math.nan, "389.5"),
-        (27143.0, math.nan, math.nan, "27140"),
+        (27143.0, math.nan, math.nan, "27\u202f140"),
         (9.99996, math.nan, math.nan, "10.00"),
         (2.7143e-8, math.nan, math.nan, "2.714×10⁻⁸"),
         (0.0, math.nan, math.nan, "0"),
@@ -51,7 +51,7 @@ from uqpen.study.study import ValidatedStudy
         (3.51234567, math.nan, math.nan, "3.512"),
         (math.nan, math.nan, math.nan, "–"),
         (0.0, 0.0, 0.00037, "(0.0, 0.0 … 3.7)×10⁻⁴"),
-        (12345.6, 12000.0, 12691.2, "12346 ± 346"),
+        (12345.6, 12000.0, 12691.2, "12\u202f346 ± 346"),
         (4.0e8, 3.9e8, 4.1e8, "(4.00 ± 0.10)×10⁸"),
         (1.234e-7, 1.134e-7, 1.334e-7, "(1.23 ± 0.10)×10⁻⁷"),
         (-2.4, -2.6, -2.2, "−2.40 ± 0.20"),
@@ -77,7 +77,7 @@ def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
     estimate: float, below: float, share: float
 ) -> None:
     above = below * share
-    text = estimate_text(estimate, estimate - below, estimate + above)
+    text = estimate_text(estimate, estimate - below, estimate + above).replace("\u202f", "")
     # With two digits of the half-width the last place is a tenth of it, at most half of that off.
     figures, _, power = text.removeprefix("(").partition(")×10")
     scale = 10.0 ** float(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
@@ -99,7 +99,7 @@ def test_the_end_of_a_one_sided_interval_still_bounds_what_it_did(
 ) -> None:
     bound = estimate + upper
     _, _, shown = estimate_texts(estimate, math.nan, bound)
-    figure, _, power = shown.partition("×10")
+    figure, _, power = shown.replace("\u202f", "").partition("×10")
     scale = 10.0 ** float(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
     # To the twelve digits in which it is read.
     assert float(figure.replace("−", "-")) * scale >= bound - 1e-11 * abs(bound)

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import INTERVAL_RECIPE, JOINT_STATISTICS
+from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE, JOINT_STATISTICS
 from uqpen.core.labels import RECIPE
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify

@@ -14,6 +14,7 @@ from uqpen.core.catalogue import CATALOGUE, Statistic
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     ABSENT,
+    AXIS_SCALE,
     BOUND,
     BOUNDS,
     CAVEAT,
@@ -63,7 +64,7 @@ _ATTRIBUTES = {
     **dict.fromkeys((ABSENT, CONTRADICTION, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
     **dict.fromkeys(
-        (CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED), "text"
+        (AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED), "text"
     ),
     **dict.fromkeys(
         (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),

@@ -208,6 +208,9 @@ DIFFERENCES = "differences"
 MODEL_FORM = "model_form"
 # Of the statistics of an output: what a reader has to mind of it, as the study states it.
 CAVEAT = "caveat"
+# Likewise: "log" for charts by its logarithm.
+AXIS_SCALE = "axis_scale"
+LOGARITHMIC = "log"
 
 # Names that the datasets of an archive use themselves.
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,15 +19,11 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.texts import plain_text
 
-__all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
+__all__ = ["Curve", "draw_band", "draw_curve"]
 
 
 # A thin line shows one rank in this many, and the first and the last.
 _STRIDE = 4
-# Longest tail beyond 99 % of all values that an axis includes, relative to their range.
-_LONG = 0.35
-# The note on such an axis.
-CUT = "axes end where all but 1 % lies inside"
 
 
 @dataclass(frozen=True)
@@ -144,25 +140,3 @@ def draw_band(axes: Axes, curve: Curve, colour: str) -> Iterator[str]:
         linewidth=0,
         label=f"simultaneous {percent_text(curve.level)} band of {plain_text(curve.name, 40)}",
     )
-
-
-def axis_span(
-    every: Sequence[FloatArray], marked: Sequence[float] = ()
-) -> tuple[float, float, bool]:
-    """Return the ends of an axis of values, and whether it leaves a long tail out.
-
-    All marked values are on it. NaN are not counted.
-    """
-    ends = np.array([_axis_limits(values) for values in every])
-    lower, upper = min([*ends[:, 0], *marked]), max([*ends[:, 1], *marked])
-    margin = 0.03 * (upper - lower) or 0.05 * abs(upper) or 1.0
-    lower, upper = float(lower - margin), float(upper + margin)
-    return lower, upper, bool((ends[:, 2] < lower).any() or (ends[:, 3] > upper).any())
-
-
-def _axis_limits(values: FloatArray) -> tuple[float, float, float, float]:
-    """Return the range without a long tail, then the lowest and the highest value."""
-    finite = values[np.isfinite(values)]
-    lowest, low, high, highest = np.quantile(finite, [0, 0.005, 0.995, 1])
-    reach = _LONG * (high - low)
-    return max(lowest, low - reach), min(highest, high + reach), lowest, highest

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
-from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
+from uqpen.figures.curves import Curve, draw_band, draw_curve
 from uqpen.figures.panel import Axes, Panel
+from uqpen.figures.value_axis import CUT, ValueAxis
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import percent_text
 from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.source_style import GREY, source_style
 from uqpen.results.texts import plain_text
 
 __all__ = [
-    "CUT",
+    "StudyLimit",
     "cdf",
     "distribution_curves",
-    "exceedance_span",
+    "labelled_limits",
     "mark_thresholds",
     "model_curves",
     "model_panels",
-    "threshold_places",
-    "thresholds",
+    "output_span",
+    "scale_notes",
+    "study_limits",
 ]
 
 # Widths of an axis by which it is made longer, at the most, for a requested value.
@@ -75,65 +80,147 @@ def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
 
 
 def _draw_cdf(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
-    lower, upper, is_cut = exceedance_span(view, output, curves[0])
-    banded = curves[0].extended(lower, upper)
+    span = output_span(view, output, [curves[0].values])
+    banded = curves[0].extended(*span.ends)
     yield from draw_band(axes, banded, view.look(banded.name).colour)
     draw_curve(axes, banded, view.look(banded.name), is_thick=True)
     for curve in curves[1:]:
-        thin = curve.thinned().extended(lower, upper)
+        thin = curve.thinned().extended(*span.ends)
         draw_curve(axes, thin, view.look(curve.name), is_thick=False)
-    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)")
-    axes.set(xlim=(lower, upper), ylim=(0, 1))
-    yield from mark_thresholds(axes, view, output, at_foot=True)
-    if is_cut:
+    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)", ylim=(0, 1))
+    span.set_on(axes)
+    yield from mark_thresholds(axes, view, output, span, at_foot=True)
+    yield from scale_notes(view, output, span, curves)
+    if span.is_cut:
         yield CUT
         if banded.name in view.designs:
-            yield LargestRun.of_design(view, banded.name, output).sentence
+            largest = LargestRun.of_design(view, banded.name, output)
+            yield f"{plain_text(output, 30)}, {largest.name}: {largest.text}"
 
 
 def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
     names = [each.model for each in view.model_views]
-    lower, upper, is_cut = axis_span([curve.values for curve in curves])
+    span = output_span(view, output, [curve.values for curve in curves])
     for curve in curves:
-        style, thin = source_style(names.index(curve.name)), curve.thinned().extended(lower, upper)
+        style, thin = source_style(names.index(curve.name)), curve.thinned().extended(*span.ends)
         yield from draw_band(axes, thin, style.colour)
         draw_curve(axes, thin, style, is_thick=False)
-    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)")
-    axes.set(xlim=(lower, upper), ylim=(0, 1))
-    if is_cut:
+    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)", ylim=(0, 1))
+    span.set_on(axes)
+    yield from mark_thresholds(axes, view, output, span, at_foot=True)
+    yield from scale_notes(view, output, span, curves)
+    if span.is_cut:
         yield CUT
 
 
-def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
-    """Return the thresholds of a study: each as written, and as a number in the unit shown."""
-    found: dict[str, float] = {}
+class StudyLimit(NamedTuple):
+    """Limit of a study on an output: a value whose probability it asks for.
+
+    Attributes
+    ----------
+    text : str
+        As the study writes it.
+    value : float
+        In the unit that is shown.
+    in_si : float
+        In the output's SI unit.
+    acceptance : Acceptance or None
+        The probabilities that the study accepts, and the verdict; None where it accepts any.
+    """
+
+    text: str
+    value: float
+    in_si: float
+    acceptance: Acceptance | None
+
+
+def study_limits(view: ArchiveView, output: str) -> list[StudyLimit]:
+    """Return the limits of a study on an output; first those that it has a verdict about."""
+    found: dict[str, StudyLimit] = {}
     for statistic, dimension in (("exceedance", THRESHOLD), ("below", LOWER_THRESHOLD)):
-        first = next(iter(view.estimates(output, statistic).values()), None)
-        found |= {} if first is None else dict(threshold_places(view, output, first, dimension))
-    return found
+        array = next(iter(view.estimates(output, statistic).values()), None)
+        for entry in () if array is None else array:
+            in_si = float(entry[f"{dimension}_value"])
+            text, value = str(entry[dimension].item()), float(view.scale(output).from_si(in_si))
+            limit = StudyLimit(text, value, in_si, Acceptance.from_array(entry))
+            if text not in found or found[text].acceptance is None:
+                found[text] = limit
+    return sorted(found.values(), key=lambda each: each.acceptance is None)
 
 
-def threshold_places(
-    view: ArchiveView, output: str, probabilities: xr.DataArray, dimension: str = THRESHOLD
-) -> list[tuple[str, float]]:
-    """Return each threshold of some probabilities as written, and in the unit shown."""
-    shown = view.scale(output).from_si(probabilities[f"{dimension}_value"].values)
-    return list(zip(map(str, probabilities[dimension].values), shown.tolist(), strict=True))
+def output_span(
+    view: ArchiveView,
+    output: str,
+    every: Sequence[FloatArray],
+    marked: Sequence[float] = (),
+    *,
+    has_all_limits: bool = True,
+) -> ValueAxis:
+    """Return the axis of an output, past most of its values and past the limits of the study.
+
+    Not past those so far away that nothing could be seen of the rest.
+
+    Parameters
+    ----------
+    view : ArchiveView
+        Of the model.
+    output : str
+        Its name.
+    every : sequence of ndarray
+        Values in the unit that is shown.
+    marked : sequence of float
+        Values that are on the axis in any case.
+    has_all_limits : bool
+        False for those alone that the study has a verdict about.
+    """
+    is_logarithmic = view.is_logarithmic(output)
+    span = ValueAxis.of_values(every, marked, is_logarithmic=is_logarithmic)
+    near = [
+        limit.value
+        for limit in study_limits(view, output)
+        if (has_all_limits or limit.acceptance is not None)
+        and (limit.value > 0 or not is_logarithmic)
+        and -_FAR <= span.share(limit.value) <= 1 + _FAR
+    ]
+    return ValueAxis.of_values(every, [*marked, *near], is_logarithmic=is_logarithmic)
 
 
-def mark_thresholds(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
-    """Draw a line at each requested value, with its text in the study where there is room."""
-    lower, upper = axes.get_xlim()
-    beyond, last = [], -np.inf
-    for written, place in sorted(thresholds(view, output).items(), key=lambda each: each[1]):
-        if not lower <= place <= upper:
-            beyond.append(plain_text(written, 20))
+def labelled_limits(
+    view: ArchiveView, output: str, span: ValueAxis, room: float
+) -> tuple[list[tuple[StudyLimit, bool]], list[StudyLimit]]:
+    """Return the limits on an axis, each with whether there is room for its label, and the others.
+
+    Parameters
+    ----------
+    room : float
+        The part of the axis that an upright label takes.
+    """
+    drawn: list[tuple[StudyLimit, bool]] = []
+    beyond = []
+    for limit in study_limits(view, output):
+        if (span.is_logarithmic and limit.value <= 0) or not span.contains(limit.value):
+            beyond.append(limit)
             continue
-        axes.axvline(place, color=GREY, linewidth=0.9, linestyle=(0, (2, 2)), zorder=1)
-        if place - last > _ROOM * (upper - lower):
+        place = span.share(limit.value)
+        others = (span.share(other.value) for other, is_named in drawn if is_named)
+        drawn.append((limit, all(abs(place - other) >= room for other in others)))
+    return drawn, beyond
+
+
+def mark_thresholds(
+    axes: Axes, view: ArchiveView, output: str, span: ValueAxis, *, at_foot: bool
+) -> Iterator[str]:
+    """Draw a line at each requested value, with its text in the study where there is room."""
+    drawn, beyond = labelled_limits(view, output, span, _ROOM)
+    for limit, is_named in drawn:
+        has_verdict = limit.acceptance is not None
+        dashes = (0, (5, 2)) if has_verdict else (0, (2, 2))
+        width = 1.3 if has_verdict else 0.9
+        axes.axvline(limit.value, color=GREY, linewidth=width, linestyle=dashes, zorder=1)
+        if is_named:
             axes.annotate(
-                plain_text(written, 20),
-                (place, 0 if at_foot else 1),
+                plain_text(limit.text, 20),
+                (limit.value, 0 if at_foot else 1),
                 (2, 3 if at_foot else -2),
                 xycoords=("data", "axes fraction"),
                 textcoords="offset points",
@@ -142,18 +229,18 @@ def mark_thresholds(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool
                 fontsize=6.5,
                 color=GREY,
             )
-            last = place
     if beyond:
-        yield f"asked for beyond the axis of {plain_text(output, 30)}: {', '.join(beyond)}"
+        named = ", ".join(plain_text(limit.text, 20) for limit in beyond)
+        yield f"asked for beyond the axis of {plain_text(output, 30)}: {named}"
 
 
-def exceedance_span(view: ArchiveView, output: str, curve: Curve) -> tuple[float, float, bool]:
-    """Return the ends of the axis, past most of the tail and past the requested values.
-
-    Not after those so far away that nothing could be seen of the rest.
-    """
-    lower, upper, _ = axis_span([curve.values])
-    limit = _FAR * (upper - lower)
-    threshold_values = thresholds(view, output).values()
-    near = [place for place in threshold_values if lower - limit <= place <= upper + limit]
-    return axis_span([curve.values], near)
+def scale_notes(
+    view: ArchiveView, output: str, span: ValueAxis, curves: Sequence[Curve]
+) -> Iterator[str]:
+    """Yield why an axis is linear though the study asks for another, and what it leaves out."""
+    if note := view.linear_scale_note(output):
+        yield f"{plain_text(output, 30)}: {note}"
+    for curve in curves if span.is_logarithmic else ():
+        if curve.values[0] <= 0:
+            share = percent_text(float(f"{np.mean(curve.values <= 0):.2g}"))
+            yield f"{share} of the values by {curve.name} are 0 or negative, left of this axis"

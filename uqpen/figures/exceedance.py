@@ -10,15 +10,17 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.figures.curves import CUT, Curve, draw_band, draw_curve
+from uqpen.core.statistic_dimensions import THRESHOLD
+from uqpen.figures.curves import Curve, draw_band, draw_curve
 from uqpen.figures.distributions import (
     distribution_curves,
-    exceedance_span,
     mark_thresholds,
-    threshold_places,
+    output_span,
+    scale_notes,
 )
 from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel
+from uqpen.figures.value_axis import CUT
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.exceedance_tail import ExceedanceTail
@@ -30,8 +32,6 @@ __all__ = ["exceedance"]
 
 # Requested probabilities below this need a logarithmic axis.
 _SMALL = 0.02
-# The part of an axis beyond the largest run.
-_MARGIN = 0.03
 
 
 def exceedance(view: ArchiveView) -> Iterator[Panel]:
@@ -47,16 +47,15 @@ def _draw(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[
     probabilities = view.statistics.get(curve.name, output, "exceedance")
     smallest = _smallest_probability(probabilities)
     is_logarithmic = 0 < smallest < _SMALL
-    lower, upper, is_cut = exceedance_span(view, output, curve)
     tail = _tail(view, output, curve)
-    if tail is not None and is_logarithmic and tail.largest.value > upper:
-        upper = tail.largest.value + _MARGIN * (tail.largest.value - lower)
-        is_cut = curve.values[0] < lower
-    yield from _draw_function(axes, curve, tail, (lower, upper), appearance)
+    reached = [tail.largest.value] if tail is not None and is_logarithmic else []
+    span = output_span(view, output, [curve.values], reached)
+    yield from _draw_function(axes, curve, tail, span.ends, appearance)
     if tail is not None:
         _draw_end(axes, output, tail, appearance)
-    axes.set_xlim(lower, upper)
-    yield from mark_thresholds(axes, view, output, at_foot=False)
+    span.set_on(axes)
+    yield from mark_thresholds(axes, view, output, span, at_foot=False)
+    yield from scale_notes(view, output, span, [curve])
     if probabilities is not None:
         _draw_thresholds(axes, probabilities, view, output)
         if np.isfinite(probabilities.values[:, 1:]).any():
@@ -66,7 +65,7 @@ def _draw(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[
         yield from _set_logarithmic(axes, min(smallest, *_ends(tail)))
     else:
         axes.set_ylim(0, 1)
-    if is_cut:
+    if span.is_cut:
         yield CUT
 
 
@@ -138,8 +137,9 @@ def _draw_thresholds(
     axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
 ) -> None:
     """Draw the probabilities of exceeding the requested values."""
-    places = threshold_places(view, output, probabilities)
-    for (written, place), estimate in zip(places, probabilities, strict=True):
+    for estimate in probabilities:
+        written, in_si = str(estimate[THRESHOLD].item()), estimate[f"{THRESHOLD}_value"].values
+        place = float(view.scale(output).from_si(in_si))
         error = error_bar_lengths(estimate.values)
         caption = f"P({plain_text(output, 30)} > {plain_text(written, 20)})"
         axes.errorbar(

@@ -12,7 +12,7 @@ from uqpen.archive.fields import field_dimensions
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import number_text, percent_text
 from uqpen.results.table import first_runs
 from uqpen.results.texts import title_with_unit, unit_suffix
 
@@ -50,7 +50,7 @@ def _draw(
     widths = (upper - lower) / 2
     if np.isfinite(widths).any():
         level = percent_text(float(array.attrs.get(INTERVAL_LEVEL, np.nan)))
-        half = f"{np.nanmax(widths):.3g}{unit_suffix(view.unit(output))}"
+        half = f"{number_text(np.nanmax(widths), 3)}{unit_suffix(view.unit(output))}"
         yield f"{output}, {_SHOWN[statistic]}: half-widths of {level} intervals up to {half}"
     else:
         yield f"{output}, {_SHOWN[statistic]}: no intervals"

@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PROBABILITY
-from uqpen.figures.curves import axis_span
+from uqpen.figures.distributions import output_span, scale_notes
 from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
@@ -20,10 +20,9 @@ from uqpen.results.source_style import BLACK, VERMILION
 from uqpen.results.table import quantile_label
 from uqpen.results.texts import plain_text
 
-__all__ = ["bin_values", "histogram", "marked_estimates"]
+__all__ = ["histogram", "marked_estimates"]
 
 
-_MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
 _LIGHT, _SHADE = 0.45, 0.2
 # Colours and dashes of the lines at marked estimates, and in turn dashes of the other lines.
@@ -54,23 +53,17 @@ def histogram(view: ArchiveView) -> Iterator[Panel]:
             yield Panel(title, partial(_draw_shares, view, output, design, shares), rows=labels)
 
 
-def bin_values(values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the number of values in each bin, and the edges, which leave long tails out."""
-    lower, upper, _ = axis_span([values])
-    bins = min(_MOST_BINS, max(_FEWEST_BINS, int(2 * values.size ** (1 / 2.5))))
-    counts, edges = np.histogram(values, bins=bins, range=(lower, upper))
-    return counts.astype(np.int64), edges
-
-
 def _draw(
     view: ArchiveView, output: str, design: str, values: FloatArray, axes: Axes
 ) -> Iterator[str]:
-    counts, edges = bin_values(values)
-    lower, upper, outside = edges[0], edges[-1], values.size - int(counts.sum())
+    span = output_span(view, output, [values], has_all_limits=False)
+    counts, edges = span.bins(values)
+    outside = values.size - int(counts.sum())
     colour = view.look(design).colour
     axes.stairs(counts, edges, fill=True, color=colour, alpha=_LIGHT, label="runs")
-    axes.set(xlabel=view.axis_label(output), ylabel="runs in a bin")
-    axes.set(xlim=(lower, upper), ylim=(0, None))
+    axes.set(xlabel=view.axis_label(output), ylabel="runs in a bin", ylim=(0, None))
+    span.set_on(axes)
+    yield from scale_notes(view, output, span, ())
     if outside:
         yield f"{output}: {grouped_number(outside)} runs lie outside of the axis"
     marks = list(marked_estimates(view, output, design))

@@ -157,13 +157,13 @@ def _available_names(view: ArchiveView) -> dict[str, str]:
 
 
 def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
-    from uqpen.figures.drawing import Drawing
+    from uqpen.figures.drawing import Drawing, RoundedLayout
 
     shown = found[:_MOST_PANELS]
     columns, rows = _panel_rows(shown)
     heights = [max(panel.height for panel in row) for row in rows]
     with figure_style():
-        page = Drawing(layout="constrained")
+        page = Drawing(layout=RoundedLayout())
         grid = page.add_gridspec(len(rows), columns, height_ratios=heights)
         notes: dict[str, None] = {}
         for number, row in enumerate(rows):

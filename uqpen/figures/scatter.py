@@ -14,8 +14,8 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.figures.curves import axis_span
 from uqpen.figures.panel import Axes, Panel
+from uqpen.figures.value_axis import ValueAxis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import VERMILION
@@ -83,9 +83,9 @@ def _draw(
     if not ok.sizes[RUN]:
         axes.set_yticks([])
     elif output in view.numeric_outputs:
-        lower, upper, is_cut = axis_span([y])
-        axes.set_ylim(lower, upper)
-        if is_cut:
+        span = ValueAxis.of_values([y], is_logarithmic=view.is_logarithmic(output))
+        span.set_on(axes, "y")
+        if span.is_cut:
             yield "axes of outputs end where all but 1 % lies inside"
     if failed.sizes[RUN]:
         axes.plot(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources as best_source_names
 from uqpen.results.index_titles import index_titles
-from uqpen.results.measure_labels import INDICES
+from uqpen.results.measure_labels import INDICES, LOGARITHM_INDICES, Measure
 from uqpen.results.table import Conversion, identity
 from uqpen.results.texts import title_with_unit
 
@@ -27,6 +27,7 @@ __all__ = [
     "response_measures",
     "response_panels",
     "sensitivity_panels",
+    "shown_indices",
 ]
 
 
@@ -83,9 +84,10 @@ def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
     shares = index_titles(view.tree)
     for output in view.numeric_outputs:
-        if found := best_sources(view, index_series(view, output)):
-            title = view.title(f"{output}: {shares.title('its variance')}")
-            yield measures_panel(view, title, shares.axis, found, identity, shares.note)
+        for of, measures in shown_indices(view, output):
+            if found := best_sources(view, index_series(view, output, measures)):
+                title = view.title(f"{output}: {shares.title(of)}")
+                yield measures_panel(view, title, shares.axis, found, identity, shares.note)
     for output in view.numeric_outputs:
         if found := measure_series(view, output, EFFECTS):
             title = view.title(f"{output}: elementary effects")
@@ -102,13 +104,23 @@ def response_panels(view: ArchiveView) -> Iterator[Panel]:
                 yield measures_panel(view, title, each.axis, found, each.convert)
 
 
-def index_series(view: ArchiveView, output: str) -> list[MeasureSeries]:
+def shown_indices(view: ArchiveView, output: str) -> tuple[tuple[str, Sequence[Measure]], ...]:
+    """Return the indices of an output to show: of its logarithm first if that is shown."""
+    of_output = ("its variance", INDICES)
+    if not view.is_logarithmic(output):
+        return (of_output,)
+    return (("its logarithm's variance", LOGARITHM_INDICES), of_output)
+
+
+def index_series(
+    view: ArchiveView, output: str, measures: Sequence[Measure] = INDICES
+) -> list[MeasureSeries]:
     """Return the indices of an output by all sources, in the order that they are shown."""
     shares = index_titles(view.tree)
-    found = measure_series(view, output, shares.ordered(INDICES))
+    found = measure_series(view, output, shares.ordered(measures))
     if not shares.is_dependent:
         return found
-    labels = [each.label for each in shares.ordered(INDICES)]
+    labels = [each.label for each in shares.ordered(measures)]
     return sorted(found, key=lambda each: labels.index(each.label))
 
 

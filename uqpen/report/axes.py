@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
+from dataclasses import replace
 
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.value_axis import ValueAxis, logarithmic_ticks
 from uqpen.report.blocks import Axis, PlottedQuantity
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-__all__ = ["logarithmic_axis", "padded_limits", "quantity", "quantity_axis"]
+__all__ = ["logarithmic_axis", "output_axis", "padded_limits", "quantity", "quantity_axis"]
 
 # Room at either end, and how many times the first value the last one is at least, by tenfolds.
 _MARGIN, _SHORTEST = 0.08, 0.7
-# Ticks at the most, and the steps between powers of ten that are tried.
-_MOST = 6
-_STEPS = ((1, 2, 5), (1, 3), (1,))
 
 
 def quantity(view: ArchiveView, name: str) -> PlottedQuantity:
@@ -32,6 +30,14 @@ def quantity_axis(
     return Axis(title or view.axis_label(name), ends, quantity=quantity(view, name))
 
 
+def output_axis(view: ArchiveView, name: str, span: ValueAxis, title: str = "") -> Axis:
+    """Return the axis of an output between two ends, with ticks of its own if logarithmic."""
+    axis = quantity_axis(view, name, span.ends, title)
+    if not span.is_logarithmic:
+        return axis
+    return replace(axis, ends=span.powers, is_logarithmic=True, ticks=tuple(span.ticks()))
+
+
 def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
     """Return the ends of an axis: two values, extended by a share of their distance."""
     margin = share * (upper - lower) or 0.05 * abs(upper) or 1.0
@@ -44,28 +50,4 @@ def logarithmic_axis(title: str, values: Iterable[float]) -> Axis:
     lower, upper = min(powers), max(powers)
     margin = max(_MARGIN * (upper - lower), (_SHORTEST - (upper - lower)) / 2, 0.05)
     ends = (round(lower - margin, 6), round(upper + margin, 6))
-    return Axis(title, ends, is_logarithmic=True, ticks=tuple(_ticks(*ends)))
-
-
-def _ticks(lower: float, upper: float) -> Iterator[tuple[float, str]]:
-    found = [list(_ticks_between(lower, upper, steps)) for steps in _STEPS]
-    chosen = next((each for each in found if len(each) <= _MOST), found[-1])
-    for step, power in chosen[:: -(-len(chosen) // _MOST)]:
-        yield float(f"{step}e{power}"), _tick_text(step, power)
-
-
-def _ticks_between(lower: float, upper: float, steps: Sequence[int]) -> Iterator[tuple[int, int]]:
-    for power in range(math.floor(lower), math.ceil(upper) + 1):
-        for step in steps:
-            if lower <= math.log10(step) + power <= upper:
-                yield step, power
-
-
-def _tick_text(step: int, power: int) -> str:
-    """Write out a short number; others as a power of ten."""
-    if 0 <= power < 6:
-        return grouped_number(step * 10**power)
-    if -5 < power < 0:
-        return f"{step * 10.0**power:.{-power}f}"
-    written = f"10{str(power).translate(SUPERSCRIPTS)}"
-    return written if step == 1 else f"{step}×{written}"
+    return Axis(title, ends, is_logarithmic=True, ticks=tuple(logarithmic_ticks(*ends)))

@@ -192,11 +192,10 @@ class ThresholdReadout:
     source: str
     level: float  # of the simultaneous band; NaN where there is none
     note: str  # the reason why there is no band
-    first: float
-    step: float
-    decimals: int
-    start: int  # position of the threshold that is shown first
-    # At each threshold, the probability of lying at or below, and the ends of the band or None.
+    values: Sequence[float]  # thresholds that the slider has, ascending
+    limits: Sequence[tuple[float, str]]  # of the study, each with its text there
+    start: float  # the threshold that is shown first
+    # At each of the values, the probability of lying at or below, and the ends of the band or None.
     bounds: Sequence[Sequence[float | None]]
     beyond: RunsBeyondAxis | None = None  # None where the function is of no runs
 
@@ -247,6 +246,8 @@ class RunColumn:
         Likewise of the failed runs; empty of an output.
     rows : tuple of str
         The categories, in the order of their rows; empty of a number.
+    is_logarithmic : bool
+        True for an output that is shown by its logarithm, which all values have.
     """
 
     quantity: PlottedQuantity
@@ -256,6 +257,7 @@ class RunColumn:
     values: Sequence[float | None]
     failed: Sequence[float | None] = ()
     rows: tuple[str, ...] = ()
+    is_logarithmic: bool = False
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,8 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
     for chart in every:
         if "place" in chart:
             chart["place"] = _place_read(chart["place"], known)
+        if "reading" in chart:
+            chart["reading"]["values"] = _kept(chart["reading"]["values"], known)
     return every
 
 
@@ -105,9 +107,8 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
 
 def _reading_content(reading: ThresholdReadout) -> dict[str, Any]:
     content: dict[str, Any] = {
-        "first": reading.first,
-        "step": reading.step,
-        "decimals": reading.decimals,
+        "values": reading.values,
+        "limits": reading.limits,
         "start": reading.start,
         "bounds": reading.bounds,
     }
@@ -139,6 +140,7 @@ def _column_content(column: RunColumn) -> dict[str, Any]:
         "label": column.label,
         "unit": column.unit,
         "is_input": column.is_input,
+        "is_logarithmic": column.is_logarithmic,
         "values": column.values,
         "failed": column.failed,
     }

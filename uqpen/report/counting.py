@@ -44,7 +44,8 @@ def percent_texts(estimate: float, lower: float, upper: float, *others: float) -
 
 def _times_hundred(text: str) -> str:
     """Move the point of a number two places, in its text."""
-    mantissa, times, power = text.replace(MINUS, "-").partition("×10")
+    plain = text.replace(MINUS, "-").replace("\u202f", "")
+    mantissa, times, power = plain.partition("×10")
     exponent = int(power.translate(_PLAIN)) if times else 0
     try:
         moved = Decimal(mantissa).scaleb(exponent + 2)

@@ -16,6 +16,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.report.legend import CROSS, END, OUTLINES, STROKES
 from uqpen.report.notes import has_interval
+from uqpen.results.digits import number_text
 from uqpen.results.texts import plain_text
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "end_trace",
     "escape_text",
     "even_bar_trace",
+    "key_marker",
     "line_trace",
     "point_trace",
     "rounded_numbers",
@@ -255,6 +257,17 @@ def dot_trace(
     return trace
 
 
+def key_marker(marker: str, bounds: FloatArray) -> str:
+    """Return the marker of a legend for estimates: hollow where none of them has an interval.
+
+    Parameters
+    ----------
+    bounds : ndarray of shape (estimate, bound)
+        As of `dot_trace`.
+    """
+    return marker if has_interval(bounds).any() else f"{marker}-open"
+
+
 def _hover_attributes(hover: str) -> Trace:
     return {"hovertemplate": f"{hover}<extra></extra>"} if hover else {"hoverinfo": "skip"}
 
@@ -272,7 +285,7 @@ def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str)
         "x": rounded_numbers((edges[1:] + edges[:-1]) / 2),
         "y": rounded_numbers(counts),
         "width": rounded_numbers(np.diff(edges)),
-        "customdata": [rounded_numbers(ends, 4) for ends in pairwise(edges)],
+        "customdata": [[*map(number_text, ends)] for ends in pairwise(edges.tolist())],
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
     }

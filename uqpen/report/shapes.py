@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Shape", "horizontal_line", "shaded_interval", "vertical_line"]
+from uqpen.report.marks import escape_text
+
+__all__ = ["Shape", "horizontal_line", "labelled_line", "shaded_interval", "vertical_line"]
 
 Shape = dict[str, Any]
 
@@ -19,6 +21,32 @@ def vertical_line(x: float, series: int | str, dash: str = "solid") -> Shape:
     """A line from the foot of a chart to its top."""
     line = {"color": series, "dash": dash, "width": 1.5}
     return {"type": "line", "x0": x, "x1": x, **_FULL_HEIGHT, "line": line}
+
+
+def labelled_line(
+    x: float, series: int | str, dash: str, text: str, *, at_foot: bool, is_before: bool
+) -> Shape:
+    """A line from the foot of a chart to its top, with an upright text at one of its ends.
+
+    Parameters
+    ----------
+    text : str
+        A plain text.
+    at_foot : bool
+        True for a text at the foot, False for one at the top.
+    is_before : bool
+        Whether it stands on the left of the line.
+    """
+    label = {
+        "text": escape_text(text, 20),
+        "font": {"color": series, "size": 11},
+        "textangle": -90,
+        "textposition": "start" if at_foot else "end",
+        "xanchor": "left" if at_foot else "right",
+        "yanchor": "bottom" if is_before else "top",
+        "padding": 4,
+    }
+    return vertical_line(x, series, dash) | {"label": label}
 
 
 def horizontal_line(y: float, series: int | str, dash: str = "solid") -> Shape:

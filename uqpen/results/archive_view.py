@@ -18,6 +18,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.best_sources import is_sample_design
 from uqpen.results.design_view import DesignView
+from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
@@ -157,6 +158,14 @@ class ArchiveView:
     def scale(self, name: str) -> Scale:
         """Return the conversion between the shown unit of an input or output and its SI unit."""
         return scale(self.unit(name))
+
+    def is_logarithmic(self, output: str) -> bool:
+        """Check if an output is shown by its logarithm: asked for, and every run has one."""
+        return is_logarithmic(self.statistics, output)
+
+    def linear_scale_note(self, output: str) -> str:
+        """Return why an output is not shown by its logarithm, as its study asks; else empty."""
+        return linear_scale_note(self.statistics, output, self.scale(output), self.unit(output))
 
     def axis_label(self, name: str) -> str:
         """Return the label of an axis of an input or output."""

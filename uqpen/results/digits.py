@@ -12,6 +12,7 @@ __all__ = [
     "estimate_texts",
     "grouped_number",
     "lower_tolerance_limit_text",
+    "number_text",
     "percent_text",
     "tolerance_interval_texts",
     "tolerance_limit_text",
@@ -25,9 +26,22 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _DIGITS = 4
 # From the first power of ten to below the second, numbers are written out.
 _WRITTEN_OUT = (-3, 6)
+# A side of an interval that is shorter than this part of its estimate is 0 but for rounding.
+_ROUNDING = 1e-12
+# Digits before the point that are written without thin spaces.
+_UNGROUPED = 4
+# Digits of each number by itself where an interval spans a tenfold of a logarithmic scale.
+_OF_TENFOLDS = 2
 
 
-def estimate_text(estimate: float, lower: float, upper: float, *, is_short: bool = False) -> str:
+def estimate_text(
+    estimate: float,
+    lower: float,
+    upper: float,
+    *,
+    is_short: bool = False,
+    is_logarithmic: bool = False,
+) -> str:
     """An estimate in the digits that its interval leaves a meaning.
 
     Two digits of the longer side, and the estimate to the same place. ± is the half-width of an
@@ -41,6 +55,8 @@ def estimate_text(estimate: float, lower: float, upper: float, *, is_short: bool
         NaN for a bound that does not exist.
     is_short : bool
         Whether a number without an interval ends before zeros, as in a publication.
+    is_logarithmic : bool
+        Whether an interval over a tenfold or more has two digits of each number by itself.
 
     Examples
     --------
@@ -50,7 +66,14 @@ def estimate_text(estimate: float, lower: float, upper: float, *, is_short: bool
     '71.1 (70.6 … 72.9)'
     >>> estimate_text(0.4663, 0.4640, 0.4687)
     '0.4663 (0.4640 … 0.4687)'
+    >>> estimate_text(436.2, 33.7, 4152.9, is_logarithmic=True)
+    '440 (34 … 4200)'
     """
+    if is_logarithmic and _spans_tenfolds(lower, upper):
+        middle, *between = (
+            number_text(each, _OF_TENFOLDS, is_short=False) for each in (estimate, lower, upper)
+        )
+        return f"{middle} ({' … '.join(between)})"
     sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
     if not 0 < half < math.inf:
@@ -70,9 +93,10 @@ def tolerance_limit_text(estimate: float, upper: float) -> str:
     >>> tolerance_limit_text(13.4812, 13.7612)
     '13.48, at most 13.77'
     """
-    if not 0 < upper - estimate < math.inf:
-        return _text_without_interval(estimate, is_short=upper == estimate)
-    number_format = _NumberFormat(estimate, upper - estimate)
+    side = max(_sides(estimate, math.nan, upper), default=math.nan)
+    if not 0 < side < math.inf:
+        return _text_without_interval(estimate, is_short=side == 0)
+    number_format = _NumberFormat(estimate, side)
     return number_format.write(
         f"{number_format(estimate)}, at most {number_format.rounded_up(upper)}"
     )
@@ -84,9 +108,10 @@ def lower_tolerance_limit_text(estimate: float, lower: float) -> str:
     >>> lower_tolerance_limit_text(13.4812, 13.2087)
     '13.48, at least 13.20'
     """
-    if not 0 < estimate - lower < math.inf:
-        return _text_without_interval(estimate, is_short=lower == estimate)
-    number_format = _NumberFormat(estimate, estimate - lower)
+    side = max(_sides(estimate, lower, math.nan), default=math.nan)
+    if not 0 < side < math.inf:
+        return _text_without_interval(estimate, is_short=side == 0)
+    number_format = _NumberFormat(estimate, side)
     return number_format.write(
         f"{number_format(estimate)}, at least {number_format.rounded_down(lower)}"
     )
@@ -98,7 +123,7 @@ def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
     >>> tolerance_interval_texts(9.8134, 14.2187)
     ('9.81', '14.22')
     """
-    if not 0 < upper - lower < math.inf:
+    if not 0 < max(_sides(upper, lower, math.nan), default=math.nan) < math.inf:
         lowest, highest = (_text_without_interval(end, is_short=True) for end in (lower, upper))
         return lowest, highest
     number_format = _NumberFormat(max(abs(lower), abs(upper)), (upper - lower) / 10)
@@ -106,7 +131,9 @@ def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
     return number_format.with_power(ends[0]), number_format.with_power(ends[1])
 
 
-def estimate_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+def estimate_texts(
+    estimate: float, lower: float, upper: float, *others: float, is_logarithmic: bool = False
+) -> tuple[str, ...]:
     """An estimate, the ends of its interval, and other values, in the digits of `estimate_text`.
 
     Each stands by itself, as in a sentence.
@@ -115,6 +142,8 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
     ('0.4927', '0.4900', '0.4954', '0.5000')
     """
     values = (estimate, lower, upper, *others)
+    if is_logarithmic and _spans_tenfolds(lower, upper):
+        return tuple(number_text(each, _OF_TENFOLDS, is_short=False) for each in values)
     half = max(_sides(estimate, lower, upper), default=math.nan)
     if not 0 < half < math.inf:
         return tuple(_text_without_interval(each, is_short=True) for each in values)
@@ -130,6 +159,15 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
     )
 
 
+def number_text(value: float, digits: int = _DIGITS, *, is_short: bool = True) -> str:
+    """A number without an interval; a short one ends before zeros behind the point.
+
+    >>> number_text(8892.0), number_text(-2.5731), number_text(6.559e6), number_text(0.0001)
+    ('8892', '−2.573', '6.559×10⁶', '1×10⁻⁴')
+    """
+    return _text_without_interval(value, digits, is_short=is_short)
+
+
 def grouped_number(number: int) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{number:,}".replace(",", "\u202f")
@@ -142,20 +180,25 @@ def percent_text(probability: float) -> str:
 
 def _sides(estimate: float, lower: float, upper: float) -> list[float]:
     """Return the lengths of an interval below and above its estimate, where there are bounds."""
-    return [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
+    sides = [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
+    return [0.0 if abs(side) <= _ROUNDING * abs(estimate) else side for side in sides]
 
 
-def _text_without_interval(estimate: float, *, is_short: bool) -> str:
-    """Write four digits; a short text, or an exact number, has no zeros at its end."""
+def _spans_tenfolds(lower: float, upper: float) -> bool:
+    return 0 < 10 * lower <= upper < math.inf
+
+
+def _text_without_interval(estimate: float, digits: int = _DIGITS, *, is_short: bool) -> str:
+    """Write some digits; a short text, or an exact number, has no zeros at its end."""
     if not math.isfinite(estimate):
         return "–" if math.isnan(estimate) else f"{estimate:g}"
-    mantissa, _, power = f"{estimate:.{_DIGITS - 1}e}".partition("e")
+    mantissa, _, power = f"{estimate:.{digits - 1}e}".partition("e")
     exponent = int(power)
     first, end = _WRITTEN_OUT
     if first <= exponent < end or not estimate:
         rounded = Decimal(mantissa).scaleb(exponent)
-        text = f"{rounded:.{max(0, _DIGITS - 1 - exponent)}f}"
-        return typeset_minus(_shortened(text) if is_short or not estimate else text)
+        text = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
+        return _typeset(_shortened(text) if is_short or not estimate else text)
     mantissa = _shortened(mantissa) if is_short else mantissa
     return typeset_minus(f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}")
 
@@ -175,6 +218,15 @@ def typeset_minus(text: str) -> str:
     return text.replace("-", MINUS)
 
 
+def _typeset(text: str) -> str:
+    """Return a number with a minus sign, and in groups if it has more than four digits."""
+    whole, point, part = typeset_minus(text).partition(".")
+    digits = whole.lstrip(MINUS)
+    if len(digits) > _UNGROUPED:
+        whole = whole.replace(digits, grouped_number(int(digits)))
+    return f"{whole}{point}{part}"
+
+
 class _NumberFormat:
     """Writes numbers to one place, given by the uncertainty, with one power of ten."""
 
@@ -191,7 +243,7 @@ class _NumberFormat:
     def __call__(self, value: float) -> str:
         if math.isnan(value):
             return "?"
-        return typeset_minus(f"{value / self._power:.{self._places}f}")
+        return _typeset(f"{value / self._power:.{self._places}f}")
 
     def is_same(self, one: float, other: float) -> bool:
         """Return whether two lengths differ by at most half of the last place."""
@@ -201,9 +253,7 @@ class _NumberFormat:
         """Write a bound from above, which may not become less."""
         # Twelve digits: 13.77 in binary is a little more or less.
         digits = Decimal(f"{value / self._power:.12g}")
-        return typeset_minus(
-            f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
-        )
+        return _typeset(f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}")
 
     def rounded_down(self, value: float) -> str:
         """Write a bound from below, which may not become more."""

@@ -10,7 +10,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.empirical_cdf import empirical_cdf
 from uqpen.results.simultaneous_band import SimultaneousBand
 from uqpen.results.texts import unit_suffix
@@ -68,7 +68,7 @@ class LargestRun:
     @property
     def text(self) -> str:
         """Value with the unit."""
-        return f"{self.value:.4g}{self.unit}"
+        return f"{number_text(self.value)}{self.unit}"
 
     @property
     def sentence(self) -> str:

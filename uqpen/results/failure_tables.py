@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import INPUT, RUNS
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.digits import number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, label_with_unit
 
@@ -47,6 +48,6 @@ def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             unit = str(runs[name].attrs.get("display_units", DIMENSIONLESS))
             ends = scale(unit).from_si(np.array([failures[end][position] for end in ENDS]))
             chances = [table.cell(failures[each][position]) for each in ASSOCIATIONS]
-            cells = [*(f"{end:.4g}" for end in ends), *chances]
+            cells = [*(number_text(end) for end in ends), *chances]
             table.rows.append((label_with_unit(name, unit), cells))
         yield table

@@ -11,7 +11,7 @@ from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.read import model_trees
 from uqpen.core.labels import DERIVED_FROM
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.field_places import label_at_place
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import (
@@ -62,7 +62,9 @@ def extent_text(coordinate: xr.DataArray) -> str:
     unit = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
     ends = scale(unit).from_si(np.asarray(coordinate.values[[0, -1]], dtype=np.float64))
     label = label_with_unit(str(coordinate.name), unit)
-    return f"{label} from {ends[0]:.6g} to {ends[1]:.6g} ({coordinate.size})"
+    return (
+        f"{label} from {number_text(ends[0], 6)} to {number_text(ends[1], 6)} ({coordinate.size})"
+    )
 
 
 def _range_text(model: xr.DataTree, output: str, unit: str) -> str:

@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     INPUT,
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
+    LOGARITHMIC,
     MODELS,
     RUNS,
     RUNS_SPENT,
@@ -286,6 +287,8 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
     found |= field_json(array)
     if caveat := statistics.caveat(source, str(array.name)):
         found[CAVEAT] = caveat
+    if statistics.wants_logarithm(str(array.name)):
+        found["scale"] = LOGARITHMIC
     along = field_dimensions(array)
     arrays = statistics.statistics(source, str(array.name))
     found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}

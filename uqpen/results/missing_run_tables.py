@@ -16,7 +16,7 @@ from uqpen.core.labels import (
     SURROGATES,
 )
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit
 
@@ -47,7 +47,7 @@ def missing_run_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTabl
         note = table.note_mark(_NO_RESULTS)
         predicted = int(found[MISSING_PREDICTED])
         count = grouped_number(predicted)
-        cells = [f"{count}{note}", *(f"{end:.4g}" for end in ends), NOTHING]
+        cells = [f"{count}{note}", *(number_text(end) for end in ends), NOTHING]
         table.rows.append((label_with_unit(output, unit), cells))
         shares = np.atleast_1d(found.get(MISSING_SHARES, [])).tolist()
         beyond = np.atleast_1d(found.get(MISSING_BEYOND, [])).tolist()

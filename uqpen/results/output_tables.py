@@ -16,6 +16,7 @@ from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
+from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.model_form_tables import model_form_tables
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
@@ -146,7 +147,9 @@ def statistics_table(
     if is_categorical:
         add_shares(table, statistics, name)
     else:
-        StatisticsRows(table, statistics, name, scale(unit)).add()
+        is_log = is_logarithmic(statistics, name)
+        StatisticsRows(table, statistics, name, scale(unit), is_log).add()
+        table.title += table.note_mark(linear_scale_note(statistics, name, scale(unit), unit))
         add_decisions(table, statistics, name)
     in_si = str(described.get("units", DIMENSIONLESS))
     add_user_defined_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.labels import EQUAL, STATED
 from uqpen.core.units import scale
-from uqpen.results.digits import estimate_text, grouped_number, percent_text
+from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_text
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
@@ -124,7 +124,7 @@ def _width_cell(found: xr.Dataset, unit: str, best: list[str]) -> str:
         return NOTHING
     shown = conversion(str(found["statistic"].item()), scale(unit), is_difference=True)
     mark = " *" if str(found["design"].item()) in best else ""
-    return f"{float(shown(np.float64(width))):.3g}{mark}"
+    return f"{number_text(float(shown(np.float64(width))), 3)}{mark}"
 
 
 def _parts(findings: xr.Dataset, size: str) -> Iterator[tuple[str, xr.Dataset]]:

@@ -12,7 +12,8 @@ from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
 from uqpen.results.field_places import cut_text
-from uqpen.results.index_titles import index_titles
+from uqpen.results.index_titles import VarianceTitles, index_titles
+from uqpen.results.logarithmic_scale import is_logarithmic
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
     CHANGES,
@@ -45,7 +46,8 @@ def named_tables(
     """Yield a table for each type of measure of an output in the unit that is shown.
 
     First order indices from plain samples are shown where no other source has them. The other
-    measures of any sample are shown only with `everything`.
+    measures of any sample are shown only with `everything`. Of an output that is shown by its
+    logarithm, the indices of that come first.
 
     Parameters
     ----------
@@ -62,26 +64,14 @@ def named_tables(
         A name, such as "shares", "responses" or "effects", and a table.
     """
     shares = index_titles(statistics.tree)
-    indices = list(_columns(statistics, output, shares.ordered(INDICES)))
-    if not everything:
-        shown = best_sources(statistics.tree, ((each.source, each.array) for each in indices))
-        indices = [each for each in indices if each.source in shown]
-    if indices:
-        table = _table(f"{output}: {shares.title('its variance')}", indices, note=shares.note)
-        _add_claims(table, statistics, output)
-        yield "shares", table
+    yield from _index_tables(statistics, output, shares, everything=everything)
     effects_title, as_effect = label_with_unit("elementary effects", unit), scale(unit)
     tables: list[tuple[str, str, Sequence[Measure], Conversion]] = [
         ("responses", *_response_table(statistics, output, unit)),
         ("effects", effects_title, EFFECTS, as_effect.difference_from_si),
     ]
     if everything:
-        of_logarithm = shares.title("its logarithm's variance")
-        logarithm_indices = shares.ordered(LOGARITHM_INDICES)
-        tables += [
-            ("shares of the logarithm", of_logarithm, logarithm_indices, identity),
-            ("associations", "association with its inputs", ASSOCIATIONS, identity),
-        ]
+        tables.append(("associations", "association with its inputs", ASSOCIATIONS, identity))
     for name, title, measures, convert in tables:
         if columns := list(_columns(statistics, output, measures)):
             yield name, _table(f"{output}: {title}", columns, convert)
@@ -94,6 +84,28 @@ def named_tables(
             at = [each._replace(array=each.array[position]) for each in columns]
             title = shares.title(f"the variance of exceeding {threshold}")
             yield "exceedance", _table(f"{output}: {title}", at)
+
+
+def _index_tables(
+    statistics: SourceStatistics, output: str, shares: VarianceTitles, *, everything: bool
+) -> Iterator[tuple[str, OutputTable]]:
+    """Yield the indices of an output, and those of its logarithm if they are shown."""
+    kinds = [("shares", "its variance", INDICES)]
+    of_logarithm = ("shares of the logarithm", "its logarithm's variance", LOGARITHM_INDICES)
+    if is_logarithmic(statistics, output):
+        kinds.insert(0, of_logarithm)
+    elif everything:
+        kinds.append(of_logarithm)
+    for name, of, measures in kinds:
+        columns = list(_columns(statistics, output, shares.ordered(measures)))
+        if not everything:
+            shown = best_sources(statistics.tree, ((each.source, each.array) for each in columns))
+            columns = [each for each in columns if each.source in shown]
+        if columns:
+            table = _table(f"{output}: {shares.title(of)}", columns, note=shares.note)
+            if name == "shares":
+                _add_claims(table, statistics, output)
+            yield name, table
 
 
 def generalized_table(tree: xr.DataTree, output: str) -> OutputTable | None:

@@ -12,6 +12,7 @@ from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.labels import (
+    AXIS_SCALE,
     CAVEAT,
     CITED,
     CONDITIONAL,
@@ -20,6 +21,7 @@ from uqpen.core.labels import (
     FAILURES_GROUP,
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
+    LOGARITHMIC,
     MISSING,
     MODEL_FORM,
     RUNS_ABSENT,
@@ -180,6 +182,11 @@ class SourceStatistics:
     def caveat(self, source: str, output: str) -> str:
         """Return what the study says that a reader has to mind of an output; empty for nothing."""
         return str(self._dataset(source, output).attrs.get(CAVEAT, ""))
+
+    def wants_logarithm(self, output: str) -> bool:
+        """Check if the study asks for charts by the logarithm of an output."""
+        found = (self._dataset(source, output).attrs.get(AXIS_SCALE) for source in self.sources)
+        return LOGARITHMIC in found
 
     def citation(self, publication: str) -> str:
         """Return the reference of a publication."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -60,27 +61,19 @@ class StatisticsRows:
     statistics: SourceStatistics
     name: str
     measure: Scale
+    is_logarithmic: bool = False
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
         self._add_row("P(reached)", "reached", self._arrays("reached"))
         self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
-        self._add_row("mean", "mean", self._arrays("mean"))
-        self._add_row("mean, all places at once", "mean_band", self._arrays("mean_band"))
-        stds = self._arrays("std")
-        self._add_row("sd", "std", stds)
-        if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds.values()):
-            self._add_row("half 16–84 % range", "half_spread", self._arrays("half_spread"))
-        self._add_row("skewness", "skewness", self._arrays("skewness"))
-        for p, arrays in source_entries(self._arrays("quantile"), PROBABILITY):
-            self._add_row(quantile_label(p), "quantile", arrays)
-        for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
-            self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
-        for name in ("expected_shortfall", "return_level"):
-            for label, arrays in labelled_entries(name, self._arrays(name)):
-                self._add_row(label, name, arrays)
-        self._add_row("threshold of the tail", "tail_threshold", self._arrays("tail_threshold"))
-        self._add_row("shape of the tail", "tail_shape", self._arrays("tail_shape"))
+        if self.is_logarithmic:
+            # A mean over tenfolds is that of few runs.
+            self._add_quantiles()
+        self._add_moments()
+        if not self.is_logarithmic:
+            self._add_quantiles()
+        self._add_tail()
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
             self._add_verdicts(arrays)
@@ -88,6 +81,28 @@ class StatisticsRows:
             self._add_row(below_label(text), "below", arrays)
             self._add_verdicts(arrays)
         add_tolerance_limits(self.table, self.statistics, self.name, self.measure)
+
+    def _add_moments(self) -> None:
+        self._add_row("mean", "mean", self._arrays("mean"))
+        self._add_row("mean, all places at once", "mean_band", self._arrays("mean_band"))
+        stds = self._arrays("std")
+        self._add_row("sd", "std", stds)
+        if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds.values()):
+            self._add_row("half 16–84 % range", "half_spread", self._arrays("half_spread"))
+        self._add_row("skewness", "skewness", self._arrays("skewness"))
+
+    def _add_quantiles(self) -> None:
+        for p, arrays in source_entries(self._arrays("quantile"), PROBABILITY):
+            self._add_row(quantile_label(p), "quantile", arrays)
+        for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
+            self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
+
+    def _add_tail(self) -> None:
+        for name in ("expected_shortfall", "return_level"):
+            for label, arrays in labelled_entries(name, self._arrays(name)):
+                self._add_row(label, name, arrays)
+        self._add_row("threshold of the tail", "tail_threshold", self._arrays("tail_threshold"))
+        self._add_row("shape of the tail", "tail_shape", self._arrays("tail_shape"))
 
     def _add_verdicts(self, arrays: dict[str, xr.DataArray]) -> None:
         """Add a row of verdicts on a probability for which the study has acceptance limits."""
@@ -107,7 +122,8 @@ class StatisticsRows:
     def _add_row(self, label: str, statistic: str, arrays: dict[str, xr.DataArray]) -> None:
         is_difference = self.statistics.is_difference
         convert = conversion(statistic, self.measure, is_difference=is_difference)
-        cells = self.table.cells(arrays, convert)
+        has_logarithm = self.is_logarithmic and CATALOGUE[statistic].unit is UnitRule.VALUE
+        cells = self.table.cells(arrays, convert, is_logarithmic=has_logarithm)
         if any(cell != NOTHING for cell in cells):
             self.table.rows.append((label, cells))
 

@@ -89,24 +89,42 @@ class OutputTable:
             self.notes.append(note)
         return " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
 
-    def cell(self, array: xr.DataArray | None, convert: Conversion = identity) -> str:
+    def cell(
+        self,
+        array: xr.DataArray | None,
+        convert: Conversion = identity,
+        *,
+        is_logarithmic: bool = False,
+    ) -> str:
         """Return an estimate in the digits that it has, with the mark of its remark."""
         if array is None:
             return NOTHING
-        return shown_estimate(array, convert) + self.note_mark(estimate_remark(array))
+        shown = shown_estimate(array, convert, is_logarithmic=is_logarithmic)
+        return shown + self.note_mark(estimate_remark(array))
 
     def cells(
-        self, arrays: Mapping[str, xr.DataArray], convert: Conversion = identity
+        self,
+        arrays: Mapping[str, xr.DataArray],
+        convert: Conversion = identity,
+        *,
+        is_logarithmic: bool = False,
     ) -> list[str]:
         """Return the cells of a row from the estimates by source."""
-        return [self.cell(arrays.get(source), convert) for source in self.columns]
+        return [
+            self.cell(arrays.get(source), convert, is_logarithmic=is_logarithmic)
+            for source in self.columns
+        ]
 
 
-def shown_estimate(array: xr.DataArray, convert: Conversion) -> str:
-    """Return an estimate in the digits that it has."""
+def shown_estimate(
+    array: xr.DataArray, convert: Conversion, *, is_logarithmic: bool = False
+) -> str:
+    """Return an estimate in the digits that it has, on a linear or a logarithmic scale."""
     # What no runs and no estimator have given is published, in digits of its own.
     is_published = not {"runs", ESTIMATOR} & array.attrs.keys()
-    return estimate_text(*shown_bounds(array, convert), is_short=is_published)
+    return estimate_text(
+        *shown_bounds(array, convert), is_short=is_published, is_logarithmic=is_logarithmic
+    )
 
 
 def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.labels import LOGARITHMIC
 from uqpen.core.list_reading import read_list
 from uqpen.core.model import Output
 from uqpen.core.setting_fields import Context
-from uqpen.core.settings import probabilities, setting, text, validate
+from uqpen.core.settings import choice, probabilities, setting, text, validate
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
@@ -74,6 +75,8 @@ class QuantityOfInterest:
         Numbers of cases, above 1; the value exceeded once in each on average is requested.
     caveat : str, optional
         Sentence on what a reader has to mind of all numbers of this output.
+    axis_scale : str
+        ``"log"`` for charts by the logarithm of the output, or ``"linear"``.
     confidence_level : float
         Confidence level of the intervals of its statistics.
     """
@@ -98,7 +101,13 @@ class QuantityOfInterest:
         key="return_periods",
     )
     caveat: str | None = text(expected="a sentence in quotes", default=None)
+    axis_scale: str = choice("linear", LOGARITHMIC, default="linear", key="scale")
     confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:
         validate(self)
+
+    @property
+    def is_logarithmic(self) -> bool:
+        """True if it is shown by its logarithm."""
+        return self.axis_scale == LOGARITHMIC

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from uqpen.core.model import Model, Output
+from uqpen.core.units import scale
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.derived_section import is_derived, requests_table
 from uqpen.study.table_reader import TableReader, check_names
@@ -12,12 +13,13 @@ from uqpen.study.table_reader import TableReader, check_names
 __all__ = ["read_quantities_of_interest"]
 
 # Requests of which a field has none: a value that holds a share has one side, a band has two. The
-# mean beyond a quantile and a fitted tail are of one number.
+# mean beyond a quantile, a fitted tail and the scale of a chart are of one number.
 _OF_SCALARS = {
     "hold": "a tolerance limit",
     "hold_above": "a tolerance limit",
     "expected_shortfall": "an expected shortfall",
     "return_periods": "a return level",
+    "scale": "a scale of charts",
 }
 
 
@@ -62,4 +64,19 @@ def _read_quantity(
         given=given,
     )
     table.check_unknown_keys()
+    if quantity is not None and quantity.is_logarithmic:
+        _check_logarithms(table, quantity)
     return quantity or default
+
+
+def _check_logarithms(table: TableReader, quantity: QuantityOfInterest) -> None:
+    """Note what has no logarithm: a unit with a zero of its own, a threshold at or below 0."""
+    if scale(quantity.display_unit).offset:
+        expected = "a unit whose zero is no value, such as K; or no scale"
+        table.add_wrong("scale", f"log in {quantity.display_unit}", expected)
+    asked = {"exceeds": quantity.thresholds, "below": quantity.lower_thresholds}
+    for key, thresholds in asked.items():
+        for threshold in thresholds:
+            if threshold.value <= 0:
+                expected = 'a value above 0, as scale = "log" takes its logarithm'
+                table.add_wrong(key, threshold.text, expected)

@@ -91,6 +91,8 @@ class OutputSpec:
         Probabilities below the quantiles beyond which the mean is estimated.
     return_periods : sequence of float
         Numbers of cases; the value that the output exceeds once in each is estimated.
+    scale : str, optional
+        ``"log"``: charts and indices are of the logarithm of the output.
     along : mapping of str to mapping or sequence of str, optional
         Dimensions of an output of a Python function, such as
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}``,
@@ -125,6 +127,7 @@ class OutputSpec:
     hold_between: Sequence[float] = ()
     expected_shortfall: Sequence[float] = ()
     return_periods: Sequence[float] = ()
+    scale: str | None = None
     along: Mapping[str, Mapping[str, Any]] | Sequence[str] | None = None
     may_end: bool = False
     on: Mapping[str, str] | None = None

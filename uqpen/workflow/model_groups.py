@@ -9,6 +9,8 @@ import xarray as xr
 from uqpen.archive.estimates import pack
 from uqpen.core.errors import TrajectoryError
 from uqpen.core.labels import (
+    AXIS_SCALE,
+    CAVEAT,
     CITED,
     DIFFERENCES,
     FAILURES_GROUP,
@@ -39,6 +41,7 @@ from uqpen.statistics.decision import decision_attributes
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.model_form import model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.analysis_steps import AnalysisSteps
@@ -71,9 +74,9 @@ def model_groups(
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
-    caveats = {each.output.name: each.caveat for each in quantities if each.caveat}
+    shown = {each.output.name: _display_attributes(each) for each in quantities}
     for name, source in sources.items():
-        yield from source.groups(f"/{STATISTICS_GROUP}/{name}", caveats)
+        yield from source.groups(f"/{STATISTICS_GROUP}/{name}", shown)
     for name, publication in study.published.items():
         yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
     steps.start("trajectory at the nominal inputs", model)
@@ -82,6 +85,12 @@ def model_groups(
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
         yield "/", xr.Dataset(attrs=model_identity(variant.model))
+
+
+def _display_attributes(quantity: QuantityOfInterest) -> dict[str, str]:
+    """Return how a study wants an output to be shown, as attributes of its statistics."""
+    caveat = {CAVEAT: quantity.caveat} if quantity.caveat else {}
+    return caveat | ({AXIS_SCALE: quantity.axis_scale} if quantity.is_logarithmic else {})
 
 
 def _design_source(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import xarray as xr
 
 from uqpen.archive.estimates import pack
-from uqpen.core.labels import CAVEAT
 from uqpen.statistics.analyze import OutputStatistics
 
 __all__ = ["Groups", "Source"]
@@ -22,10 +21,9 @@ class Source(NamedTuple):
     attributes: dict[str, str | int | float]
     outputs: Mapping[str, OutputStatistics]
 
-    def groups(self, path: str, caveats: Mapping[str, str]) -> Groups:
-        """Yield its groups of an archive, below a path, with the caveats on outputs."""
+    def groups(self, path: str, shown: Mapping[str, Mapping[str, str]]) -> Groups:
+        """Yield its groups of an archive, below a path, with how each output is shown."""
         yield path, xr.Dataset(attrs=self.attributes)
         for output, statistics in self.outputs.items():
             if statistics:
-                caveat = {CAVEAT: caveats[output]} if output in caveats else {}
-                yield f"{path}/{output}", pack(statistics).assign_attrs(caveat)
+                yield f"{path}/{output}", pack(statistics).assign_attrs(shown.get(output, {}))

@@ -14,7 +14,9 @@ root.dataset.script = "runs";
 // A list that several traces have is written in the first of them.
 const holders = [...charts, ...runTables];
 const listAt = ([holder, trace, key]) => holders[holder].traces[trace][key];
-const places = charts.flatMap(({ place }) => (place ? [place, ...place.columns] : []));
+const places = charts.flatMap(({ place, reading }) => [
+  ...(place ? [place, ...place.columns] : []), ...(reading ? [reading] : []),
+]);
 for (const each of [...holders.flatMap(({ traces }) => traces), ...places]) {
   for (const [key, value] of Object.entries(each)) {
     if (value?.same) each[key] = listAt(value.same);
@@ -66,7 +68,7 @@ function axis(style, { of, ...told }) {
   return {
     automargin: true, zeroline: false, showline: true, ticks: "outside", ticklen: 4,
     linecolor: looked(style, "quiet"), tickcolor: looked(style, "quiet"),
-    gridcolor: looked(style, "grid"), exponentformat: "power", nticks: 7,
+    gridcolor: looked(style, "grid"), exponentformat: "power", minexponent: 5, nticks: 7,
     ...(isWide ? { dtick: 1 } : {}), ...told, title,
   };
 }
@@ -92,7 +94,7 @@ function layout(style, chart, width) {
       align: "left", bgcolor: looked(style, "raised"), bordercolor: looked(style, "quiet"),
       font: { color: looked(style, "ink"), size: 13 },
     },
-    hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
+    separators: ".\u202f", hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
     dragmode: isCoarse ? false : drag, selections: [],
     newselection: { line: { color: looked(style, "accent"), width: 1.5, dash: "dot" } },
     xaxis: { ...axis(style, chart.x), ...upright, ...head },

@@ -50,7 +50,7 @@ function group(table) {
   if (hasRange(table)) {
     const parts = [...ranges].filter(([key]) => table.columns.has(key)).map(([key, [lower, upper]]) => {
       const column = table.columns.get(key);
-      if (!column.rows) return `${column.label} ${measured(column, `${short(lower)} … ${short(upper)}`)}`;
+      if (!column.rows) return `${column.label} ${measured(column, `${numberText(lower)} … ${numberText(upper)}`)}`;
       return column.rows.filter((_, row) => row >= lower && row <= upper).join(", ");
     });
     return { isIn: selected(table), what: `have ${parts.join(" and ")}`, name: "selected" };
@@ -60,7 +60,7 @@ function group(table) {
   if (at === undefined || column === undefined) return undefined;
   return {
     isIn: beyond(table, leading), name: "beyond",
-    what: `have ${column.label} above ${measured(column, String(Number(at.toPrecision(6))))}`,
+    what: `have ${column.label} above ${forms.find((form) => form.key === leading).said(at)}`,
   };
 }
 
@@ -75,8 +75,8 @@ function comparison(table, isIn) {
     const parts = [isIn, outside].map((mask) => column.values.filter((_, run) => mask[run]));
     const share = sizes[0] && sizes[1] ? larger(column.values, isIn) : NaN;
     return {
-      column, share, medians: parts.map((each) => (each.length ? short(median(each)) : "–")),
-      ends: parts[0].length ? `${short(Math.min(...parts[0]))} … ${short(Math.max(...parts[0]))}` : "–",
+      column, share, medians: parts.map((each) => (each.length ? numberText(median(each)) : "–")),
+      ends: parts[0].length ? `${numberText(Math.min(...parts[0]))} … ${numberText(Math.max(...parts[0]))}` : "–",
       isClear: difference(share) > Math.max(0.1, 3 * noise),
     };
   }).sort((one, other) => difference(other.share) - difference(one.share));
@@ -159,10 +159,11 @@ function pairChart(figure, table) {
   function content() {
     const [x, y] = chosen.map(([, select]) => table.columns.get(select.value));
     const axisOf = (column) => {
-      const [first, last] = endsOf(column);
+      const [first, last] = endsOf(column).map((end) => alongAxis(column, end));
       const margin = column.rows ? 0 : 0.03 * (last - first);
+      const type = column.is_logarithmic ? { type: "log" } : {};
       const rows = column.rows ? { tickvals: column.rows.map((_, row) => row), ticktext: column.rows.map(escaped) } : {};
-      return { title: { text: escaped(titleOf(column)) }, of: column.of, range: [first - margin, last + margin], ...rows };
+      return { title: { text: escaped(titleOf(column)) }, of: column.of, range: [first - margin, last + margin], ...rows, ...type };
     };
     const points = (member, marker, text) => ({
       type: "scatter", mode: "markers", x: x[member], y: y[member], marker,

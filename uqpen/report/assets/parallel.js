@@ -18,12 +18,8 @@ function drawn(name, attributes, parent) {
 
 const finite = (values) => values.filter((value) => value !== null && value !== undefined);
 
-// A number in four digits, with its power of ten where it is very small or large.
-function short(value) {
-  const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return powerText(Number(value.toPrecision(4)).toExponential());
-  return String(Number(value.toPrecision(4)));
-}
+// Along the axis of a column: a logarithm, or the value itself.
+const alongAxis = (column, value) => (column.is_logarithmic ? Math.log10(value) : value);
 
 // The ends of a column; a single value lies in the middle.
 function endsOf(column) {
@@ -42,8 +38,15 @@ function parallelCoordinates(figure, table) {
   const svg = drawn("svg", { role: "group", "aria-label": figure.dataset.summary, height, width: "100%" }, place);
   const [back, lines, front, axes] = ["back", "all", "front", "axes"].map((name) => drawn("g", { class: name }, svg));
   let width = 0;
-  const toX = ({ ends }, value) => SIDE + ((value - ends[0]) / (ends[1] - ends[0])) * (width - 2 * SIDE);
-  const toValue = ({ ends }, x) => ends[0] + ((x - SIDE) / (width - 2 * SIDE)) * (ends[1] - ends[0]);
+  const toX = (column, value) => {
+    const [first, last, at] = [...column.ends, value].map((each) => alongAxis(column, each));
+    return SIDE + ((at - first) / (last - first)) * (width - 2 * SIDE);
+  };
+  const toValue = (column, x) => {
+    const [first, last] = column.ends.map((each) => alongAxis(column, each));
+    const at = first + ((x - SIDE) / (width - 2 * SIDE)) * (last - first);
+    return column.is_logarithmic ? 10 ** at : at;
+  };
   const within = ({ ends }, value) => Math.min(ends[1], Math.max(ends[0], value));
 
   const completed = table.completed.map(() => drawn("path", {}, lines));
@@ -89,7 +92,7 @@ function parallelCoordinates(figure, table) {
   }
 
   const spelled = ({ rows }, value) => (rows
-    ? rows[Math.min(rows.length - 1, Math.max(0, Math.round(value)))] : short(value));
+    ? rows[Math.min(rows.length - 1, Math.max(0, Math.round(value)))] : numberText(value));
 
   function showRanges() {
     for (const { column, shade, limit, ends, handles } of parts) {

@@ -50,8 +50,9 @@ function clearRanges() {
 
 // The ends of an axis, so that no line is drawn beyond them.
 function extent(chart, along) {
-  const { range, ticktext } = chart[along];
-  if (range) return [Math.min(...range), Math.max(...range)];
+  const { range, ticktext, type } = chart[along];
+  const ends = type === "log" ? range?.map((power) => 10 ** power) : range;
+  if (ends) return [Math.min(...ends), Math.max(...ends)];
   if (ticktext) return [-Infinity, Infinity];
   const values = chart.traces.flatMap((trace) => trace[along] ?? []).filter(Number.isFinite);
   return [Math.min(...values), Math.max(...values)];

@@ -4,6 +4,19 @@
 const remainder = (share) => (share === null ? null : 1 - share);
 const raised = (digits) => [...digits].map((each) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(each)]).join("");
 const powerText = (text) => text.replace(/e\+?(-?)(\d+)/, (_, sign, digits) => `×10${raised(sign + digits)}`);
+
+// A number in some digits as the tables write it: with its power of ten where it is very small or
+// large, with a minus sign, and more than four digits in groups.
+function numberText(value, digits = 4) {
+  const rounded = Number(value.toPrecision(digits));
+  const size = Math.abs(rounded);
+  const isLong = size !== 0 && (size < 1e-3 || size >= 1e6);
+  if (isLong) return powerText(rounded.toExponential()).replace("-", "−");
+  const [whole, part] = String(rounded).replace("-", "−").split(".");
+  const number = whole.replace("−", "");
+  const shown = number.length > 4 ? whole.replace(number, grouped(number)) : whole;
+  return part === undefined ? shown : `${shown}.${part}`;
+}
 const percent = (value, places) => (100 * value).toFixed(places);
 const grouped = (count) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");
 
@@ -43,21 +56,33 @@ function typedNumber(text, units) {
   return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(rest) ? Number(rest) : null;
 }
 
+// The place of the value nearest to a threshold among ascending ones.
+function nearestTo(values, at) {
+  const after = values.findIndex((value) => value >= at);
+  if (after <= 0) return after < 0 ? values.length - 1 : 0;
+  return at - values[after - 1] < values[after] - at ? after - 1 : after;
+}
+
+// Equal but for the digits that an address and a box have.
+const isSame = (one, other) => Math.abs(one - other) <= 1e-10 * Math.abs(other);
+
 // The distribution function of a readout, at any value: between two of its values, both are given.
 function boundsAt(told, at) {
-  const { first, step, bounds, below = [], above = [] } = told;
-  const place = (at - first) / step;
-  const nearest = Math.round(place);
-  if (Math.abs(place - nearest) < 1e-6 && bounds[nearest]) return [bounds[nearest]];
+  const { values, bounds, below = [], above = [] } = told;
+  const nearest = nearestTo(values, at);
+  if (isSame(at, values[nearest])) return [bounds[nearest]];
   const last = bounds.length - 1;
   const lower = [told.nothing, ...below.map((row) => row.slice(1))];
   const knots = below.map((row) => row[0]);
   const one = 1 / told.runs;
-  if (place < 0) {
+  if (at < values[0]) {
     const count = knots.filter((knot) => knot <= at).length;
     return between(lower[count], knots[count - 1] === at ? null : lower[count + 1] ?? bounds[0], lower[count + 1] && one);
   }
-  if (place < last) return between(bounds[Math.floor(place)], bounds[Math.floor(place) + 1]);
+  if (at < values[last]) {
+    const after = values.findIndex((value) => value > at);
+    return between(bounds[after - 1], bounds[after]);
+  }
   const upper = [bounds[last], ...above.map((row) => row.slice(1))];
   const count = above.filter((row) => row[0] <= at).length;
   const isAt = count > 0 && above[count - 1][0] === at;
@@ -76,30 +101,21 @@ function thresholdForm(form) {
   const key = keyOf(chart.x.of);
   const [box, slider] = form.querySelectorAll("input");
   const readout = form.querySelector(".readout");
-  const { first, step, decimals } = told;
-  const last = told.bounds.length - 1;
+  const { values, limits, start } = told;
+  const last = values.length - 1;
   const unit = form.querySelector("span").textContent;
   const called = (text) => (unit ? `${text} ${unit}` : text);
-  // Very large and very small numbers have their power of ten, in as many digits as a step asks.
-  const isLong = decimals > 6 || Math.max(Math.abs(first), Math.abs(first + last * step)) >= 1e7;
-  const power = (size) => Math.floor(Math.log10(size) + 1e-9);
-  const nearest = (at) => Math.min(last, Math.max(0, Math.round((at - first) / step)));
-  const onGrid = (place) => first + place * step;
 
-  function spelled(at) {
-    const grid = onGrid(nearest(at));
-    if (Math.abs(at - grid) > 1e-6 * step) return String(Number(at.toPrecision(12)));
-    if (Math.abs(grid) < step / 2) return (0).toFixed(isLong ? 0 : decimals);
-    if (!isLong) return grid.toFixed(decimals);
-    return grid.toExponential(Math.min(15, Math.max(0, power(Math.abs(grid)) - power(step))));
-  }
-  const said = (at) => called(powerText(spelled(at)));
+  // A limit of the study is said as the study writes it.
+  const spelled = (at) => String(Number(at.toPrecision(12)));
+  const limitAt = (at) => limits.find(([value]) => isSame(at, value))?.[1];
+  const said = (at) => limitAt(at) ?? called(numberText(at, 12));
 
   // What no run reached, and what every run exceeded, is told with the end of the band alone.
   function beyondRuns(at) {
     if (told.runs === undefined) return `${said(at)} is beyond the ends of this chart.`;
     const isAbove = at >= told.largest;
-    const extreme = called(String(Number((isAbove ? told.largest : told.smallest).toPrecision(4))));
+    const extreme = called(numberText(isAbove ? told.largest : told.smallest));
     const bounds = boundsAt(told, at)[0];
     const count = `${grouped(told.runs)}`;
     const what = isAbove
@@ -114,7 +130,7 @@ function thresholdForm(form) {
 
   function read(at) {
     const isOutside = told.runs === undefined
-      ? at < first || at > onGrid(last) : at >= told.largest || at < told.smallest;
+      ? at < values[0] || at > values[last] : at >= told.largest || at < told.smallest;
     if (isOutside) return beyondRuns(at);
     const found = boundsAt(told, at);
     const [shares, lower, upper] = [found.map((each) => each[0]), found[0][1], found.at(-1)[2]];
@@ -125,14 +141,14 @@ function thresholdForm(form) {
   // Until all forms of the output have the same threshold.
   function show() {
     const at = thresholds.get(key);
-    slider.value = nearest(at);
+    slider.value = nearestTo(values, at);
     slider.setAttribute("aria-valuetext", said(at));
     box.value = spelled(at);
     box.removeAttribute("aria-invalid");
     readout.textContent = read(at);
   }
 
-  slider.addEventListener("input", () => moveTo(key, onGrid(Number(slider.value))));
+  slider.addEventListener("input", () => moveTo(key, values[Number(slider.value)]));
   box.addEventListener("change", () => {
     const at = box.value.trim() === "" ? thresholds.get(key) : typedNumber(box.value, [unit, chart.x.of[1]]);
     if (at !== null) {
@@ -143,8 +159,8 @@ function thresholdForm(form) {
     readout.textContent = `“${box.value}” is not understood; type a number${unit ? ` in ${unit}` : ""}.`;
   });
   form.addEventListener("submit", (event) => event.preventDefault());
-  slider.value = told.start;
-  return { key, show, start: onGrid(told.start), refuse: (text) => { readout.textContent = text; } };
+  slider.value = nearestTo(values, start);
+  return { key, show, said, start, refuse: (text) => { readout.textContent = text; } };
 }
 
 const forms = [...document.querySelectorAll(".reading:not(.place)")].map(thresholdForm);

@@ -25,7 +25,7 @@ from uqpen.report.sections.archive_tables import provenance_table
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, percentage_text
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark
 from uqpen.results.texts import unit_suffix
 
@@ -83,7 +83,7 @@ def _error_scale_text(entry: BenchmarkEntry) -> str:
     value = float(np.asarray(scale(unit).difference_from_si(entry.error_scale)))
     if not math.isfinite(value + float(entry.reference.values[0])):
         return NOTHING
-    return f"{value:.4g}{unit_suffix(unit)}"
+    return f"{number_text(value)}{unit_suffix(unit)}"
 
 
 def provenance(tree: xr.DataTree) -> Iterator[Block]:

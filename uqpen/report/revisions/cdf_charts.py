@@ -6,15 +6,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from uqpen.figures.curves import Curve, axis_span
-from uqpen.figures.distributions import CUT
+import numpy as np
+
+from uqpen.figures.curves import Curve
+from uqpen.figures.value_axis import CUT, ValueAxis
+from uqpen.report.axes import output_axis
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.revisions.pair import ArchivePair, ModelPair
-from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
+from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.leading_design import output_heading, output_title
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import number_text, percent_text
 from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["cdf_charts"]
@@ -54,14 +57,16 @@ def _common_curves(pair: ModelPair, output: str) -> Iterator[tuple[str, list[_Dr
 
 def _chart(pair: ModelPair, output: str, source: str, drawn: list[_Drawn]) -> Chart:
     view = pair.first
-    lower, upper, is_cut = axis_span([each.curve.values for each in drawn])
-    grid = Grid.between(lower, upper)
+    every = [each.curve.values for each in drawn]
+    is_logarithmic = all(each.view.is_logarithmic(output) for each in drawn)
+    span = ValueAxis.of_values(every, is_logarithmic=is_logarithmic)
+    values = span.thresholds(np.concatenate(every))
     traces: list[Trace] = []
     keys: list[LegendKey] = []
     for series, (label, of, curve) in enumerate(drawn):
         # Runs are read off in the unit of their archive; else the ranks of the function remain.
         has_grid = of.unit(output) == view.unit(output)
-        function = curve_at(of, output, curve, grid) if has_grid else curve
+        function = curve_at(of, output, curve, values) if has_grid else curve
         dash, named = series_dash(series), replace(function, name=label)
         traces += curve_traces(named, series, dash, is_stepped=curve.is_stepped)
         keys.append(LegendKey(label, series, "line", dash))
@@ -69,14 +74,14 @@ def _chart(pair: ModelPair, output: str, source: str, drawn: list[_Drawn]) -> Ch
         title=f"Probability that {output_title(view, output)} is at most x, by {source}",
         summary=" ".join(
             f"In {each.label}, the median is "
-            f"{curve_quantile(each.curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
+            f"{number_text(curve_quantile(each.curve, 0.5))}{unit_suffix(view.unit(output))}."
             for each in drawn
         ),
-        x=Axis(view.axis_label(output), (lower, upper)),
+        x=replace(output_axis(view, output, span), quantity=None),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
         keys=tuple(keys),
-        notes=tuple(_notes(drawn, is_cut=is_cut)),
+        notes=tuple(_notes(drawn, is_cut=span.is_cut)),
         height=340,
         is_compared=True,
     )

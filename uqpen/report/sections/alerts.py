@@ -38,6 +38,8 @@ __all__ = ["alerts"]
 _MOST_NOTES = 2
 # Share of inadmissible points that is worth an alert.
 _MANY = 0.01
+# Tenfolds of an output that ask for a logarithmic scale.
+_TENFOLDS = 3
 
 
 def alerts(
@@ -47,6 +49,7 @@ def alerts(
     yield from _missing_alert(view, design)
     yield from _refutation_alerts(view)
     yield from _precision_alert(view, design, quantities)
+    yield from _scale_alerts(view, design, quantities)
     yield from _input_alerts(view, design)
     estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
     known = [each for each in estimates if each is not None]
@@ -112,6 +115,39 @@ def _precision_alert(
             f"{'. '.join(shown)}.",
             "Quote quantiles, which need no assumption on extreme values, or make more runs.",
         )
+
+
+def _scale_alerts(
+    view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
+) -> Iterator[Alert]:
+    """Yield what to mind about the scale of outputs: one refused, or one that would serve."""
+    outputs = [*dict.fromkeys(each.output for each in quantities)]
+    for output in outputs:
+        if note := view.linear_scale_note(output):
+            yield Alert(
+                "Scale",
+                f"{capitalized(output_name(view, output))}: {note}.",
+                "Find out why the model gives such values, or leave the scale out.",
+            )
+    wide = [output for output in outputs if _spans_tenfolds(view, output, design)]
+    if wide:
+        names = join_names([output_name(view, output) for output in wide])
+        some = "these outputs" if len(wide) > 1 else "the output"
+        yield Alert(
+            "Scale",
+            f"Nine tenths of the runs span more than {_TENFOLDS} tenfolds of {names}. On a linear "
+            "scale most of them lie in one place.",
+            f'Set scale = "log" for {some} in the study.',
+        )
+
+
+def _spans_tenfolds(view: ArchiveView, output: str, design: str) -> bool:
+    """Check if runs of a positive output on a linear scale span some tenfolds."""
+    values = view.shown_values(design, output)
+    if view.statistics.wants_logarithm(output) or not values.size or values.min() <= 0:
+        return False
+    low, high = np.quantile(values, [0.05, 0.95])
+    return bool(high > 10.0**_TENFOLDS * low)
 
 
 def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:

@@ -16,7 +16,6 @@ from uqpen.report.blocks import (
     Finding,
     Findings,
     Fold,
-    LegendKey,
     Quote,
     Text,
 )
@@ -37,7 +36,6 @@ from uqpen.report.sections.model_answer import model_answer
 from uqpen.report.sections.model_verdicts import caveat_text
 from uqpen.report.sections.published_agreement import published_sentences
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
-from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
@@ -179,25 +177,8 @@ def _picture(view: ArchiveView, design: str) -> Chart:
     """Return the runs of the first main output in bins, with the study's limits."""
     (output, *_) = [each for each in main_outputs(view) if each in view.numeric_outputs]
     chart = histogram(view, output, design)
-    limits = _limits_on_axis(view, output, design, chart)
-    return replace(
-        chart,
-        title=f"{capitalized(output_title(view, output))}: {chart.title}",
-        shapes=(*chart.shapes, *(vertical_line(place, "accent", "solid") for place in limits)),
-        keys=(*chart.keys, *(LegendKey(text, "accent", "line") for text in limits.values())),
-    )
-
-
-def _limits_on_axis(view: ArchiveView, output: str, design: str, chart: Chart) -> dict[float, str]:
-    """Return the thresholds of an output that lie on the axis of its chart, and their texts."""
-    array = view.statistics.get(design, output, "exceedance")
-    if array is None or chart.x.ends is None:
-        return {}
-    places = view.scale(output).from_si(array["threshold_value"].values).tolist()
-    texts = [f"limit {plain_text(str(text))}" for text in array["threshold"].values.tolist()]
-    lower, upper = chart.x.ends
-    found = zip(places, texts, strict=True)
-    return {place: text for place, text in found if lower <= place <= upper}
+    title = f"{capitalized(output_title(view, output))}: {chart.title}"
+    return replace(chart, title=title)
 
 
 def _driver_text(view: ArchiveView) -> str:

@@ -19,7 +19,7 @@ from uqpen.core.status import Status
 from uqpen.execution import replicate_count, run_count, status_counts
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
@@ -80,8 +80,11 @@ def inputs_table(view: ArchiveView) -> OutputTable:
 def _spread(values: FloatArray) -> list[str]:
     """The value of a constant; median and range of a variable."""
     if not values.ndim or not values.size:
-        return [f"{values:.6g}" if values.size else NOTHING, NOTHING]
-    return [f"{np.median(values):.4g}", f"{values.min():.4g} … {values.max():.4g}"]
+        return [number_text(float(values), 6) if values.size else NOTHING, NOTHING]
+    return [
+        number_text(float(np.median(values))),
+        f"{number_text(values.min())} … {number_text(values.max())}",
+    ]
 
 
 def _inputs_as_written(view: ArchiveView) -> dict[str, str]:

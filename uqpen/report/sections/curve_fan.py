@@ -26,7 +26,7 @@ from uqpen.report.sections.curve_lines import (
 )
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import grouped_number, number_text, percent_text
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 from uqpen.results.texts import capitalized, join_names
 
@@ -34,6 +34,8 @@ __all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart", 
 
 # Single runs that are drawn, thin, behind the others, and outlying ones.
 _MOST_RUNS, _MOST_OUTLYING = 20, 10
+# Ends of the range that lines have.
+_ENDS = (np.nanmin, np.nanmax)
 
 
 def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
@@ -191,7 +193,7 @@ def _probability_chart(
     bands = [each for bounds in entries.values() for each in band(curve, bounds, series)]
     looks = list(zip(entries.items(), DASHES * len(entries), strict=False))
     ranges = (
-        f"{label} from {np.nanmin(bounds[:, 0]):.3g} to {np.nanmax(bounds[:, 0]):.3g}"
+        f"{label} from {' to '.join(number_text(end(bounds[:, 0]), 3) for end in _ENDS)}"
         for label, bounds in entries.items()
     )
     level = level_text(curve.array(statistic))

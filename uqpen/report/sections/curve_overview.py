@@ -13,7 +13,7 @@ from uqpen.report.sections.curve_lines import MOST_PLACES, line
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.curve_estimates import CurveEstimates, curves
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import number_text, percent_text
 from uqpen.results.texts import capitalized, join_names
 
 __all__ = ["first_curves", "further_curves"]
@@ -135,4 +135,4 @@ def _ends_sentence(curve: CurveEstimates) -> str:
     known = known[np.isfinite(known)]
     if not known.size:
         return f"By {by}, no run has a value."
-    return f"By {by}, the median goes from {known[0]:.4g} to {known[-1]:.4g}."
+    return f"By {by}, the median goes from {number_text(known[0])} to {number_text(known[-1])}."

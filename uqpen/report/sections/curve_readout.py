@@ -12,7 +12,7 @@ from uqpen.report.marks import rounded_numbers
 from uqpen.report.place_selection import PlaceColumn, PlaceReadout
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 from uqpen.results.texts import unit_suffix
 
@@ -26,7 +26,7 @@ def place_readout(curve: CurveEstimates) -> PlaceReadout:
         output=output_title(curve.view, curve.output),
         dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
         values=rounded_numbers(curve.places),
-        heads=[f"{place:.6g}{unit}" for place in curve.places.tolist()],
+        heads=[f"{number_text(place, 6)}{unit}" for place in curve.places.tolist()],
         columns=list(_columns(curve)),
         start=_first_place(curve),
     )

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
 from uqpen.core.labels import INPUT
-from uqpen.figures.histogram import bin_values
+from uqpen.figures.value_axis import ValueAxis
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
@@ -111,7 +111,9 @@ def _differing(trace: Trace, shown: Trace) -> Trace:
 
 def _bars(values: FloatArray, series: int) -> Trace:
     known = values[np.isfinite(values)]
-    counts, edges = bin_values(known) if known.size else ([0], np.array([0.0, 1.0]))
+    if not known.size:
+        return even_bar_trace(np.array([0.0, 1.0]), [0], series, hover=_HOVER)
+    counts, edges = ValueAxis.of_values([known]).bins(known)
     return even_bar_trace(edges, counts, series, hover=_HOVER)
 
 

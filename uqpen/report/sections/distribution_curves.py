@@ -2,56 +2,48 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.figures.curves import Curve
+from uqpen.figures.distributions import StudyLimit
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.empirical_cdf import empirical_cdf
 
-__all__ = ["Grid", "curve_at", "curve_quantile", "curve_traces"]
+__all__ = ["curve_at", "curve_quantile", "curve_traces"]
 
 
-# Values between the ends of an axis, at the least.
-_FEWEST = 250
+def curve_at(
+    view: ArchiveView,
+    output: str,
+    curve: Curve,
+    values: FloatArray,
+    limits: Sequence[StudyLimit] = (),
+) -> Curve:
+    """A function at other values: from its runs or, without all of them, between its ranks.
 
-
-class Grid(NamedTuple):
-    """Round values from one end of an axis to the other, in the unit that is shown."""
-
-    values: FloatArray
-    step: float
-    decimals: int
-
-    @classmethod
-    def between(cls, lower: float, upper: float) -> Grid:
-        """Return the coarsest suitable grid with a step of 1, 2 or 5 times a power of ten."""
-        widest = (upper - lower) / _FEWEST
-        power = 10.0 ** math.floor(math.log10(widest))
-        step = next(factor * power for factor in (5, 2, 1) if factor * power <= widest)
-        decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-        places = np.arange(math.ceil(lower / step), math.floor(upper / step) + 1)
-        return cls(np.round(step * places, decimals), float(f"{step:.12g}"), decimals)
-
-
-def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
-    """A function at other values: from its runs or, without all of them, between its ranks."""
+    Parameters
+    ----------
+    values : ndarray
+        In the unit that is shown.
+    limits : sequence of StudyLimit
+        Those among the values, which are taken as the study states them, to the last bit.
+    """
     if curve.name in view.designs and view.design(curve.name).shows_all_runs:
-        measure = view.scale(output)
-        in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
+        exact = {limit.value: limit.in_si for limit in limits}
+        convert = view.scale(output).to_si
+        in_si = np.array([exact.get(each, convert(each)) for each in values.tolist()])
         share = empirical_cdf(view.design(curve.name).completed_values(output), in_si)
-        return replace(curve, values=grid.values, band=curve.limits.around(share))
-    estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
+        return replace(curve, values=values, band=curve.limits.around(share))
+    estimate = np.interp(values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     if curve.name in view.designs:
-        return replace(curve, values=grid.values, band=curve.limits.around(estimate))
+        return replace(curve, values=values, band=curve.limits.around(estimate))
     none = np.full_like(estimate, np.nan)
-    return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))
+    return replace(curve, values=values, band=np.stack([estimate, none, none], axis=-1))
 
 
 def curve_quantile(curve: Curve, p: float) -> float:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.figures.curves import Curve
-from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
-from uqpen.report.axes import quantity_axis
+from uqpen.figures.distributions import (
+    StudyLimit,
+    distribution_curves,
+    output_span,
+    scale_notes,
+    study_limits,
+)
+from uqpen.figures.value_axis import CUT
+from uqpen.report.axes import output_axis
 from uqpen.report.blocks import (
     Axis,
     Block,
@@ -22,7 +29,7 @@ from uqpen.report.blocks import (
     ThresholdReadout,
 )
 from uqpen.report.marks import Trace, series_dash
-from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
+from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.exceedance import exceedance
 from uqpen.report.sections.histograms import histogram, shares
 from uqpen.report.sections.leading_design import (
@@ -30,14 +37,14 @@ from uqpen.report.sections.leading_design import (
     missing_runs_note,
     output_title,
 )
+from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
-from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import number_text, percent_text
 from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
-from uqpen.results.texts import capitalized, unit_suffix
+from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
 
 __all__ = ["distributions"]
 
@@ -85,9 +92,10 @@ def _numeric_blocks(
 
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     is_all = len(curves) > 1
-    lower, upper, is_cut = exceedance_span(view, output, curves[0])
-    grid = Grid.between(lower, upper)
-    drawn = [curve_at(view, output, curve, grid) for curve in curves]
+    span = output_span(view, output, [curves[0].values])
+    marks = limit_marks(view, output, span, at_foot=True)
+    values = span.thresholds(curves[0].values, [limit.value for limit in marks.limits])
+    drawn = [curve_at(view, output, curve, values, marks.limits) for curve in curves]
     traces: list[Trace] = []
     keys: list[LegendKey] = []
     for curve, shown in zip(curves, drawn, strict=True):
@@ -100,26 +108,27 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
             text = f"simultaneous {percent_text(curve.level)} band of {curve.name}"
             keys.append(LegendKey(text, series, "band"))
         keys.append(LegendKey(curve.name, series, "line", dash))
-    threshold_values = [
-        each for each in thresholds(view, output).values() if lower <= each <= upper
-    ]
-    begin = threshold_values[0] if threshold_values else curve_quantile(curves[0], 0.95)
     return Chart(
         title=f"Probability that {output_title(view, output)} is at most x",
         summary=_summary(view, output, curves[0]),
-        x=quantity_axis(view, output, (lower, upper)),
+        x=output_axis(view, output, span),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
-        shapes=tuple(vertical_line(place, "quiet", "dot") for place in threshold_values),
-        keys=tuple(keys),
+        shapes=marks.shapes,
+        keys=(*keys, *marks.keys),
         notes=(
             *missing_runs_note(view, curves[0].name),
-            *([f"{capitalized(CUT)}. {_largest_run_sentence(view, output, curves[0])}"] * is_cut),
+            *marks.notes,
+            *(f"{capitalized(each)}." for each in scale_notes(view, output, span, curves)),
+            *(
+                [f"{capitalized(CUT)}. {_largest_run_sentence(view, output, curves[0])}"]
+                * span.is_cut
+            ),
         ),
         tables=(_cdf_table(view, output, curves[0]),),
         height=380,
         is_compared=True,
-        reading=None if is_all else _threshold_readout(view, output, drawn[0], grid, begin),
+        reading=None if is_all else _threshold_readout(view, output, drawn[0], marks.limits),
     )
 
 
@@ -128,12 +137,11 @@ def _largest_run_sentence(view: ArchiveView, output: str, curve: Curve) -> str:
 
 
 def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
-    low, middle, high = (curve_quantile(curve, p) for p in (0.05, 0.5, 0.95))
+    low, middle, high = (number_text(curve_quantile(curve, p)) for p in (0.05, 0.5, 0.95))
     unit_text = unit_suffix(view.unit(output))
     return (
-        f"By {curve.name} it rises from 5 % at {low:.4g}{unit_text} through one half at "
-        f"{middle:.4g}{unit_text} to 95 % at {high:.4g}{unit_text}. The table below has the "
-        "numbers."
+        f"By {curve.name} it rises from 5 % at {low}{unit_text} through one half at "
+        f"{middle}{unit_text} to 95 % at {high}{unit_text}. The table below has the numbers."
     )
 
 
@@ -145,7 +153,7 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
     for rank in ranks.tolist():
         estimate, lower, upper = curve.band[rank]
         ends = f"{lower:.4f} … {upper:.4f}" if curve.has_band else "–"
-        cells = [f"{curve.values[rank]:.4g}", f"{estimate:.4f}", ends]
+        cells = [number_text(curve.values[rank]), f"{estimate:.4f}", ends]
         table.rows.append((percent_text(round(rank / (curve.values.size - 1), 6)), cells))
     if not curve.has_band:
         table.note_mark(f"no band: {curve.note}")
@@ -153,7 +161,7 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
 
 
 def _threshold_readout(
-    view: ArchiveView, output: str, curve: Curve, grid: Grid, begin: float
+    view: ArchiveView, output: str, curve: Curve, limits: Sequence[StudyLimit]
 ) -> ThresholdReadout:
     return ThresholdReadout(
         output=output_title(view, output),
@@ -161,13 +169,31 @@ def _threshold_readout(
         source=curve.name,
         level=curve.level,
         note=curve.note,
-        first=float(grid.values[0]),
-        step=grid.step,
-        decimals=grid.decimals,
-        start=int(np.argmin(np.abs(grid.values - begin))),
+        values=curve.values.tolist(),
+        limits=tuple(
+            (limit.value, typeset_quantity(plain_text(limit.text, 20)))
+            for limit in study_limits(view, output)
+        ),
+        start=_first_threshold(view, output, curve, limits),
         bounds=listed_bounds(curve.band),
-        beyond=runs_beyond_axis(view, output, curve, grid),
+        beyond=runs_beyond_axis(view, output, curve),
     )
+
+
+def _first_threshold(
+    view: ArchiveView, output: str, curve: Curve, limits: Sequence[StudyLimit]
+) -> float:
+    """Return the threshold that is shown first.
+
+    It is the limit that the study has a verdict about, wherever it lies; else the first limit on
+    the axis, or any; and without limits, a quantile.
+    """
+    every = study_limits(view, output)
+    decided = [limit for limit in every if limit.acceptance is not None]
+    if first := next(iter((*decided, *limits, *every)), None):
+        return first.value
+    place = int(np.searchsorted(curve.band[:, 0], 0.95))
+    return float(curve.values[min(place, curve.values.size - 1)])
 
 
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
@@ -180,7 +206,8 @@ def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
     with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
     table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
     for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
-        table.rows.append((quantile_label(p), [table.cell(estimate, convert)]))
+        cell = table.cell(estimate, convert, is_logarithmic=view.is_logarithmic(output))
+        table.rows.append((quantile_label(p), [cell]))
     largest = LargestRun.of_design(view, design, output)
-    table.rows.append((largest.name, [f"{largest.value:.4g}"]))
+    table.rows.append((largest.name, [number_text(largest.value)]))
     return table

@@ -21,6 +21,8 @@ __all__ = ["Ranking", "driver_sentences", "input_label", "input_order", "input_r
 # Measures of the inputs' part, the most telling first.
 _MEASURES = ("first_order", "mu_star", "contribution", "spearman")
 _OF_DEPENDENT_INPUTS = ("shapley", *_MEASURES)
+# Before these, of an output that is shown by its logarithm.
+_OF_LOGARITHM = "log_"
 _REASONS = {
     "first_order": "the largest first order",
     "shapley": "the largest Shapley effects",
@@ -55,6 +57,16 @@ class Ranking(NamedTuple):
     source: str
     estimates: Mapping[str, xr.DataArray]
 
+    @property
+    def measure(self) -> str:
+        """The measure, be it of the output or of its logarithm."""
+        return self.statistic.removeprefix(_OF_LOGARITHM)
+
+    @property
+    def is_of_logarithm(self) -> bool:
+        """True if it is of the logarithm of the output."""
+        return self.measure != self.statistic
+
 
 class InputOrder(NamedTuple):
     """Names of inputs, the most important first, and the statistic that this goes by."""
@@ -81,6 +93,9 @@ def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
     taken only where there is no other.
     """
     measures = _OF_DEPENDENT_INPUTS if _dependence(view) else _MEASURES
+    if view.is_logarithmic(output):
+        indices = measures[: measures.index("first_order") + 1]
+        measures = (*(f"{_OF_LOGARITHM}{each}" for each in indices), *measures)
     for statistic in measures:
         if found := list(_rankings(view, output, statistic)):
             return min(found, key=_width)
@@ -90,7 +105,8 @@ def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
 def input_order(view: ArchiveView, output: str) -> InputOrder:
     """Return the inputs in the order of their importance; without names if it is unknown."""
     if ranking := input_ranking(view, output):
-        reason = f"{_REASONS[ranking.statistic]} by {ranking.source}"
+        of = " of the logarithm" * ranking.is_of_logarithm
+        reason = f"{_REASONS[ranking.measure]}{of} by {ranking.source}"
         return InputOrder(tuple(ranking.estimates), reason)
     for source, array in view.estimates(output, "category_first_order").items():
         largest = np.nan_to_num(array.isel({BOUND: 0})).max(axis=0)
@@ -126,11 +142,12 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     if ranking is None:
         return
     name, (first, *others) = output_name(view, output), list(ranking.estimates)
+    name = f"the logarithm of {name}" if ranking.is_of_logarithm else name
     text = _estimate_text(ranking.estimates[first])
     if not has_interval(ranking.estimates[first].values):
         text = f"{text} by {ranking.source}, without an interval"
     start = capitalized(input_label(view, first))
-    if ranking.statistic in ("first_order", "shapley"):
+    if ranking.measure in ("first_order", "shapley"):
         share = float(ranking.estimates[first].values[0])
         if share < _LEAST:
             yield f"No single input causes more than {text} of the variance of {name} by itself."
@@ -153,7 +170,7 @@ _MEASURE_TEXTS = {
 
 
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
-    if ranking.statistic == "shapley":
+    if ranking.measure == "shapley":
         return f"causes {part}: its Shapley effect is {text}."
     if _dependence(view):
         return f"goes with {part} ({text}), which includes what dependent inputs share."
@@ -173,8 +190,9 @@ def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
 
 def _interactions(view: ArchiveView, output: str, ranking: Ranking) -> Iterator[str]:
     """Yield the inputs whose interactions count, by the best-known total order."""
-    totals = list(_rankings(view, output, "total_order"))
-    if ranking.statistic != "first_order" or not totals or _dependence(view):
+    prefix = _OF_LOGARITHM * ranking.is_of_logarithm
+    totals = list(_rankings(view, output, f"{prefix}total_order"))
+    if ranking.measure != "first_order" or not totals or _dependence(view):
         return
     total = min(totals, key=_width)
     shown = {

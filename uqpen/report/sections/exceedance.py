@@ -7,10 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import BoolArray
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.figures.curves import Curve
-from uqpen.report.axes import quantity_axis
+from uqpen.figures.distributions import output_span
+from uqpen.figures.value_axis import ValueAxis
+from uqpen.report.axes import output_axis
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.legend import END
@@ -24,6 +26,7 @@ from uqpen.report.marks import (
 )
 from uqpen.report.notes import interval_notes
 from uqpen.report.sections.leading_design import missing_runs_note, output_title
+from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.exceedance_tail import ExceedanceTail
@@ -35,8 +38,6 @@ __all__ = ["exceedance"]
 
 # Lower end of the axis, as a multiple of the smallest share of the runs.
 _BELOW = 0.3
-# Widths of the axis by which it is made longer, at the most, for a requested value.
-_FAR = 1.5
 
 _NOT_MET = "Larger values may be possible; these runs have met none."
 
@@ -47,6 +48,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     values = tail.values
     if not values.size:
         return
+    span = output_span(view, output, [values], [values[0], values[-1]])
     least = _BELOW / max(curve.runs, 10)
     traces, keys = _tail_traces(view, output, curve, tail, least)
     probabilities = view.statistics.get(curve.name, output, "exceedance")
@@ -61,7 +63,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
         asked = "; ".join(f"{label}: {cells[0]}" for label, cells in rows)
         summary = f"{asked}. {tail.largest.sentence}"
         tables = (OutputTable(f"Requested probabilities, by {curve.name}", [curve.name], rows),)
-        is_shown = _is_threshold_shown(view, output, probabilities, values)
+        is_shown = _is_threshold_shown(view, output, probabilities, span)
         if is_shown.any():
             traces.append(_threshold_trace(view, output, probabilities[is_shown]))
             keys.append(LegendKey("requested in the study", "ink", "circle"))
@@ -71,9 +73,10 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     yield Chart(
         title=f"Probability that {output_title(view, output)} is more than x",
         summary=summary,
-        x=quantity_axis(view, output),
+        x=output_axis(view, output, span),
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
         traces=tuple(traces),
+        shapes=limit_marks(view, output, span).shapes,
         keys=tuple(keys),
         notes=tuple(notes),
         tables=tables,
@@ -107,13 +110,11 @@ def _tail_traces(
 
 
 def _is_threshold_shown(
-    view: ArchiveView, output: str, probabilities: xr.DataArray, values: FloatArray
+    view: ArchiveView, output: str, probabilities: xr.DataArray, span: ValueAxis
 ) -> BoolArray:
-    """Return for each requested probability whether it has a logarithm, and lies near the tail."""
+    """Return for each requested probability whether it has a logarithm, and lies on the axis."""
     places = view.scale(output).from_si(probabilities["threshold_value"].values)
-    lower, upper = (values.min(), values.max()) if values.size else (-np.inf, np.inf)
-    limit = _FAR * (upper - lower) or np.inf
-    is_near = (places >= lower - limit) & (places <= upper + limit)
+    is_near = np.array([span.contains(place) for place in places.tolist()])
     return np.asarray(is_near & (probabilities.values[:, 0] > 0))
 
 

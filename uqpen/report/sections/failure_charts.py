@@ -19,7 +19,7 @@ from uqpen.figures.failure_panels import (
 )
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import percent_texts
-from uqpen.report.marks import Trace, dot_trace, series_marker
+from uqpen.report.marks import Trace, dot_trace, key_marker, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.drivers import input_label
 from uqpen.report.sections.view_statistics import (
@@ -29,7 +29,7 @@ from uqpen.report.sections.view_statistics import (
 )
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text, grouped_number
+from uqpen.results.digits import estimate_text, grouped_number, number_text
 from uqpen.results.table import OutputTable, identity
 
 __all__ = ["failure_association_chart", "failure_probability_chart"]
@@ -63,7 +63,7 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
         x=Axis("probability of a failed run", (-0.02 * last, last)),
         y=Axis("", rows=tuple(designs)),
         traces=tuple(_status_traces(designs, statuses, bounds)),
-        keys=tuple(LegendKey(STATUS_TEXT[each], *_status_style(each)) for each in statuses),
+        keys=tuple(_status_key(each, bounds[:, number]) for number, each in enumerate(statuses)),
         notes=(
             *interval_notes(each for each in found if each is not None),
             *hollow_note(bounds),
@@ -83,11 +83,16 @@ def _failure_probability(
         return np.asarray(probability.values, dtype=np.float64), table.cell(probability, identity)
     runs = read_group(view.tree, RUNS, design)
     share = status_counts(runs)[status] / run_count(runs)
-    return np.array([share, np.nan, np.nan]), f"{share:.4g}{table.note_mark(_NO_SAMPLE)}"
+    return np.array([share, np.nan, np.nan]), f"{number_text(share)}{table.note_mark(_NO_SAMPLE)}"
 
 
 def _status_style(status: Status) -> tuple[int, str]:
     return int(status) - 1, series_marker(int(status) - 1)
+
+
+def _status_key(status: Status, bounds: FloatArray) -> LegendKey:
+    colour, marker = _status_style(status)
+    return LegendKey(STATUS_TEXT[status], colour, key_marker(marker, bounds))
 
 
 def _probability_sentence(
@@ -155,8 +160,8 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
         traces=tuple(_measure_traces(rows, bounds)),
         shapes=(vertical_line(0.5, "quiet", "dot"),),
         keys=tuple(
-            LegendKey(label, slot, series_marker(slot))
-            for slot, (_, label) in zip(ASSOCIATION_SLOTS, ASSOCIATIONS, strict=True)
+            LegendKey(label, slot, key_marker(series_marker(slot), each))
+            for slot, (_, label), each in zip(ASSOCIATION_SLOTS, ASSOCIATIONS, bounds, strict=True)
         ),
         notes=(
             "Larger: the input is larger in a failed run than in a completed one. Further out: it "

@@ -17,7 +17,7 @@ from uqpen.report.blocks import Chart
 from uqpen.report.marks import Trace, escape_text, rounded_numbers
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.table import quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
 
@@ -78,7 +78,7 @@ def _map(
     title = f"{capitalized(output_title(view, field))}: {label}{f' [{unit.strip()}]' * bool(unit)}"
     return Chart(
         title=title,
-        summary=f"From {limits[0]:.4g} to {limits[1]:.4g}{unit}.",
+        summary=f"From {number_text(limits[0])} to {number_text(limits[1])}{unit}.",
         x=quantity_axis(view, along, (float(left), float(right))),
         y=quantity_axis(view, across, (float(low), float(high))),
         traces=(_points(bounds, x, y, limits, unit),),

@@ -6,15 +6,19 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.figures.histogram import bin_values, marked_estimates
-from uqpen.report.axes import quantity_axis
+from uqpen.figures.distributions import output_span, scale_notes
+from uqpen.figures.histogram import marked_estimates
+from uqpen.figures.value_axis import ValueAxis
+from uqpen.report.axes import output_axis
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import bar_trace, dot_trace
 from uqpen.report.sections.leading_design import output_title
+from uqpen.report.sections.limit_marks import limit_marks
+from uqpen.report.sections.quoted_statistics import QuotedStatistic
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.digits import estimate_text, number_text, percent_text
 from uqpen.results.statistics_rows import add_shares
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import capitalized, unit_suffix
@@ -33,17 +37,22 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     unit, title = "run", f"{count_text(values.size, 'run')} of {design}"
     if not view.design(design).shows_all_runs:
         unit, title = "quantile", f"{design}, by {count_text(values.size, 'quantile')}"
-    counts, edges = bin_values(values)
+    span = output_span(view, output, [values], has_all_limits=False)
+    limits = limit_marks(view, output, span)
+    counts, edges = span.bins(values)
     outside = values.size - int(counts.sum())
     marked = list(marked_estimates(view, output, design))
-    shapes, keys, lacks = _estimate_marks(view, output, marked)
+    shapes, keys, lacks = _estimate_marks(view, output, span, marked)
     notes = []
     if outside:
         verb = "lies" if outside == 1 else "lie"
         notes.append(f"{count_text(outside, unit)} {verb} outside of the axis.")
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
-        notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates.")
+        # Sentences quote a corrected surrogate where there is one.
+        whose = ", of these runs alone" * _is_quoted_of_surrogate(view, output)
+        notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates{whose}.")
+    notes += [f"{capitalized(each)}." for each in scale_notes(view, output, span, ())]
     if lacks:
         notes.append(f"No two-sided interval, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
@@ -51,19 +60,20 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     return Chart(
         title=title,
         summary=f"The fullest bin, with {count_text(int(counts[highest]), unit)}, lies between "
-        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{unit_suffix(view.unit(output))}.",
-        x=quantity_axis(view, output, (float(edges[0]), float(edges[-1]))),
+        f"{number_text(edges[highest])} and {number_text(edges[highest + 1])}"
+        f"{unit_suffix(view.unit(output))}.",
+        x=output_axis(view, output, span),
         y=Axis(f"{unit}s in a bin"),
         traces=(bar_trace(edges, counts, series, hover=f"{_HOVER} {unit}s"),),
-        shapes=tuple(shapes),
-        keys=(LegendKey(f"{unit}s", series, "bar"), *keys),
-        notes=tuple(notes),
+        shapes=(*shapes, *limits.shapes),
+        keys=(LegendKey(f"{unit}s", series, "bar"), *keys, *limits.keys),
+        notes=(*notes, *limits.notes),
         height=280,
     )
 
 
 def _estimate_marks(
-    view: ArchiveView, output: str, marked: list[tuple[str, xr.DataArray]]
+    view: ArchiveView, output: str, span: ValueAxis, marked: list[tuple[str, xr.DataArray]]
 ) -> tuple[list[Shape], list[LegendKey], list[str]]:
     """Lines at estimates, shades of their intervals, and the names of those without one."""
     shapes: list[Shape] = []
@@ -76,13 +86,21 @@ def _estimate_marks(
         dash = _DASHES.get(name) or _OTHER_DASHES[others % len(_OTHER_DASHES)]
         others += name not in _DASHES
         if np.isfinite(bounds[1:]).all():
-            shapes.append(shaded_interval(float(bounds[1]), float(bounds[2]), series))
+            # A logarithmic axis has no 0.
+            first, last = (min(max(end, span.lower), span.upper) for end in bounds[1:].tolist())
+            shapes.append(shaded_interval(first, last, series))
         else:
             lacks.append(name)
         shapes.append(vertical_line(float(bounds[0]), series, dash))
-        text = f"{name} {estimate_text(*bounds)}{unit_suffix(view.unit(output))}"
+        estimated = estimate_text(*bounds, is_logarithmic=view.is_logarithmic(output))
+        text = f"{name} {estimated}{unit_suffix(view.unit(output))}"
         keys.append(LegendKey(text, series, "line", dash))
     return shapes, keys, lacks
+
+
+def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
+    usual = [QuotedStatistic(view, output, "quantile", 0.5), QuotedStatistic(view, output, "mean")]
+    return any(each.leading_surrogate is not None for each in usual)
 
 
 def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:

@@ -14,13 +14,18 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, rank_inputs
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.marks import Trace, dot_trace, series_marker
+from uqpen.report.marks import Trace, dot_trace, key_marker, series_marker
 from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.sections.drivers import InputOrder, input_label
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text
-from uqpen.results.table import Conversion, OutputTable, estimate_remark, shown_bounds
+from uqpen.results.table import (
+    Conversion,
+    OutputTable,
+    estimate_remark,
+    shown_bounds,
+    shown_estimate,
+)
 from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
@@ -53,13 +58,14 @@ class _InputEstimate(NamedTuple):
     name: str
     bounds: FloatArray
     note: str
+    written: str  # as in the table
 
     @property
     def has_interval(self) -> bool:
         return bool(has_interval(self.bounds))
 
     def text(self, unit: str) -> str:
-        return f"{estimate_text(*self.bounds.tolist())}{unit_suffix(unit)}"
+        return f"{self.written}{unit_suffix(unit)}"
 
 
 class _PlottedSeries(NamedTuple):
@@ -117,6 +123,7 @@ def _plotted_series(
             input_label(view, name),
             np.array(shown_bounds(entry, convert)),
             estimate_remark(entry),
+            shown_estimate(entry, convert),
         )
         for name, entry in entries.items()
         if np.isfinite(entry.values[0])
@@ -146,8 +153,9 @@ def _hover(one: _InputEstimate, series: str, unit: str) -> str:
 
 def _keys(every: Sequence[_PlottedSeries]) -> Iterator[LegendKey]:
     for _, name, colour, marker, estimates in every:
-        is_hollow = estimates and not any(one.has_interval for one in estimates)
-        yield LegendKey(name, colour, f"{marker}-open" if is_hollow else marker)
+        if estimates:
+            marker = key_marker(marker, np.array([one.bounds for one in estimates]))
+        yield LegendKey(name, colour, marker)
 
 
 def _notes(every: Sequence[_PlottedSeries]) -> Iterator[str]:

@@ -16,7 +16,12 @@ from uqpen.report.sections.leading_design import leading_design, output_title
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences
 from uqpen.report.sections.model_comparison import model_chart
-from uqpen.report.sections.model_verdicts import caveat_text, model_form_findings, model_verdicts
+from uqpen.report.sections.model_verdicts import (
+    caveat_text,
+    model_form_findings,
+    model_limits,
+    model_verdicts,
+)
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     default_statistic,
@@ -44,7 +49,8 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
     main = main_outputs(view)
     entries = tuple(_differences(view, design))
     verdicts = tuple(each for output in main for each in model_verdicts(views, output, design))
-    form = tuple(model_form_findings(view, main, design))
+    limits = (each for output in main for each in model_limits(views, output, design))
+    form = (*limits, *model_form_findings(view, main, design))
     blocks: tuple[Block, ...] = (Text("The archive has no differences of its models."),)
     if entries or verdicts:
         blocks = (Findings(verdicts or entries, is_verdict=True),)

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from uqpen.figures.curves import Curve, axis_span
-from uqpen.figures.distributions import CUT, model_curves
-from uqpen.report.axes import quantity_axis
+import numpy as np
+
+from uqpen.figures.curves import Curve
+from uqpen.figures.distributions import model_curves, output_span, scale_notes
+from uqpen.figures.value_axis import CUT
+from uqpen.report.axes import output_axis
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.sections.curve_overview import further_curves
-from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
+from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import number_text, percent_text
 from uqpen.results.output_tables import difference_tables
 from uqpen.results.texts import capitalized, unit_suffix
 
@@ -49,15 +53,18 @@ def model_chart(view: ArchiveView, output: str, design: str) -> Chart | None:
 
 def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> Chart:
     parts = {each.model: each for each in view.model_views}
-    lower, upper, is_cut = axis_span([curve.values for curve in curves])
-    grid = Grid.between(lower, upper)
+    every = [curve.values for curve in curves]
+    span = output_span(view, output, every)
+    marks = limit_marks(view, output, span, at_foot=True)
+    values = span.thresholds(np.concatenate(every), [limit.value for limit in marks.limits])
     traces: list[Trace] = []
     keys: list[LegendKey] = []
     for curve in curves:
         series = list(parts).index(curve.name)
         dash = series_dash(series)
         by_design = replace(curve, name=design)
-        drawn = replace(curve_at(parts[curve.name], output, by_design, grid), name=curve.name)
+        function = curve_at(parts[curve.name], output, by_design, values, marks.limits)
+        drawn = replace(function, name=curve.name)
         traces += curve_traces(drawn, series, dash, is_stepped=curve.is_stepped)
         keys.append(LegendKey(curve.name, series, "line", dash))
     notes = [f"no band of {curve.name}: {curve.note}" for curve in curves if not curve.has_band]
@@ -65,18 +72,20 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
         notes.append(
             f"Shades: simultaneous {percent_text(banded[0].level)} bands, for each model by itself."
         )
-    notes += [f"{capitalized(CUT)}."] if is_cut else []
+    notes += [f"{capitalized(each)}." for each in scale_notes(view, output, span, curves)]
+    notes += [*marks.notes, *[f"{capitalized(CUT)}."] * span.is_cut]
     return Chart(
         title=f"Probability that {output_title(view, output)} is at most x, by {design}",
         summary=" ".join(
             f"By {curve.name}, the median is "
-            f"{curve_quantile(curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
+            f"{number_text(curve_quantile(curve, 0.5))}{unit_suffix(view.unit(output))}."
             for curve in curves
         ),
-        x=quantity_axis(view, output, (lower, upper)),
+        x=output_axis(view, output, span),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
-        keys=tuple(keys),
+        shapes=marks.shapes,
+        keys=(*keys, *marks.keys),
         notes=tuple(notes),
         height=340,
         is_compared=True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -20,12 +21,14 @@ from uqpen.report.sections.sentences import EVENTS
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.texts import capitalized, plain_text, typeset_quantity
+from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity
 
-__all__ = ["caveat_text", "model_form_findings", "model_verdicts"]
+__all__ = ["caveat_text", "model_form_findings", "model_limits", "model_verdicts"]
 
 # Verdicts on a limit, the gravest first.
 _VERDICTS = (AcceptanceVerdict.NOT_MET, AcceptanceVerdict.NOT_DECIDED, AcceptanceVerdict.MET)
+# Of a tolerance limit, the words before its bound, and the place of that.
+_BOUNDS = {"tolerance_limit": ("at most", 2), "lower_tolerance_limit": ("at least", 1)}
 _SCOPE = (
     "Each model counts the same. They are no sample of all models: another one can lie outside "
     "them."
@@ -39,6 +42,42 @@ def model_verdicts(views: Sequence[ArchiveView], output: str, design: str) -> It
             found = dict(_estimates(views, quantity, design))
             if finding := _verdict(quantity, found):
                 yield finding
+
+
+def model_limits(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[Finding]:
+    """Yield the tolerance limits of an output by each model, the smallest first.
+
+    They are those of the first content, and of the largest that all models have a bound for.
+    """
+    for statistic, (beyond, end) in _BOUNDS.items():
+        found = [
+            (quantity, bounds)
+            for quantity in requested_statistics(views[0], output, design)
+            if quantity.statistic == statistic
+            and (bounds := _bounds(views, quantity, design, end)) is not None
+        ]
+        found.sort(key=lambda each: each[0].entry)
+        for quantity, bounds in (*found[:1], *found[1:][-1:]):
+            named = [f"{text} by {model}" for _, text, model in sorted(bounds)]
+            yield Finding(
+                quantity.heading,
+                f"{capitalized(beyond)} {join_names(named)}: bounds that allow for the finite "
+                "number of runs.",
+            )
+
+
+def _bounds(
+    views: Sequence[ArchiveView], quantity: QuotedStatistic, design: str, end: int
+) -> tuple[tuple[float, str, str], ...] | None:
+    """Return the bound of a limit by each model, as number and as text; None if one has none."""
+    found = []
+    for view in views:
+        own = replace(quantity, view=view)
+        array = own.estimate(design) if quantity.output in view.numeric_outputs else None
+        if array is None or not np.isfinite(array.values[end]):
+            return None
+        found.append((float(array.values[end]), own.texts(array)[end], view.model))
+    return tuple(found)
 
 
 def _estimates(

@@ -11,7 +11,7 @@ from uqpen.report.sections.drivers import input_label, input_ranking
 from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["published_sentences"]
@@ -57,7 +57,7 @@ def _comparison(
     bounds = quantity.bounds(here).tolist()
     unit = quantity.unit_text
     own = no_break(f"{estimate_text(*bounds)}{unit}")
-    stated = f"{no_break(f'{published:.4g}{unit}')}, {own}"
+    stated = f"{no_break(f'{number_text(published)}{unit}')}, {own}"
     if not np.isfinite(bounds).all():
         return f"{label} uncertain ({stated} without an interval)"
     _, lower, upper = bounds

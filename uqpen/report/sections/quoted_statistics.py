@@ -107,7 +107,9 @@ class QuotedStatistic:
         values = (*self.bounds(array), *others)
         if self.is_probability:
             return tuple(no_break(text) for text in percent_texts(*values))
-        return tuple(no_break(f"{text}{self.unit_text}") for text in estimate_texts(*values))
+        is_logarithmic = self.view.is_logarithmic(self.output)
+        texts = estimate_texts(*values, is_logarithmic=is_logarithmic)
+        return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
     def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
         """Ends of a tolerance interval, rounded outward, each with its unit."""

@@ -73,6 +73,7 @@ def _output_column(cloud: PlottedRuns, output: str) -> RunColumn:
         is_input=False,
         values=rounded_numbers(heights, _DIGITS),
         rows=tuple(plain_text(row, _LONGEST_ROW) for row in rows),
+        is_logarithmic=not rows and cloud.view.is_logarithmic(output),
     )
 
 

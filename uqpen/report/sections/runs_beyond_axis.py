@@ -9,7 +9,6 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.figures.curves import Curve
 from uqpen.report.blocks import RunsBeyondAxis
-from uqpen.report.sections.distribution_curves import Grid
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.empirical_cdf import empirical_cdf
 
@@ -19,15 +18,13 @@ __all__ = ["listed_bounds", "runs_beyond_axis"]
 _MOST = 40
 
 
-def runs_beyond_axis(
-    view: ArchiveView, output: str, curve: Curve, grid: Grid
-) -> RunsBeyondAxis | None:
-    """Return the runs beyond a grid of thresholds; None of a function without runs."""
+def runs_beyond_axis(view: ArchiveView, output: str, curve: Curve) -> RunsBeyondAxis | None:
+    """Return the runs beyond the thresholds of a function; None of one without runs."""
     if curve.name not in view.designs or not view.design(curve.name).keeps_runs:
         return None
     values = np.sort(view.design(curve.name).completed_values(output))
     shown = view.scale(output).from_si(values)
-    first, last = float(grid.values[0]), float(grid.values[-1])
+    first, last = float(curve.values[0]), float(curve.values[-1])
 
     def listed(which: FloatArray) -> list[list[float | None]]:
         places = evenly_spread(which.size, _MOST)

@@ -10,9 +10,9 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT, RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.figures.curves import axis_span
 from uqpen.figures.scatter import category_labels
-from uqpen.report.axes import padded_limits, quantity, quantity_axis
+from uqpen.figures.value_axis import ValueAxis
+from uqpen.report.axes import output_axis, padded_limits, quantity, quantity_axis
 from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey, Text
 from uqpen.report.counting import count_text
 from uqpen.report.marks import PointStyle, Trace, escape_text, point_trace
@@ -22,7 +22,7 @@ from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
 
@@ -140,19 +140,20 @@ def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
     """Return the positions of the runs along the vertical axis, and the axis."""
     heights, rows = run_heights(cloud, output)
     if not rows:
-        lower, upper, _ = _span(cloud, output)
+        span = _span(cloud, output)
         label = output_title(cloud.view, output)
         title = _short_title(cloud.view, output, label, _HIGHEST)
-        return heights, quantity_axis(cloud.view, output, (lower, upper), title)
+        return heights, output_axis(cloud.view, output, span, title)
     return heights, Axis("", rows=rows, quantity=quantity(cloud.view, output))
 
 
-def _span(cloud: PlottedRuns, output: str) -> tuple[float, float, bool]:
-    return axis_span([cloud.values(output, cloud.shown_completed)])
+def _span(cloud: PlottedRuns, output: str) -> ValueAxis:
+    values = cloud.values(output, cloud.shown_completed)
+    return ValueAxis.of_values([values], is_logarithmic=cloud.view.is_logarithmic(output))
 
 
 def _cut_note(cloud: PlottedRuns, output: str) -> str:
-    if output in cloud.view.numeric_outputs and _span(cloud, output)[2]:
+    if output in cloud.view.numeric_outputs and _span(cloud, output).is_cut:
         return "The axis of the output ends where all but 1 % of the runs shown lie inside."
     return ""
 
@@ -162,6 +163,7 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
     if axis.ends is not None:
         lower, upper = axis.ends
         foot = lower + 0.025 * (upper - lower)
+        foot = 10.0**foot if axis.is_logarithmic else foot
     statuses = [Status(code) for code in cloud.shown_failed[STATUS].values.tolist()]
     x = cloud.values(name, cloud.shown_failed)
     return point_trace(
@@ -201,7 +203,9 @@ def _summary(cloud: PlottedRuns, output: str, name: str) -> str:
 def _range(cloud: PlottedRuns, name: str, which: BoolArray) -> str:
     values = cloud.values(name, cloud.runs)[which]
     values = values[np.isfinite(values)]
-    return f"{values.min():.4g} … {values.max():.4g}" if values.size else NOTHING
+    if not values.size:
+        return NOTHING
+    return f"{number_text(values.min())} … {number_text(values.max())}"
 
 
 def _table(cloud: PlottedRuns, output: str) -> OutputTable:

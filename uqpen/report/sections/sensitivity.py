@@ -11,9 +11,16 @@ import xarray as xr
 from uqpen.core.labels import INPUT
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.figures.measures import MeasureSeries, measure_series
-from uqpen.figures.sensitivity import EFFECTS, best_sources, index_series, response_measures
+from uqpen.figures.sensitivity import (
+    EFFECTS,
+    INDICES,
+    best_sources,
+    index_series,
+    response_measures,
+    shown_indices,
+)
 from uqpen.report.blocks import Block, Chart, Charts, Fold, Table
-from uqpen.report.sections.drivers import InputOrder, input_order
+from uqpen.report.sections.drivers import InputOrder, input_order, input_ranking
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
@@ -55,18 +62,20 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         tables.setdefault(name, []).append(table)
     shares = index_titles(view.tree)
     order = input_order(view, output)
-    every = index_series(view, output)
-    if found := best_sources(view, every):
-        notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
-        spec = MeasureChartSpec(
-            capitalized(shares.title("its variance")),
-            shares.axis,
-            identity,
-            _summary_order(shares),
-            notes=notes,
-            order=order,
-        )
-        yield measures_chart(view, found, spec, tables.pop("shares", ()))
+    for of, measures in shown_indices(view, output):
+        every = index_series(view, output, measures)
+        if found := _shown_series(view, output, every):
+            notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
+            spec = MeasureChartSpec(
+                capitalized(shares.title(of)),
+                shares.axis,
+                identity,
+                _summary_order(shares),
+                notes=notes,
+                order=order,
+            )
+            name = "shares" if measures is INDICES else "shares of the logarithm"
+            yield measures_chart(view, found, spec, tables.pop(name, ()))
     if found := measure_series(view, output, EFFECTS):
         convert, unit = view.scale(output).difference_from_si, view.unit(output)
         axis, labels = title_with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
@@ -77,6 +86,17 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     for table in chain.from_iterable(tables.values()):
         if _has_estimates(table):
             yield Table(table, is_folded=True)
+
+
+def _shown_series(
+    view: ArchiveView, output: str, every: Sequence[MeasureSeries]
+) -> list[MeasureSeries]:
+    """Return the indices of the best sources, and of the one that the main results quote."""
+    shown = {each.source for each in best_sources(view, list(every))}
+    ranking = input_ranking(view, output)
+    if ranking is not None and ranking.measure in ("first_order", "shapley"):
+        shown.add(ranking.source)
+    return [each for each in every if each.source in shown]
 
 
 def _left_out_note(

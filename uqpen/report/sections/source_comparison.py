@@ -96,7 +96,9 @@ def _chart(
     texts = []
     unit = DIMENSIONLESS if statistic.convert is identity else view.unit(output)
     for source, estimate in statistic.available_estimates.items():
-        texts.append(f"{source} {shown_estimate(estimate, statistic.convert)}{unit_suffix(unit)}")
+        is_log = view.is_logarithmic(output) and statistic.convert is not identity
+        shown = shown_estimate(estimate, statistic.convert, is_logarithmic=is_log)
+        texts.append(f"{source} {shown}{unit_suffix(unit)}")
         bounds = np.asarray([statistic.convert(estimate.values)], dtype=np.float64)
         place, position = [rows.index(source)], view.series(source)
         marker = series_marker(position)

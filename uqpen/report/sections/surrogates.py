@@ -19,7 +19,7 @@ from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, 
 from uqpen.report.marks import PointStyle, Trace, escape_text, line_trace, point_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.output_tables import fit_table
 from uqpen.results.surrogate_fits import fitted_outputs
@@ -108,7 +108,8 @@ def _chart(
     unit_text = unit_suffix(unit)
     off = np.abs(compared.differences)
     middle, most, largest = (
-        f"{value:.3g}{unit_text}" for value in (*np.nanquantile(off, [0.5, 0.95]), np.nanmax(off))
+        f"{number_text(value, 3)}{unit_text}"
+        for value in (*np.nanquantile(off, [0.5, 0.95]), np.nanmax(off))
     )
     series = view.series(name)
     traces = [
@@ -182,6 +183,9 @@ def _difference_table(
             np.std(each.observed),
         )
         table.rows.append(
-            (title_with_unit(output, view.unit(output)), [f"{value:.3g}{note}" for value in values])
+            (
+                title_with_unit(output, view.unit(output)),
+                [f"{number_text(float(value), 3)}{note}" for value in values],
+            )
         )
     return table

@@ -18,6 +18,7 @@ from uqpen.figures.trajectory import (
 from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
 from uqpen.report.marks import Trace, escape_text, line_trace, series_dash
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import number_text
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
@@ -111,8 +112,9 @@ def _ends_sentence(view: ArchiveView, model: str, dataset: xr.Dataset, names: li
         _, y, unit = _shown_values(view, dataset, name)
         known = y[np.isfinite(y)]
         if known.size:
-            goes = f"goes from {known[0]:.4g} to {known[-1]:.4g}{unit}"
-            texts.append(f"{quantity_name(dataset[name])} {goes}, and is {known.max():.4g} at most")
+            goes = f"goes from {number_text(known[0])} to {number_text(known[-1])}{unit}"
+            most = number_text(known.max())
+            texts.append(f"{quantity_name(dataset[name])} {goes}, and is {most} at most")
     text = "; ".join(texts) or "no values"
     return f"By {model}, {text}." if model else f"{capitalized(text)}."
 
@@ -130,6 +132,6 @@ def _table(view: ArchiveView, model: str, dataset: xr.Dataset) -> OutputTable:
         columns.append(y)
     for position in evenly_spread(x.size, _ROWS).tolist():
         values = (y[position] for y in columns)
-        cells = [f"{value:.4g}" if np.isfinite(value) else NOTHING for value in values]
-        table.rows.append((f"{x[position]:.4g}", cells))
+        cells = [number_text(value) if np.isfinite(value) else NOTHING for value in values]
+        table.rows.append((number_text(x[position]), cells))
     return table
