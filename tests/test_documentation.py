@@ -6,6 +6,7 @@ A block that cannot run has a comment before it, `<!-- not run: reason -->`, and
 from __future__ import annotations
 
 import ast
+import functools
 import linecache
 import re
 import shlex
@@ -54,6 +55,45 @@ def folder(tmp_path_factory: pytest.TempPathFactory, concrete_text: str) -> Path
         (folder / name).mkdir()
     (folder / "studies" / "concrete.toml").write_text(concrete_text, encoding="utf-8")
     return folder
+
+
+def _without_code(page: Path) -> str:
+    text = re.sub(r"^(```|~~~).*?^\1$", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    return re.sub(r"`[^`\n]*`", lambda code: code[0].strip("`").translate(BRACKETS), text)
+
+
+# Brackets in code are part of a heading's text and no link.
+BRACKETS = str.maketrans(dict.fromkeys("[]()<>", "."))
+
+
+@functools.cache
+def _anchors(page: Path) -> set[str]:
+    """The names that GitHub gives to the headings of a page."""
+    anchors: list[str] = []
+    for heading in re.findall(r"^#{1,6} +(.*?)$", _without_code(page), re.MULTILINE):
+        shown = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)
+        name = re.sub(r"[^\w -]", "", shown.lower()).replace(" ", "-")
+        repeated = sum(
+            re.fullmatch(rf"{re.escape(name)}(-\d+)?", each) is not None for each in anchors
+        )
+        anchors.append(f"{name}-{repeated}" if repeated else name)
+    return set(anchors)
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+def test_its_links_lead_to_files_and_headings(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", _without_code(page)):
+        if not re.match(r"[a-z]+:", link):
+            name, _, anchor = link.partition("#")
+            target = (page.parent / name).resolve() if name else page
+            assert target.exists(), link
+            assert not anchor or anchor in _anchors(target), link
+
+
+def test_a_decision_is_linked_by_its_own_number() -> None:
+    for page in [*PAGES, ROOT / "CHANGELOG.md"]:
+        for number, link in re.findall(r"\[(\d{3})\]\((\S+?)\)", page.read_text(encoding="utf-8")):
+            assert Path(link).name.startswith(f"{number}-"), link
 
 
 def test_a_block_that_is_not_run_says_why() -> None:

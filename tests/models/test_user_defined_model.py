@@ -205,6 +205,7 @@ def test_an_exception_costs_one_run(tmp_path: Path) -> None:
     ("before", "after", "key", "found"),
     [
         ("my_model.py:Spring", "no.py:Spring", "model.use", 'there is no file "no.py"'),
+        ("my_model.py:Spring", "sub/my_model.py:Spring", "model.use", 'no file "sub/my_model.py"'),
         ("my_model.py:Spring", "my_model.py:Sprig", "model.use", "it defines Spring"),
         ("my_model.py:Spring", "spring", "model.use", '"spring"'),
         ("hardening = 1.5", "hardening = -1", "model.hardening", "-1"),

@@ -118,7 +118,7 @@ def module_coordinates(module: ModuleType, name: str, surroundings: ModelFolder)
 def _import_module(where: str, surroundings: ModelFolder) -> Any:
     try:
         if where.endswith(".py"):
-            return _load_file(surroundings.folder / where)
+            return _load_file(surroundings.folder / where, where)
         return importlib.import_module(where)
     except ModelError:
         raise
@@ -132,15 +132,15 @@ def _import_module(where: str, surroundings: ModelFolder) -> Any:
         raise ModelError(f'importing "{where}" failed: {error_text(error)}{place}') from None
 
 
-def _load_file(path: Path) -> Any:
+def _load_file(path: Path, where: str) -> Any:
     if is_folder(path):
-        raise ModelError(f'"{path.name}" is a folder, not a Python file')
+        raise ModelError(f'"{where}" is a folder, not a Python file')
     if not is_file(path):
-        raise ModelError(f'there is no file "{path.name}" beside the study')
+        raise ModelError(f'there is no file "{where}" beside the study')
     # Under a name of our own: a model in "random.py" must not stand in for Python's module.
     specification = importlib.util.spec_from_file_location(f"{MODEL_MODULE}{path.stem}", path)
     if specification is None or specification.loader is None:
-        raise ModelError(f'"{path.name}" is not a Python file')
+        raise ModelError(f'"{where}" is not a Python file')
     module = importlib.util.module_from_spec(specification)
     sys.modules[module.__name__] = module
     specification.loader.exec_module(module)
