@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import pty
@@ -414,6 +415,7 @@ class TestProcess:
             stdout=subprocess.PIPE,
             stderr=terminal,
             env={**os.environ, "TERM": "xterm", "COLUMNS": "80"},
+            preexec_fn=functools.partial(signal.signal, sent, signal.SIG_DFL),
         ) as process:
             os.close(terminal)
             seen = b""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import signal
@@ -342,6 +343,7 @@ def test_an_interrupt_leaves_no_process_and_no_file(tmp_path: Path, sent: signal
                 stderr=subprocess.PIPE,
                 start_new_session=True,
                 env={**os.environ, "TMPDIR": str(folder)},
+                preexec_fn=functools.partial(signal.signal, sent, signal.SIG_DFL),
             ),
             send,
         )
