@@ -171,13 +171,13 @@ class _CorrelatedColumns:
 
     def _pairs(self, weights: Iterator[FloatArray]) -> Iterator[CorrelatedPair]:
         """Yield a pair for each of some weights; its type follows from the number of values."""
-        if not self.sample.run_inputs.are_many:
-            columns, orderings = self.standardized, self._orderings_of_ranks
-            return (PairOfArrays(each, columns, orderings) for each in weights)
-        from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
+        if self.sample.run_inputs.are_many:
+            from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
 
-        together = [*weights]
-        return compiled_pairs(self.standardized, together, self._groups) if together else iter(())
+            yield from compiled_pairs(self.standardized, [*weights], self._groups)
+        else:
+            columns, orderings = self.standardized, self._orderings_of_ranks
+            yield from (PairOfArrays(each, columns, orderings) for each in weights)
 
     @cached_property
     def _groups(self) -> list[ColumnGroup]:
