@@ -299,7 +299,7 @@ class TestTable:
         with pytest.raises(TableError, match="there is no file"):
             points(TableDesign(tmp_path / "absent.csv"))
         (tmp_path / "broken.nc").write_bytes(b"no netcdf")
-        with pytest.raises(TableError, match="not a NetCDF file"):
+        with pytest.raises(TableError, match="no NetCDF file"):
             points(TableDesign(tmp_path / "broken.nc"))
         (tmp_path / "latin.csv").write_bytes(b"l\xe4nge\n1\n")
         with pytest.raises(TableError, match="not UTF-8"):

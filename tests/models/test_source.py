@@ -142,10 +142,10 @@ class TestFilesThatChange:
         (tmp_path / "beside.py").write_text("a = 1\n")
         there, here = ModelFolder(tmp_path), ModelFolder(tmp_path)
         there.read(str(tmp_path / "beside.py"))
-        here.add_imported(there.imported)
+        here.add_reported(there.imported)
         assert here.imported == there.imported
         assert [file.path.name for file in here.files()] == ["beside.py"]
         (tmp_path / "beside.py").write_text("a = 2\n")
-        here.add_imported(there.imported)
+        here.add_reported(there.imported)
         with pytest.raises(ModelError, match=r'"beside\.py" was changed'):
-            ModelFolder(tmp_path).add_imported(there.imported)
+            ModelFolder(tmp_path).add_reported(there.imported)

@@ -52,7 +52,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     least = _BELOW / max(curve.runs, 10)
     traces, keys = _tail_traces(view, output, curve, tail, least)
     probabilities = view.statistics.get(curve.name, output, "exceedance")
-    notes = [f"{tail.largest.sentence} {_NOT_MET}", *missing_runs_note(view, curve.name)]
+    notes = [_NOT_MET, *missing_runs_note(view, curve.name)]
     summary = (
         f"It falls from 1 to the smallest share of {count_text(curve.runs, 'run')} of {curve.name}."
         f" {tail.largest.sentence}"
