@@ -44,7 +44,7 @@ def labelled_line(
         "textposition": "start" if at_foot else "end",
         "xanchor": "left" if at_foot else "right",
         "yanchor": "bottom" if is_before else "top",
-        "padding": 4,
+        "padding": 0,  # it would move an upright text along its line
     }
     return vertical_line(x, series, dash) | {"label": label}
 
