@@ -159,7 +159,7 @@ def _shortfalls(
     function: Callable[[FloatArray], FloatArray], exact: Sequence[float], drawn: Drawn
 ) -> Iterator[tuple[str, float, Estimate]]:
     sample = drawn.sample(function(drawn.normal[:, 0]), InputColumns.none(len(drawn.normal)))
-    quantity = QuantityOfInterest(Output("y", "1"), "1", shortfall_levels=LEVELS)
+    quantity = QuantityOfInterest(Output("y", "1"), "1", expected_shortfall=LEVELS)
     array = dict(expected_shortfalls(sample, quantity))["expected_shortfall"]
     for level, truth, values in zip(LEVELS, exact, array.values.tolist(), strict=True):
         yield f"expected shortfall at {level:g}", truth, Estimate(*values, "", "")

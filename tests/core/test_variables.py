@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from uqpen.core.catalogue import NAMES_IN_USE
 from uqpen.core.errors import SettingsError
 from uqpen.core.labels import BOUND, INPUT, RANK, RUN
-from uqpen.core.statistic_dimensions import NAMES_IN_USE
 from uqpen.core.variables import Category, Dimension, Output
 
 TIME = Dimension("time", "s", values=(0.0, 1.0, 2.0, 3.0))

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
-from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, Statistic, UnitRule
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
 from uqpen.core.model import Output
+from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold

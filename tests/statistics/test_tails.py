@@ -31,7 +31,7 @@ from uqpen.statistics.tails.generalised_pareto import fit_tails
 from uqpen.statistics.tails.goodness_of_fit import p_value
 
 REQUESTS = QuantityOfInterest(
-    Output("y", "m"), "m", shortfall_levels=(0.9, 0.99), return_periods=(5.0, 1e3, 1e5)
+    Output("y", "m"), "m", expected_shortfall=(0.9, 0.99), return_periods=(5.0, 1e3, 1e5)
 )
 
 

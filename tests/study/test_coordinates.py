@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.core.catalogue import DIMENSIONS
 from uqpen.core.errors import StudyError
-from uqpen.core.statistic_dimensions import DIMENSIONS
 
 MODEL = """\
 import numpy as np

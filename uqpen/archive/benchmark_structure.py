@@ -18,7 +18,7 @@ from uqpen.archive.benchmark_layout import (
 from uqpen.archive.estimates import has_interval_texts, interval_codes, statistic_names
 from uqpen.archive.layout import has_bound_names, has_kind
 from uqpen.archive.tree import read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
     BUDGET,
@@ -30,7 +30,6 @@ from uqpen.core.labels import (
     SINGLE,
     VARIANT,
 )
-from uqpen.core.statistic_dimensions import DIMENSIONS
 
 __all__ = ["find_benchmark_faults"]
 

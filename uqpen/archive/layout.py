@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import correction_names, has_interval_texts, statistic_names
-from uqpen.core.catalogue import CATALOGUE, Statistic
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, REQUESTED_DIMENSIONS
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     ABSENT,
@@ -44,7 +44,7 @@ from uqpen.core.labels import (
     STOPPING_CLAIM,
     STOPPING_STATISTICS,
 )
-from uqpen.core.statistic_dimensions import DIMENSIONS, REQUESTED_DIMENSIONS
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import scale
 
 __all__ = [

@@ -10,8 +10,9 @@ import xarray as xr
 
 from uqpen.archive.benchmark_layout import COMPARED_STATISTICS
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, Statistic, UnitRule
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
+from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

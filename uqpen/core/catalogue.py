@@ -8,12 +8,23 @@ not in the catalogue is described by its own variable, and shown from that.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import Enum
+from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
-from uqpen.core.labels import INPUT, PAIR, RANK, RECIPE, STATUS
+from uqpen.core.labels import (
+    BOUNDS,
+    INPUT,
+    INTERVAL,
+    INTERVAL_LABEL,
+    NOTE,
+    PAIR,
+    RANK,
+    RECIPE,
+    RESERVED,
+    STATUS,
+)
+from uqpen.core.statistic import EntryDimension, Request, Statistic, UnitRule
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -35,62 +46,18 @@ from uqpen.core.statistic_dimensions import (
 
 __all__ = [
     "CATALOGUE",
+    "DIMENSIONS",
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
     "MODEL_FORM_STATISTICS",
-    "Statistic",
-    "UnitRule",
+    "NAMES_IN_USE",
+    "REQUESTED",
+    "REQUESTED_DIMENSIONS",
+    "TABLE_COLUMNS",
+    "UNLISTED_DIMENSIONS",
     "interval_recipe",
 ]
-
-
-class UnitRule(Enum):
-    """Relation of a statistic's unit to the unit of its output."""
-
-    VALUE = "a value of the output"
-    """Converted with the offset of the unit: 0 degC is 273.15 K."""
-    DIFFERENCE = "a difference of two values of the output"
-    """Converted by the factor of the unit alone."""
-    NONE = "a plain number"
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """Description of a statistic.
-
-    Parameters
-    ----------
-    name : str
-        Name of its variable in an archive.
-    title : str
-        Name for display.
-    dims : tuple of str
-        Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them. That of a field
-        has the dimensions of the field before them.
-    unit : UnitRule
-        Relation of its unit to that of the output.
-    has_bounds : bool
-        Whether it is an estimate with bounds; a place on an axis, say, is none.
-    note_is_of_estimate : bool
-        Whether a note concerns the estimate rather than its interval.
-    recipe : int
-        Version of the recipe that its interval is made by: the number of the last change. Whoever
-        changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
-    """
-
-    name: str
-    title: str
-    dims: tuple[str, ...] = ()
-    unit: UnitRule = UnitRule.NONE
-    has_bounds: bool = True
-    note_is_of_estimate: bool = False
-    recipe: int = 1
-
-    @property
-    def is_function(self) -> bool:
-        """True for a distribution function, which is checked and shown as a whole."""
-        return RANK in self.dims
 
 
 _INDICES = {
@@ -113,6 +80,21 @@ def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
     ]
 
 
+def _contents(name: str) -> EntryDimension:
+    """Return the dimension of the shares that tolerance limits hold."""
+    return EntryDimension(name, companions={f"{name.removesuffix('_level')}_runs_needed": "count"})
+
+
+def _thresholds(name: str) -> EntryDimension:
+    """Return the dimension of the values that probabilities are of, as they were written."""
+    return EntryDimension(name, "text", {f"{name}_value": "number"}, _accepted(name))
+
+
+def _accepted(name: str) -> dict[str, str]:
+    """Return the coordinates of the acceptance limits along a dimension."""
+    return {f"{name}_at_most": "number", f"{name}_at_least": "number"}
+
+
 _STATISTICS = [
     # Recipe 2 moves the ends out for skewed replicates and long tails.
     Statistic("mean", "mean", unit=UnitRule.VALUE, recipe=2),
@@ -122,33 +104,140 @@ _STATISTICS = [
     Statistic("kurtosis", "kurtosis"),
     Statistic("effective_runs", "effective number of runs"),
     Statistic("effective_size", "effective sample size"),
-    Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
-    Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
-    Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
-    Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
-    Statistic("expected_shortfall", "mean beyond a quantile", (SHORTFALL_LEVEL,), UnitRule.VALUE),
-    Statistic("return_level", "return level", (RETURN_PERIOD,), UnitRule.VALUE),
+    Statistic(
+        "quantile",
+        "quantile",
+        (PROBABILITY,),
+        UnitRule.VALUE,
+        own=EntryDimension(PROBABILITY),
+        asked=Request("quantiles"),
+    ),
+    Statistic(
+        "tolerance_limit",
+        "upper tolerance limit",
+        (CONTENT_LEVEL,),
+        UnitRule.VALUE,
+        is_of_surrogates=False,
+        own=_contents(CONTENT_LEVEL),
+        asked=Request(
+            "hold", "value held with {entry}", "tolerance_contents", refusal="a tolerance limit"
+        ),
+    ),
+    Statistic(
+        "lower_tolerance_limit",
+        "lower tolerance limit",
+        (LOWER_CONTENT,),
+        UnitRule.VALUE,
+        own=_contents(LOWER_CONTENT),
+        asked=Request(
+            "hold_above",
+            "value held from below with {entry}",
+            "lower_tolerance_contents",
+            refusal="a tolerance limit",
+        ),
+    ),
+    Statistic(
+        "tolerance_interval",
+        "tolerance interval",
+        (INTERVAL_CONTENT,),
+        UnitRule.VALUE,
+        own=_contents(INTERVAL_CONTENT),
+        asked=Request(
+            "hold_between", "values held between with {entry}", "tolerance_interval_contents"
+        ),
+    ),
+    Statistic(
+        "expected_shortfall",
+        "mean beyond a quantile",
+        (SHORTFALL_LEVEL,),
+        UnitRule.VALUE,
+        takes_all_values=True,
+        own=EntryDimension(SHORTFALL_LEVEL),
+        asked=Request(
+            "expected_shortfall",
+            "mean beyond the quantile {entry}",
+            declared_by="uqpen.core.settings:probabilities",
+            refusal="an expected shortfall",
+        ),
+    ),
+    Statistic(
+        "return_level",
+        "return level",
+        (RETURN_PERIOD,),
+        UnitRule.VALUE,
+        takes_all_values=True,
+        is_of_surrogates=False,
+        own=EntryDimension(RETURN_PERIOD),
+        asked=Request(
+            "return_periods",
+            "value exceeded once in {entry} cases",
+            declared_by="uqpen.core.settings:periods",
+            refusal="a return level",
+        ),
+    ),
     Statistic("tail_threshold", "threshold of the fitted tail", unit=UnitRule.VALUE),
     Statistic("tail_shape", "shape of the fitted tail"),
     Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),
     Statistic("tail_runs", "number of runs beyond the threshold of the fitted tail"),
     Statistic("tail_p_value", "p-value of the fit of the tail (Anderson-Darling)"),
-    Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
-    Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
-    Statistic("share", "probability of a category", (CATEGORY,)),
+    Statistic(
+        "exceedance",
+        "probability of exceeding a value",
+        (THRESHOLD,),
+        own=_thresholds(THRESHOLD),
+        asked=Request("exceeds", field="thresholds"),
+    ),
+    Statistic(
+        "below",
+        "probability of lying below a value",
+        (LOWER_THRESHOLD,),
+        own=_thresholds(LOWER_THRESHOLD),
+        asked=Request("below", field="lower_thresholds"),
+    ),
+    Statistic(
+        "share",
+        "probability of a category",
+        (CATEGORY,),
+        own=EntryDimension(CATEGORY, "text", {"category_label": "text"}),
+    ),
     # Recipe 3 lets the bounds ascend.
-    Statistic("cdf", "distribution function, pointwise bounds", (RANK,), recipe=3),
+    Statistic(
+        "cdf",
+        "distribution function, pointwise bounds",
+        (RANK,),
+        recipe=3,
+        own=EntryDimension(RANK, is_listed=False),
+    ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
-    Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
+    Statistic(
+        "percentile",
+        "percentile",
+        (PERCENT,),
+        UnitRule.VALUE,
+        own=EntryDimension(PERCENT, is_listed=False),
+    ),
     Statistic("reached", "probability that a curve reaches a place"),
     # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
     Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE, recipe=4),
     Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
-    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE, recipe=4),
+    Statistic(
+        "tolerance_band",
+        "tolerance band",
+        (BAND_CONTENT,),
+        UnitRule.VALUE,
+        recipe=4,
+        own=_contents(BAND_CONTENT),
+    ),
     Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
-    Statistic("band_depth", "modified band depth", (CURVE,), has_bounds=False),
+    Statistic(
+        "band_depth",
+        "modified band depth",
+        (CURVE,),
+        has_bounds=False,
+        own=EntryDimension(CURVE, "count", is_listed=False),
+    ),
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
     *(
         Statistic(
@@ -231,12 +320,14 @@ JOINT_STATISTICS = _by_name(
             (EVENT,),
             # Recipe 4 takes estimates of a rare event for log-normal.
             recipe=4,
+            own=EntryDimension(EVENT, "text", {"event_condition": "text"}, _accepted(EVENT)),
         ),
         Statistic(
             "event_first_order",
             "first-order Sobol' index of an event",
             (SENSITIVITY_EVENT, INPUT),
             note_is_of_estimate=True,
+            own=EntryDimension(SENSITIVITY_EVENT, "text"),
         ),
         *(
             Statistic(name, title, (SENSITIVITY_EVENT, INPUT), note_is_of_estimate=True)
@@ -249,7 +340,13 @@ JOINT_STATISTICS = _by_name(
             )
         ),
         *(
-            Statistic(name, title, (DESIGN_POINT,), note_is_of_estimate=True)
+            Statistic(
+                name,
+                title,
+                (DESIGN_POINT,),
+                note_is_of_estimate=True,
+                own=EntryDimension(DESIGN_POINT, "count", {"design_point_run": "count"}),
+            )
             for name, title in (
                 ("reliability_index", "distance of a design point from the median"),
                 ("first_order_probability", "probability beyond the plane at a design point"),
@@ -281,16 +378,55 @@ MODEL_FORM_STATISTICS = _by_name(
     ]
 )
 
-# The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
-INTERVAL_RECIPE = max(
-    each.recipe
-    for each in (
-        *CATALOGUE.values(),
-        *FAILURE_STATISTICS.values(),
-        *JOINT_STATISTICS.values(),
-        *MODEL_FORM_STATISTICS.values(),
-    )
+_ALL = (
+    *CATALOGUE.values(),
+    *FAILURE_STATISTICS.values(),
+    *JOINT_STATISTICS.values(),
+    *MODEL_FORM_STATISTICS.values(),
 )
+
+# The statistics whose entries a study requests, the same for all sources of an output: tables show
+# them side by side.
+REQUESTED = tuple(each for each in _ALL if each.asked)
+REQUESTED_DIMENSIONS = frozenset(
+    {*chain(*(each.dims for each in REQUESTED)), BAND_CONTENT, CATEGORY}
+)
+
+# The dimensions of statistics by their names: those that one of them describes, and those of many.
+DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
+    {
+        each.name: each
+        for each in (
+            *(statistic.own for statistic in _ALL if statistic.own),
+            EntryDimension(RUNS_SO_FAR, "count", is_listed=False),
+            EntryDimension(INPUT, "text"),
+            EntryDimension(PAIR, "text", {"pair_first": "text", "pair_second": "text"}),
+            EntryDimension(STATUS, "text"),
+        )
+    }
+)
+
+# Tables and lists leave out what lies along these, unless it is asked for.
+UNLISTED_DIMENSIONS = frozenset(
+    name for name, dimension in DIMENSIONS.items() if not dimension.is_listed
+)
+
+# Columns of the long table of estimates; each dimension is a further one.
+TABLE_COLUMNS = (
+    "model", "source", "kind", "output", "statistic", "coordinates", "unit", *BOUNDS,
+)  # fmt: skip
+
+# Names that the datasets of an archive and its long table use themselves.
+NAMES_IN_USE = RESERVED.union(
+    TABLE_COLUMNS,
+    (INTERVAL, INTERVAL_LABEL, NOTE),
+    DIMENSIONS,
+    *(dimension.companions for dimension in DIMENSIONS.values()),
+    *(dimension.optional for dimension in DIMENSIONS.values()),
+)
+
+# The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
+INTERVAL_RECIPE = max(each.recipe for each in _ALL)
 
 
 def interval_recipe(attributes: Mapping[Any, Any]) -> int:

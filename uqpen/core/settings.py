@@ -40,6 +40,7 @@ __all__ = [
     "name",
     "number",
     "numbers",
+    "periods",
     "probabilities",
     "quantities",
     "quantity",
@@ -158,6 +159,24 @@ def probabilities(*, always: tuple[float, ...] = (), **options: Any) -> Any:
         lambda values: all(_is_within(value, 0, 1) for value in values),
         lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
         default=always,
+        **options,
+    )
+
+
+def periods(**options: Any) -> Any:
+    """Declare numbers of cases above 1, ascending; none by default."""
+
+    def read_one(written: Any) -> float:
+        if not _is_within(written, 1):
+            raise QuantityError(toml_text(written), "a number of cases above 1, such as 10_000")
+        return float(written)
+
+    return setting(
+        "return periods",
+        "numbers of cases above 1",
+        lambda values: all(_is_within(value, 1) for value in values),
+        lambda written, _: tuple(sorted({*read_list(written, read_one)})),
+        default=(),
         **options,
     )
 

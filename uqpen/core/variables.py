@@ -10,10 +10,9 @@ from functools import reduce
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
 from uqpen.core.errors import Problem, SettingsError, toml_text
 from uqpen.core.labels import NAME
-from uqpen.core.statistic_dimensions import NAMES_IN_USE
 from uqpen.core.units import DIMENSIONLESS, scale
 
 __all__ = [

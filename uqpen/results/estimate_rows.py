@@ -11,8 +11,8 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.core.catalogue import DIMENSIONS
 from uqpen.core.labels import BOUND, BOUNDS, EQUIVALENT_RUNS, SURROGATE_ESTIMATE
-from uqpen.core.statistic_dimensions import DIMENSIONS
 
 __all__ = ["Row", "estimate_rows", "rows_frame"]
 

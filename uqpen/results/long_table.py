@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import FAILURE_STATISTICS
+from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     DECISION,
     DIFFERENCES,
@@ -19,7 +19,7 @@ from uqpen.core.labels import (
     NOTE,
     RUNS,
 )
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD, UNLISTED_DIMENSIONS
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.estimate_rows import Row, estimate_rows, rows_frame
 from uqpen.results.source_statistics import SourceStatistics

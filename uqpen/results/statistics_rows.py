@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -19,11 +19,8 @@ from uqpen.core.labels import (
     RUNS_SPENT,
     SURROGATES,
 )
-from uqpen.core.statistic_dimensions import (
-    LOWER_THRESHOLD,
-    PROBABILITY,
-    THRESHOLD,
-)
+from uqpen.core.statistic import UnitRule
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import run_count, status_counts

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     ESTIMATOR,
     INPUT,
@@ -21,6 +21,7 @@ from uqpen.core.labels import (
     ROLE,
     RUNS,
 )
+from uqpen.core.statistic import UnitRule
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL

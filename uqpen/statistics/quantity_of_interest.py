@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
+from uqpen.core.catalogue import REQUESTED
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.labels import LOGARITHMIC
-from uqpen.core.list_reading import read_list
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
 from uqpen.core.setting_fields import Context
 from uqpen.core.settings import choice, probabilities, setting, text, validate
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
@@ -19,7 +20,6 @@ from uqpen.statistics.threshold import Threshold, threshold_list
 __all__ = ["DEFAULT_QUANTILES", "QuantityOfInterest", "Threshold"]
 
 DEFAULT_QUANTILES = (0.05, 0.5, 0.95)
-_PERIODS = "numbers of cases above 1"
 
 
 def _read_unit(written: object, context: Context) -> str:
@@ -32,24 +32,25 @@ def _read_unit(written: object, context: Context) -> str:
     raise QuantityError(found, expected)
 
 
-def _is_period(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return 1 < value < math.inf
+_Class = TypeVar("_Class", bound=type)
 
 
-def _read_periods(written: object, _: Context) -> tuple[float, ...]:
-    def read_one(value: Any) -> float:
-        if not _is_period(value):
-            raise QuantityError(toml_text(value), "a number of cases above 1, such as 10_000")
-        return float(value)
-
-    return tuple(sorted(set(read_list(written, read_one))))
+def _declare_requests(declared: _Class) -> _Class:
+    """Add a field for each statistic of the catalogue that names the declaration of its request."""
+    for statistic in REQUESTED:
+        asked = statistic.asked
+        if asked and asked.declared_by:
+            declared.__annotations__[asked.attribute] = "tuple[float, ...]"
+            setattr(declared, asked.attribute, resolve(asked.declared_by)(key=asked.key))
+    return declared
 
 
 @dataclass(frozen=True)
+@_declare_requests
 class QuantityOfInterest:
     """Quantity of interest: an output and the statistics requested of it.
+
+    Statistics of the catalogue that declare their request have a field each, empty by default.
 
     Parameters
     ----------
@@ -69,10 +70,6 @@ class QuantityOfInterest:
         Contents of the lower tolerance limits: probabilities of lying at or above the limit.
     tolerance_interval_contents : tuple of float
         Contents of the tolerance intervals: probabilities of lying between their ends.
-    shortfall_levels : tuple of float
-        Probabilities below the quantiles beyond which the mean is requested.
-    return_periods : tuple of float
-        Numbers of cases, above 1; the value exceeded once in each on average is requested.
     caveat : str, optional
         Sentence on what a reader has to mind of all numbers of this output.
     axis_scale : str
@@ -91,21 +88,21 @@ class QuantityOfInterest:
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
     lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
     tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
-    shortfall_levels: tuple[float, ...] = probabilities(key="expected_shortfall")
-    return_periods: tuple[float, ...] = setting(
-        "return periods",
-        _PERIODS,
-        lambda periods: all(_is_period(each) for each in periods),
-        read=_read_periods,
-        default=(),
-        key="return_periods",
-    )
     caveat: str | None = text(expected="a sentence in quotes", default=None)
     axis_scale: str = choice("linear", LOGARITHMIC, default="linear", key="scale")
     confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:
         validate(self)
+
+    def requested(self, statistic: Statistic) -> tuple[Any, ...]:
+        """Return the entries of a statistic that the study asks for."""
+        return getattr(self, statistic.asked.attribute) if statistic.asked else ()
+
+    def without(self, *statistics: Statistic) -> QuantityOfInterest:
+        """Return the same without the requests for some statistics."""
+        left_out: dict[str, Any] = {each.asked.attribute: () for each in statistics if each.asked}
+        return replace(self, **left_out)
 
     @property
     def is_logarithmic(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from uqpen.core.catalogue import REQUESTED
 from uqpen.core.model import Model, Output
 from uqpen.core.units import scale
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -12,15 +13,11 @@ from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
 
-# Requests of which a field has none: a value that holds a share has one side, a band has two. The
-# mean beyond a quantile, a fitted tail and the scale of a chart are of one number.
+# Requests of which a field has none. A limit that holds a share has one side, a band has two; the
+# scale of a chart is of one number.
 _OF_SCALARS = {
-    "hold": "a tolerance limit",
-    "hold_above": "a tolerance limit",
-    "expected_shortfall": "an expected shortfall",
-    "return_periods": "a return level",
-    "scale": "a scale of charts",
-}
+    each.asked.key: each.asked.refusal for each in REQUESTED if each.asked and each.asked.refusal
+} | {"scale": "a scale of charts"}
 
 
 def read_quantities_of_interest(

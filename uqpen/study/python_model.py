@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
+
+from uqpen.core.catalogue import REQUESTED
 
 __all__ = ["OutputSpec", "PythonModel"]
 
 # Settings of an output with dimensions, which belong to the model.
 _OF_MODEL = ("along", "may_end", "on", "interpolation")
+
+_Class = TypeVar("_Class", bound=type)
 
 Thresholds = Sequence[str | float] | Mapping[str, Mapping[str, str | float]]
 
@@ -70,7 +74,17 @@ class PythonModel:
         }
 
 
+def _take_requests(declared: _Class) -> _Class:
+    """Add an argument for each statistic of the catalogue that declares its request."""
+    for statistic in REQUESTED:
+        if statistic.asked and statistic.asked.declared_by:
+            declared.__annotations__[statistic.asked.key] = "Sequence[float]"
+            setattr(declared, statistic.asked.key, ())
+    return declared
+
+
 @dataclass(frozen=True)
+@_take_requests
 class OutputSpec:
     """Quantity of interest of an output.
 
@@ -87,10 +101,8 @@ class OutputSpec:
         Thresholds; the probability that the output lies below each is estimated.
     hold, hold_above, hold_between : sequence of float
         Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
-    expected_shortfall : sequence of float
-        Probabilities below the quantiles beyond which the mean is estimated.
-    return_periods : sequence of float
-        Numbers of cases; the value that the output exceeds once in each is estimated.
+    expected_shortfall, return_periods, … : sequence of float
+        Entries of the other statistics that a study file can ask for, by its keys.
     scale : str, optional
         ``"log"``: charts and indices are of the logarithm of the output.
     along : mapping of str to mapping or sequence of str, optional
@@ -125,8 +137,6 @@ class OutputSpec:
     hold: Sequence[float] = ()
     hold_above: Sequence[float] = ()
     hold_between: Sequence[float] = ()
-    expected_shortfall: Sequence[float] = ()
-    return_periods: Sequence[float] = ()
     scale: str | None = None
     along: Mapping[str, Mapping[str, Any]] | Sequence[str] | None = None
     may_end: bool = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
+from uqpen.core.catalogue import REQUESTED
 from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name
 from uqpen.core.units import DIMENSIONLESS, scale
@@ -138,11 +139,12 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
     return [
         f"moments, cdf, quantiles {_listed(quantity.quantiles)}",
         *_probabilities(quantity),
-        *(f"mean beyond the quantile {p:g}" for p in quantity.shortfall_levels),
-        *(f"value exceeded once in {each:.10g} cases" for each in quantity.return_periods),
-        *(f"value held with {p:g}" for p in quantity.tolerance_contents),
-        *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
-        *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),
+        *(
+            statistic.asked.summary.replace("{entry}", f"{entry:.10g}")
+            for statistic in REQUESTED
+            if statistic.asked and statistic.asked.summary
+            for entry in quantity.requested(statistic)
+        ),
     ]
 
 

@@ -8,9 +8,8 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_codes_name, statistic_names
 from uqpen.archive.tree import model_trees
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, TRAJECTORY
-from uqpen.core.statistic_dimensions import DIMENSIONS
 
 __all__ = [
     "user_defined_statistic_names",

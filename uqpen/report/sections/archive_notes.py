@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
     DIFFERENCES,
@@ -20,7 +20,6 @@ from uqpen.core.labels import (
     RUNS,
     SURROGATES,
 )
-from uqpen.core.statistic_dimensions import UNLISTED_DIMENSIONS
 from uqpen.report.counting import count_text
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics

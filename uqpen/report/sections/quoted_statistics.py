@@ -12,9 +12,10 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import UnitRule
 from uqpen.report.counting import percent_texts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, join_blocks
+from uqpen.core.catalogue import REQUESTED
 from uqpen.core.labels import BOUND, NOTE, REPLICATE, RUN, WEIGHT
 from uqpen.statistics import ANALYSES_IN_MEMORY, texts
 from uqpen.statistics.by_blocks.analysis import BlockedAnalysis
@@ -70,7 +71,8 @@ class LargeSample:
         """Return the quantities with requests that take all values at once."""
         if only is not None and ANALYSES_IN_MEMORY.isdisjoint(only):
             return []
-        return [each for each in quantities if each.shortfall_levels or each.return_periods]
+        asked = [each for each in REQUESTED if each.takes_all_values]
+        return [each for each in quantities if any(map(each.requested, asked))]
 
     def _of_part(
         self,

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.statistic_dimensions import SHORTFALL_LEVEL
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
@@ -38,12 +39,13 @@ def expected_shortfalls(
     estimate : DataArray
         Along ``shortfall_level``, the probability below the quantile, and ``bound``.
     """
-    if quantity.output.categories or not quantity.shortfall_levels:
+    asked = quantity.requested(CATALOGUE["expected_shortfall"])
+    if quantity.output.categories or not asked:
         return
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    levels = np.array(quantity.shortfall_levels)
+    levels = np.array(asked)
     array = Estimate.stack(
-        [_shortfall(sample, level) for level in quantity.shortfall_levels],
+        [_shortfall(sample, level) for level in asked],
         SHORTFALL_LEVEL,
         units=quantity.output.unit,
         long_name=f"mean of {quantity.output.title} beyond a quantile",

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.statistic_dimensions import RETURN_PERIOD
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -40,18 +41,19 @@ def return_levels(
     ----------
     Coles, S. (2001). An Introduction to Statistical Modeling of Extreme Values. Springer.
     """
-    if quantity.output.categories or not quantity.return_periods:
+    asked = quantity.requested(CATALOGUE["return_level"])
+    if quantity.output.categories or not asked:
         return
     reason = _reason_of_sample(sample)
     tails = [] if reason else list(fitting_tails(sample.sorted_values))
     reason = reason or _reason_of_tails(tails)
     unit, title = quantity.output.unit, quantity.output.title
     described = {"units": "1", "long_name": "number of cases"}
-    periods = np.array(quantity.return_periods)
+    periods = np.array(asked)
     yield (
         "return_level",
         Estimate.stack(
-            [_return_level(sample, tails, reason, each) for each in quantity.return_periods],
+            [_return_level(sample, tails, reason, each) for each in asked],
             RETURN_PERIOD,
             units=unit,
             long_name=f"value that {title} exceeds once in a number of cases",

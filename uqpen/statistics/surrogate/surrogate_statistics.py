@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import (
     CDFS,
     ESTIMATOR,
@@ -70,7 +71,7 @@ def surrogate_statistics(
     """
     fitted = {output.name for output in draws.model.outputs}
     requested = [
-        replace(quantity, tolerance_contents=())
+        quantity.without(CATALOGUE["tolerance_limit"])
         for quantity in quantities
         if quantity.output.name in fitted
     ]
@@ -92,9 +93,8 @@ def _by_output(
 ) -> dict[str, OutputStatistics]:
     """Return the statistics of each output: sampled, in closed form, and its indices."""
     sampled = [name for name in _SAMPLED if only is None or name in only]
-    found = analyze(
-        draws.runs, [replace(each, return_periods=()) for each in quantities], only=sampled
-    )
+    not_sampled = [each for each in REQUESTED if not each.is_of_surrogates]
+    found = analyze(draws.runs, [each.without(*not_sampled) for each in quantities], only=sampled)
     if TAILS in sampled:
         no_runs = draws.runs.isel({RUN: slice(0)})
         for output, arrays in analyze(no_runs, quantities, only=[TAILS]).items():
