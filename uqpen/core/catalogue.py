@@ -24,7 +24,7 @@ from uqpen.core.labels import (
     RESERVED,
     STATUS,
 )
-from uqpen.core.statistic import EntryDimension, Request, Statistic, UnitRule
+from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -97,13 +97,26 @@ def _accepted(name: str) -> dict[str, str]:
 
 _STATISTICS = [
     # Recipe 2 moves the ends out for skewed replicates and long tails.
-    Statistic("mean", "mean", unit=UnitRule.VALUE, recipe=2),
-    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE, recipe=2),
-    Statistic("half_spread", "half the 16 % to 84 % range", unit=UnitRule.DIFFERENCE),
-    Statistic("skewness", "skewness"),
+    Statistic(
+        "mean", "mean", unit=UnitRule.VALUE, recipe=2, shown=Shown("mean", 30, is_compared=True)
+    ),
+    Statistic(
+        "std",
+        "standard deviation",
+        unit=UnitRule.DIFFERENCE,
+        recipe=2,
+        shown=Shown("sd", 32, is_compared=True),
+    ),
+    Statistic(
+        "half_spread",
+        "half the 16 % to 84 % range",
+        unit=UnitRule.DIFFERENCE,
+        shown=Shown("half 16–84 % range", 33),
+    ),
+    Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
     Statistic("kurtosis", "kurtosis"),
     Statistic("effective_runs", "effective number of runs"),
-    Statistic("effective_size", "effective sample size"),
+    Statistic("effective_size", "effective sample size", shown=Shown("effective runs", 20)),
     Statistic(
         "quantile",
         "quantile",
@@ -111,6 +124,7 @@ _STATISTICS = [
         UnitRule.VALUE,
         own=EntryDimension(PROBABILITY),
         asked=Request("quantiles"),
+        shown=Shown("{entry}", 40, "quantiles", "quantile", is_compared=True),
     ),
     Statistic(
         "tolerance_limit",
@@ -122,6 +136,7 @@ _STATISTICS = [
         asked=Request(
             "hold", "value held with {entry}", "tolerance_contents", refusal="a tolerance limit"
         ),
+        shown=Shown("not exceeded, {entry}", 80, "hold", "percent", ends="at most"),
     ),
     Statistic(
         "lower_tolerance_limit",
@@ -135,6 +150,7 @@ _STATISTICS = [
             "lower_tolerance_contents",
             refusal="a tolerance limit",
         ),
+        shown=Shown("not below, {entry}", 81, "hold_above", "percent", ends="at least"),
     ),
     Statistic(
         "tolerance_interval",
@@ -145,6 +161,7 @@ _STATISTICS = [
         asked=Request(
             "hold_between", "values held between with {entry}", "tolerance_interval_contents"
         ),
+        shown=Shown("tolerance interval, {entry}", 82, "hold_between", "percent", ends="between"),
     ),
     Statistic(
         "expected_shortfall",
@@ -158,6 +175,9 @@ _STATISTICS = [
             "mean beyond the quantile {entry}",
             declared_by="uqpen.core.settings:probabilities",
             refusal="an expected shortfall",
+        ),
+        shown=Shown(
+            "mean beyond the {entry}", 50, "expected_shortfall", "quantile", is_compared=True
         ),
     ),
     Statistic(
@@ -174,9 +194,17 @@ _STATISTICS = [
             declared_by="uqpen.core.settings:periods",
             refusal="a return level",
         ),
+        shown=Shown(
+            "exceeded once in {entry} cases", 60, "return_levels", "number", is_compared=True
+        ),
     ),
-    Statistic("tail_threshold", "threshold of the fitted tail", unit=UnitRule.VALUE),
-    Statistic("tail_shape", "shape of the fitted tail"),
+    Statistic(
+        "tail_threshold",
+        "threshold of the fitted tail",
+        unit=UnitRule.VALUE,
+        shown=Shown("threshold of the tail", 61),
+    ),
+    Statistic("tail_shape", "shape of the fitted tail", shown=Shown("shape of the tail", 62)),
     Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),
     Statistic("tail_runs", "number of runs beyond the threshold of the fitted tail"),
     Statistic("tail_p_value", "p-value of the fit of the tail (Anderson-Darling)"),
@@ -186,6 +214,7 @@ _STATISTICS = [
         (THRESHOLD,),
         own=_thresholds(THRESHOLD),
         asked=Request("exceeds", field="thresholds"),
+        shown=Shown("P(> {entry})", 70, "exceedance", is_compared=True, has_verdict=True),
     ),
     Statistic(
         "below",
@@ -193,12 +222,14 @@ _STATISTICS = [
         (LOWER_THRESHOLD,),
         own=_thresholds(LOWER_THRESHOLD),
         asked=Request("below", field="lower_thresholds"),
+        shown=Shown("P(< {entry})", 71, "below", is_compared=True, has_verdict=True),
     ),
     Statistic(
         "share",
         "probability of a category",
         (CATEGORY,),
         own=EntryDimension(CATEGORY, "text", {"category_label": "text"}),
+        shown=Shown("share {entry}", 72, "shares", coordinate="category_label", is_compared=True),
     ),
     # Recipe 3 lets the bounds ascend.
     Statistic(
@@ -217,10 +248,22 @@ _STATISTICS = [
         UnitRule.VALUE,
         own=EntryDimension(PERCENT, is_listed=False),
     ),
-    Statistic("reached", "probability that a curve reaches a place"),
+    Statistic("reached", "probability that a curve reaches a place", shown=Shown("P(reached)", 10)),
     # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
-    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE, recipe=4),
-    Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
+    Statistic(
+        "mean_band",
+        "mean, simultaneous bounds",
+        unit=UnitRule.VALUE,
+        recipe=4,
+        shown=Shown("mean, all places at once", 31),
+    ),
+    Statistic(
+        "quantile_band",
+        "quantile, simultaneous bounds",
+        (PROBABILITY,),
+        UnitRule.VALUE,
+        shown=Shown("{entry}, all places at once", 41, "quantile_bands", "quantile"),
+    ),
     Statistic(
         "tolerance_band",
         "tolerance band",
@@ -228,6 +271,7 @@ _STATISTICS = [
         UnitRule.VALUE,
         recipe=4,
         own=_contents(BAND_CONTENT),
+        shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
     ),
     Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
@@ -387,7 +431,7 @@ _ALL = (
 
 # The statistics whose entries a study requests, the same for all sources of an output: tables show
 # them side by side.
-REQUESTED = tuple(each for each in _ALL if each.asked)
+REQUESTED = tuple(each for each in _ALL if each.asked.key)
 REQUESTED_DIMENSIONS = frozenset(
     {*chain(*(each.dims for each in REQUESTED)), BAND_CONTENT, CATEGORY}
 )

@@ -8,7 +8,7 @@ from enum import Enum
 
 from uqpen.core.labels import RANK
 
-__all__ = ["EntryDimension", "Request", "Statistic", "UnitRule"]
+__all__ = ["EntryDimension", "Request", "Shown", "Statistic", "UnitRule"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Request:
         What an output with dimensions has none of; empty where it has the statistic.
     """
 
-    key: str
+    key: str = ""
     summary: str = ""
     field: str = ""
     declared_by: str = ""
@@ -65,6 +65,42 @@ class Request:
     def attribute(self) -> str:
         """Name of the field of the quantity of interest."""
         return self.field or self.key
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Place and words of a statistic in tables and lists.
+
+    Parameters
+    ----------
+    label : str
+        Its label, with ``{entry}`` for the entry.
+    row : int
+        Rank of its rows in a table of statistics.
+    json : str
+        Key of its entries in JSON; a statistic without entries stands there under its name.
+    entry : str
+        How an entry is written: ``"text"`` as it is, ``"number"``, ``"percent"`` of a probability,
+        or ``"quantile"``.
+    coordinate : str
+        Coordinate with the entries, if it is not the statistic's own dimension.
+    ends : str
+        Of a tolerance limit: which of its ends it states, ``"at most"``, ``"at least"`` or
+        ``"between"``.
+    is_compared : bool
+        Whether sources, models and archives are compared by it.
+    has_verdict : bool
+        Whether a study can accept its entries, which then have a verdict.
+    """
+
+    label: str = ""
+    row: int = 0
+    json: str = ""
+    entry: str = "text"
+    coordinate: str = ""
+    ends: str = ""
+    is_compared: bool = False
+    has_verdict: bool = False
 
 
 class UnitRule(Enum):
@@ -105,8 +141,10 @@ class Statistic:
         False for a statistic that draws from a surrogate have none of.
     own : EntryDimension, optional
         The dimension that its entries lie along, where it is described here.
-    asked : Request, optional
-        How a study asks for its entries; None where no study has to.
+    asked : Request
+        How a study asks for its entries; without a key where no study has to.
+    shown : Shown
+        Its place in tables and lists of single numbers; without a label where it has none.
     """
 
     name: str
@@ -119,7 +157,8 @@ class Statistic:
     takes_all_values: bool = False
     is_of_surrogates: bool = True
     own: EntryDimension | None = None
-    asked: Request | None = None
+    asked: Request = Request()
+    shown: Shown = Shown()
 
     @property
     def is_function(self) -> bool:

@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.statistic_entries import NUMBERS, labelled_entries
+from uqpen.results.statistic_entries import COMPARED, labelled_entries
 from uqpen.results.table import Conversion
 
 __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
@@ -66,10 +66,11 @@ class ComparedStatistic(NamedTuple):
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
     """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
-    for name in NUMBERS:
+    for statistic in COMPARED:
+        name = statistic.name
         convert = view.conversion(output, name)
         axis = _AXES.get(name) or view.axis_label(output)
-        for label, found in labelled_entries(name, view.estimates(output, name)):
+        for label, found in labelled_entries(statistic, view.estimates(output, name)):
             yield ComparedStatistic(name, label, axis, convert, found)
 
 

@@ -12,7 +12,7 @@ from uqpen.core.labels import EQUIVALENT_RUNS, SURROGATE_ESTIMATE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text, grouped_number
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.statistic_entries import NUMBERS, labelled_entries
+from uqpen.results.statistic_entries import COMPARED, labelled_entries
 from uqpen.results.table import (
     NOTHING,
     Conversion,
@@ -44,11 +44,11 @@ def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable
         table = OutputTable(f"{surrogate}: {label_with_unit(output, unit)}", [])
         plain = f"plain runs{table.note_mark(_PLAIN_RUNS)}"
         table.columns = ["corrected", "surrogate", plain]
-        for statistic in NUMBERS:
-            array = found.get(statistic)
+        for statistic in COMPARED:
+            array = found.get(statistic.name)
             if array is None or SURROGATE_ESTIMATE not in array.coords:
                 continue
-            convert = conversion(statistic, scale(unit))
+            convert = conversion(statistic.name, scale(unit))
             for label, entries in labelled_entries(statistic, {surrogate: array}):
                 if not _has_number(entries[surrogate]):
                     continue

@@ -57,20 +57,8 @@ _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
 # Attributes of the runs of a design that stopped at a precision, or has given points.
 _OF_POINTS = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE, AGREEMENT)
 
-# The statistics that have one, by their keys in JSON.
-_FAMILIES = {
-    "quantiles": "quantile",
-    "quantile_bands": "quantile_band",
-    "tolerance_bands": "tolerance_band",
-    "hold": "tolerance_limit",
-    "hold_above": "lower_tolerance_limit",
-    "hold_between": "tolerance_interval",
-    "expected_shortfall": "expected_shortfall",
-    "return_levels": "return_level",
-    "exceedance": "exceedance",
-    "below": "below",
-    "shares": "share",
-}
+# Those with entries, by their keys.
+_FAMILIES = {each.shown.json: each.name for each in CATALOGUE.values() if each.shown.json}
 
 # Ending of the coordinate with the number of runs that a tolerance limit of each content needs.
 _RUNS_NEEDED = "_runs_needed"

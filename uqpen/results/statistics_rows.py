@@ -19,25 +19,22 @@ from uqpen.core.labels import (
     RUNS_SPENT,
     SURROGATES,
 )
-from uqpen.core.statistic import UnitRule
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
+from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
-from uqpen.results.statistic_entries import labelled_entries
+from uqpen.results.statistic_entries import SHOWN, labelled_entries
 from uqpen.results.stopping_texts import stopping_text
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
-    below_label,
     conversion,
-    exceedance_label,
-    quantile_label,
 )
-from uqpen.results.tolerance_rows import add_tolerance_limits
+from uqpen.results.tolerance_rows import tolerance_cell
 
 __all__ = [
     "StatisticsRows",
@@ -62,44 +59,22 @@ class StatisticsRows:
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
-        self._add_row("P(reached)", "reached", self._arrays("reached"))
-        self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
+        shown = [each for each in SHOWN if each.name not in self._left_out()]
         if self.is_logarithmic:
             # A mean over tenfolds is that of few runs.
-            self._add_quantiles()
-        self._add_moments()
-        if not self.is_logarithmic:
-            self._add_quantiles()
-        self._add_tail()
-        for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
-            self._add_row(exceedance_label(text), "exceedance", arrays)
-            self._add_verdicts(arrays)
-        for text, arrays in source_entries(self._arrays("below"), LOWER_THRESHOLD):
-            self._add_row(below_label(text), "below", arrays)
-            self._add_verdicts(arrays)
-        add_tolerance_limits(self.table, self.statistics, self.name, self.measure)
+            is_moment = CATALOGUE["mean"].shown.row.__le__
+            shown.sort(key=lambda each: PROBABILITY not in each.dims and is_moment(each.shown.row))
+        for statistic in shown:
+            for label, arrays in labelled_entries(statistic, self._arrays(statistic.name)):
+                self._add_row(label, statistic, arrays)
 
-    def _add_moments(self) -> None:
-        self._add_row("mean", "mean", self._arrays("mean"))
-        self._add_row("mean, all places at once", "mean_band", self._arrays("mean_band"))
-        stds = self._arrays("std")
-        self._add_row("sd", "std", stds)
-        if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds.values()):
-            self._add_row("half 16–84 % range", "half_spread", self._arrays("half_spread"))
-        self._add_row("skewness", "skewness", self._arrays("skewness"))
-
-    def _add_quantiles(self) -> None:
-        for p, arrays in source_entries(self._arrays("quantile"), PROBABILITY):
-            self._add_row(quantile_label(p), "quantile", arrays)
-        for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
-            self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
-
-    def _add_tail(self) -> None:
-        for name in ("expected_shortfall", "return_level"):
-            for label, arrays in labelled_entries(name, self._arrays(name)):
-                self._add_row(label, name, arrays)
-        self._add_row("threshold of the tail", "tail_threshold", self._arrays("tail_threshold"))
-        self._add_row("shape of the tail", "tail_shape", self._arrays("tail_shape"))
+    def _left_out(self) -> Iterator[str]:
+        """Yield the statistics without rows of their own here."""
+        # Shares have rows of all outputs with categories, and bands a table of their own.
+        yield from ("share", "tolerance_band")
+        stds = self._arrays("std").values()
+        if not any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
+            yield "half_spread"
 
     def _add_verdicts(self, arrays: dict[str, xr.DataArray]) -> None:
         """Add a row of verdicts on a probability for which the study has acceptance limits."""
@@ -116,13 +91,21 @@ class StatisticsRows:
     def _arrays(self, statistic: str) -> dict[str, xr.DataArray]:
         return self.statistics.by_source(self.name, statistic, self.table.columns)
 
-    def _add_row(self, label: str, statistic: str, arrays: dict[str, xr.DataArray]) -> None:
-        is_difference = self.statistics.is_difference
-        convert = conversion(statistic, self.measure, is_difference=is_difference)
-        has_logarithm = self.is_logarithmic and CATALOGUE[statistic].unit is UnitRule.VALUE
-        cells = self.table.cells(arrays, convert, is_logarithmic=has_logarithm)
-        if any(cell != NOTHING for cell in cells):
+    def _add_row(self, label: str, statistic: Statistic, arrays: dict[str, xr.DataArray]) -> None:
+        if statistic.shown.ends:
+            cells = [
+                tolerance_cell(self.table, statistic, arrays.get(each), self.measure)
+                for each in self.table.columns
+            ]
+        else:
+            is_difference = self.statistics.is_difference
+            convert = conversion(statistic.name, self.measure, is_difference=is_difference)
+            has_logarithm = self.is_logarithmic and statistic.unit is UnitRule.VALUE
+            cells = self.table.cells(arrays, convert, is_logarithmic=has_logarithm)
+        if statistic.shown.ends or any(cell != NOTHING for cell in cells):
             self.table.rows.append((label, cells))
+        if statistic.shown.has_verdict:
+            self._add_verdicts(arrays)
 
 
 def runs_spent(tree: xr.DataTree, source: str) -> int | None:

@@ -21,7 +21,7 @@ from uqpen.core.labels import (
     ROLE,
     RUNS,
 )
-from uqpen.core.statistic import UnitRule
+from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -32,6 +32,7 @@ __all__ = [
     "OutputTable",
     "below_label",
     "conversion",
+    "entry_label",
     "estimate_remark",
     "exceedance_label",
     "field_names",
@@ -40,7 +41,6 @@ __all__ = [
     "label_with_unit",
     "output_names",
     "quantile_label",
-    "return_level_label",
     "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
@@ -171,24 +171,28 @@ def quantile_label(probability: float) -> str:
     return "median" if probability == 0.5 else f"{percent_text(probability)} quantile"
 
 
-def shortfall_label(probability: float) -> str:
-    """Return the label of a mean beyond a quantile in a table."""
-    return f"mean beyond the {quantile_label(probability)}"
-
-
-def return_level_label(period: float) -> str:
-    """Return the label of a return level in a table."""
-    return f"exceeded once in {period:.10g} cases"
-
-
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
-    return f"P(> {threshold})"
+    return entry_label(CATALOGUE["exceedance"], threshold)
 
 
 def below_label(threshold: str) -> str:
     """Return the label of the probability of lying below a value, as it was written."""
-    return f"P(< {threshold})"
+    return entry_label(CATALOGUE["below"], threshold)
+
+
+# How an entry of a statistic is written, by its kind.
+_WRITTEN: Mapping[str, Callable[[Any], str]] = {
+    "text": str,
+    "number": "{:.10g}".format,
+    "percent": percent_text,
+    "quantile": quantile_label,
+}
+
+
+def entry_label(statistic: Statistic, entry: Any) -> str:
+    """Return the label of an entry of a statistic in a table or a list."""
+    return statistic.shown.label.replace("{entry}", _WRITTEN[statistic.shown.entry](entry))
 
 
 def estimate_remark(array: xr.DataArray) -> str:

@@ -39,7 +39,7 @@ def _declare_requests(declared: _Class) -> _Class:
     """Add a field for each statistic of the catalogue that names the declaration of its request."""
     for statistic in REQUESTED:
         asked = statistic.asked
-        if asked and asked.declared_by:
+        if asked.declared_by:
             declared.__annotations__[asked.attribute] = "tuple[float, ...]"
             setattr(declared, asked.attribute, resolve(asked.declared_by)(key=asked.key))
     return declared
@@ -97,11 +97,11 @@ class QuantityOfInterest:
 
     def requested(self, statistic: Statistic) -> tuple[Any, ...]:
         """Return the entries of a statistic that the study asks for."""
-        return getattr(self, statistic.asked.attribute) if statistic.asked else ()
+        return getattr(self, statistic.asked.attribute) if statistic.asked.key else ()
 
     def without(self, *statistics: Statistic) -> QuantityOfInterest:
         """Return the same without the requests for some statistics."""
-        left_out: dict[str, Any] = {each.asked.attribute: () for each in statistics if each.asked}
+        left_out: dict[str, Any] = {each.asked.attribute: () for each in statistics}
         return replace(self, **left_out)
 
     @property

@@ -15,9 +15,9 @@ __all__ = ["read_quantities_of_interest"]
 
 # Requests of which a field has none. A limit that holds a share has one side, a band has two; the
 # scale of a chart is of one number.
-_OF_SCALARS = {
-    each.asked.key: each.asked.refusal for each in REQUESTED if each.asked and each.asked.refusal
-} | {"scale": "a scale of charts"}
+_OF_SCALARS = {each.asked.key: each.asked.refusal for each in REQUESTED if each.asked.refusal} | {
+    "scale": "a scale of charts"
+}
 
 
 def read_quantities_of_interest(

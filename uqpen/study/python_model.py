@@ -77,7 +77,7 @@ class PythonModel:
 def _take_requests(declared: _Class) -> _Class:
     """Add an argument for each statistic of the catalogue that declares its request."""
     for statistic in REQUESTED:
-        if statistic.asked and statistic.asked.declared_by:
+        if statistic.asked.declared_by:
             declared.__annotations__[statistic.asked.key] = "Sequence[float]"
             setattr(declared, statistic.asked.key, ())
     return declared

@@ -142,7 +142,7 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
         *(
             statistic.asked.summary.replace("{entry}", f"{entry:.10g}")
             for statistic in REQUESTED
-            if statistic.asked and statistic.asked.summary
+            if statistic.asked.summary
             for entry in quantity.requested(statistic)
         ),
     ]

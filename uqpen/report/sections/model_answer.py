@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uqpen.archive.read import group_names
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Block, Columns, Finding, Findings, Fold, Table, Text
@@ -141,7 +142,7 @@ def _cell(table: OutputTable, view: ArchiveView, quantity: QuotedStatistic, desi
         return NOTHING
     own = QuotedStatistic(view, quantity.output, quantity.statistic, quantity.entry)
     array = own.estimate(design)
-    cell = tolerance_cell(table, quantity.statistic, array, view.scale(quantity.output))
-    if cell is not None:
-        return cell
+    statistic = CATALOGUE[quantity.statistic]
+    if statistic.shown.ends:
+        return tolerance_cell(table, statistic, array, view.scale(quantity.output))
     return table.cell(array, view.conversion(quantity.output, quantity.statistic))

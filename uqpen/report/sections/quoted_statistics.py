@@ -21,8 +21,8 @@ from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import equivalent_runs_text, is_corrected
 from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
-from uqpen.results.statistic_entries import entry_label
 from uqpen.results.table import (
+    entry_label,
     estimate_remark,
     output_names,
 )
@@ -143,7 +143,8 @@ class QuotedStatistic:
         if what := _TOLERANCE_LIMITS.get(self.statistic):
             return f"{what} {no_break(percent_text(self.entry))} of cases"
         entry = plain_text(self.entry) if isinstance(self.entry, str) else self.entry
-        return entry_label(self.statistic, entry) or CATALOGUE[self.statistic].title
+        statistic = CATALOGUE[self.statistic]
+        return entry_label(statistic, entry) if statistic.dims else statistic.title
 
     @property
     def is_probability(self) -> bool:
