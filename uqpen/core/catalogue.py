@@ -123,8 +123,8 @@ _STATISTICS = [
         (PROBABILITY,),
         UnitRule.VALUE,
         own=EntryDimension(PROBABILITY),
-        asked=Request("quantiles"),
-        shown=Shown("{entry}", 40, "quantiles", "quantile", is_compared=True),
+        asked=Request("quantiles", always=(0.05, 0.5, 0.95)),
+        shown=Shown("{entry}", 40, "quantiles", "quantile", rank=22, is_compared=True),
     ),
     Statistic(
         "tolerance_limit",
@@ -136,7 +136,7 @@ _STATISTICS = [
         asked=Request(
             "hold", "value held with {entry}", "tolerance_contents", refusal="a tolerance limit"
         ),
-        shown=Shown("not exceeded, {entry}", 80, "hold", "percent", ends="at most"),
+        shown=Shown("not exceeded, {entry}", 80, "hold", "percent", ends="at most", rank=10),
     ),
     Statistic(
         "lower_tolerance_limit",
@@ -150,7 +150,7 @@ _STATISTICS = [
             "lower_tolerance_contents",
             refusal="a tolerance limit",
         ),
-        shown=Shown("not below, {entry}", 81, "hold_above", "percent", ends="at least"),
+        shown=Shown("not below, {entry}", 81, "hold_above", "percent", ends="at least", rank=11),
     ),
     Statistic(
         "tolerance_interval",
@@ -161,7 +161,9 @@ _STATISTICS = [
         asked=Request(
             "hold_between", "values held between with {entry}", "tolerance_interval_contents"
         ),
-        shown=Shown("tolerance interval, {entry}", 82, "hold_between", "percent", ends="between"),
+        shown=Shown(
+            "tolerance interval, {entry}", 82, "hold_between", "percent", ends="between", rank=12
+        ),
     ),
     Statistic(
         "expected_shortfall",
@@ -177,7 +179,13 @@ _STATISTICS = [
             refusal="an expected shortfall",
         ),
         shown=Shown(
-            "mean beyond the {entry}", 50, "expected_shortfall", "quantile", is_compared=True
+            "mean beyond the {entry}",
+            50,
+            "expected_shortfall",
+            "quantile",
+            rank=30,
+            sentence="Beyond its {entry}, the mean of {output} is {estimate}.",
+            is_compared=True,
         ),
     ),
     Statistic(
@@ -195,7 +203,13 @@ _STATISTICS = [
             refusal="a return level",
         ),
         shown=Shown(
-            "exceeded once in {entry} cases", 60, "return_levels", "number", is_compared=True
+            "exceeded once in {entry} cases",
+            60,
+            "return_levels",
+            "number",
+            rank=31,
+            sentence="Once in {entry}\u00a0cases on average, {output} exceeds {estimate}.",
+            is_compared=True,
         ),
     ),
     Statistic(
@@ -214,7 +228,15 @@ _STATISTICS = [
         (THRESHOLD,),
         own=_thresholds(THRESHOLD),
         asked=Request("exceeds", field="thresholds"),
-        shown=Shown("P(> {entry})", 70, "exceedance", is_compared=True, has_verdict=True),
+        shown=Shown(
+            "P(> {entry})",
+            70,
+            "exceedance",
+            rank=20,
+            axis="probability",
+            is_compared=True,
+            has_verdict=True,
+        ),
     ),
     Statistic(
         "below",
@@ -222,14 +244,29 @@ _STATISTICS = [
         (LOWER_THRESHOLD,),
         own=_thresholds(LOWER_THRESHOLD),
         asked=Request("below", field="lower_thresholds"),
-        shown=Shown("P(< {entry})", 71, "below", is_compared=True, has_verdict=True),
+        shown=Shown(
+            "P(< {entry})",
+            71,
+            "below",
+            rank=21,
+            axis="probability",
+            is_compared=True,
+            has_verdict=True,
+        ),
     ),
     Statistic(
         "share",
         "probability of a category",
         (CATEGORY,),
         own=EntryDimension(CATEGORY, "text", {"category_label": "text"}),
-        shown=Shown("share {entry}", 72, "shares", coordinate="category_label", is_compared=True),
+        shown=Shown(
+            "share {entry}",
+            72,
+            "shares",
+            coordinate="category_label",
+            axis="share",
+            is_compared=True,
+        ),
     ),
     # Recipe 3 lets the bounds ascend.
     Statistic(

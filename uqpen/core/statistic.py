@@ -51,6 +51,8 @@ class Request:
         Field of the quantity of interest, if that has another name than the key.
     declared_by : str
         Reference to the declaration of the field. Without one it is written out there.
+    always : tuple of float
+        Entries that every study has.
     refusal : str
         What an output with dimensions has none of; empty where it has the statistic.
     """
@@ -59,6 +61,7 @@ class Request:
     summary: str = ""
     field: str = ""
     declared_by: str = ""
+    always: tuple[float, ...] = ()
     refusal: str = ""
 
     @property
@@ -87,6 +90,13 @@ class Shown:
     ends : str
         Of a tolerance limit: which of its ends it states, ``"at most"``, ``"at least"`` or
         ``"between"``.
+    rank : int
+        Place among the statistics that a page states first, of those that the study asks for.
+    sentence : str
+        Sentence on an entry, with ``{entry}``, ``{label}``, ``{output}`` and
+        ``{estimate}``.
+    axis : str
+        Label of an axis with its estimates, if that is not the output's.
     is_compared : bool
         Whether sources, models and archives are compared by it.
     has_verdict : bool
@@ -99,6 +109,9 @@ class Shown:
     entry: str = "text"
     coordinate: str = ""
     ends: str = ""
+    rank: int = 99
+    sentence: str = "The {label} of {output} is {estimate}."
+    axis: str = ""
     is_compared: bool = False
     has_verdict: bool = False
 

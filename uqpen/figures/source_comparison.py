@@ -20,7 +20,6 @@ __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
 _ROW, _FRAME = 0.19, 0.75
 
 # The labels of axes of statistics without a unit.
-_AXES = {"exceedance": "probability", "below": "probability", "share": "share"}
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -69,7 +68,7 @@ def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStat
     for statistic in COMPARED:
         name = statistic.name
         convert = view.conversion(output, name)
-        axis = _AXES.get(name) or view.axis_label(output)
+        axis = statistic.shown.axis or view.axis_label(output)
         for label, found in labelled_entries(statistic, view.estimates(output, name)):
             yield ComparedStatistic(name, label, axis, convert, found)
 

@@ -21,7 +21,7 @@ from uqpen.core.labels import (
     ROLE,
     RUNS,
 )
-from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic import Shown, Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -33,6 +33,7 @@ __all__ = [
     "below_label",
     "conversion",
     "entry_label",
+    "entry_text",
     "estimate_remark",
     "exceedance_label",
     "field_names",
@@ -192,7 +193,12 @@ _WRITTEN: Mapping[str, Callable[[Any], str]] = {
 
 def entry_label(statistic: Statistic, entry: Any) -> str:
     """Return the label of an entry of a statistic in a table or a list."""
-    return statistic.shown.label.replace("{entry}", _WRITTEN[statistic.shown.entry](entry))
+    return statistic.shown.label.replace("{entry}", entry_text(statistic.shown, entry))
+
+
+def entry_text(shown: Shown, entry: Any) -> str:
+    """Return an entry of a statistic as its label and its sentence have it."""
+    return _WRITTEN[shown.entry](entry)
 
 
 def estimate_remark(array: xr.DataArray) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from uqpen.core.catalogue import REQUESTED
+from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.labels import LOGARITHMIC
 from uqpen.core.lookup import resolve
@@ -19,7 +19,7 @@ from uqpen.statistics.threshold import Threshold, threshold_list
 
 __all__ = ["DEFAULT_QUANTILES", "QuantityOfInterest", "Threshold"]
 
-DEFAULT_QUANTILES = (0.05, 0.5, 0.95)
+DEFAULT_QUANTILES = CATALOGUE["quantile"].asked.always
 
 
 def _read_unit(written: object, context: Context) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,10 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic import UnitRule
+from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.report.counting import percent_texts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
@@ -39,15 +38,12 @@ __all__ = [
 ]
 
 
-_FIRST_AND_OTHERS = slice(1), slice(1, None)
-
-_TOLERANCE_LIMITS = {
-    "tolerance_limit": "limit for",
-    "lower_tolerance_limit": "lower limit for",
-    "tolerance_interval": "tolerance interval of",
+# A tolerance limit, by the ends that it states.
+_LIMITS = {
+    "at most": "limit for",
+    "at least": "lower limit for",
+    "between": "tolerance interval of",
 }
-# Numbers of the tail that a study can request.
-_TAILS = ("expected_shortfall", "return_level")
 
 
 @dataclass(frozen=True)
@@ -140,10 +136,10 @@ class QuotedStatistic:
     @property
     def label(self) -> str:
         """Name of the statistic, behind that of its output."""
-        if what := _TOLERANCE_LIMITS.get(self.statistic):
-            return f"{what} {no_break(percent_text(self.entry))} of cases"
-        entry = plain_text(self.entry) if isinstance(self.entry, str) else self.entry
         statistic = CATALOGUE[self.statistic]
+        if ends := statistic.shown.ends:
+            return f"{_LIMITS[ends]} {no_break(percent_text(self.entry))} of cases"
+        entry = plain_text(self.entry) if isinstance(self.entry, str) else self.entry
         return entry_label(statistic, entry) if statistic.dims else statistic.title
 
     @property
@@ -176,25 +172,18 @@ def no_break(text: str) -> str:
 
 
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
-    """Return the requested statistics of an output.
+    """Return the requested statistics of an output, in the order of their ranks.
 
-    What has a verdict comes first, then the first tolerance limit of each kind, thresholds, numbers
-    of the tail (or the reason why there is none), and the other limits.
+    What has a verdict comes first. Of the tolerance limits of a kind, all but one come last.
     """
-    limits, others_asked = (
-        [
-            [
-                each
-                for each in _entries(view, output, design, name)
-                if name in _TAILS or each.estimate(design) is not None
-            ]
-            for name in names
-        ]
-        for names in (_TOLERANCE_LIMITS, ("exceedance", "below", *_TAILS))
-    )
-    first, others = ([each for kind in limits for each in kind[part]] for part in _FIRST_AND_OTHERS)
-    every = [*first, *chain(*others_asked), *others]
-    return sorted(every, key=lambda quantity: not _has_acceptance(quantity, design))
+    every = []
+    for statistic in REQUESTED:
+        entries = _entries(view, output, design, statistic)
+        for place, each in enumerate(entries):
+            is_further = bool(statistic.shown.ends) and place > 0
+            ranks = not _has_acceptance(each, design), is_further, statistic.shown.rank, place
+            every.append((ranks, each))
+    return [each for _, each in sorted(every, key=lambda ranked: ranked[0])]
 
 
 def _has_acceptance(quantity: QuotedStatistic, design: str) -> bool:
@@ -227,10 +216,12 @@ def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str,
 
 
 def _entries(
-    view: ArchiveView, output: str, design: str, statistic: str
+    view: ArchiveView, output: str, design: str, statistic: Statistic
 ) -> Iterator[QuotedStatistic]:
-    array = view.statistics.get(design, output, statistic)
+    """Yield the entries of a statistic that the study asks for."""
+    array = view.statistics.get(design, output, statistic.name)
     if array is not None:
-        (along,) = CATALOGUE[statistic].dims
+        (along,) = statistic.dims
         for entry in array[along].values.tolist():
-            yield QuotedStatistic(view, output, statistic, entry)
+            if entry not in statistic.asked.always:
+                yield QuotedStatistic(view, output, statistic.name, entry)

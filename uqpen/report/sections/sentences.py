@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
@@ -25,7 +27,7 @@ from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import is_corrected
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.table import estimate_remark, quantile_label
+from uqpen.results.table import entry_text, estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
 __all__ = ["EVENTS", "OutputSentences", "acceptance_sentence", "output_sentences"]
@@ -121,29 +123,32 @@ def acceptance_sentence(array: xr.DataArray) -> str:
 
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> str:
-    name = output_name(quantity.view, quantity.output)
-    if quantity.statistic == "tolerance_interval":
+    name, shown = output_name(quantity.view, quantity.output), CATALOGUE[quantity.statistic].shown
+    if shown.ends == "between":
         return _tolerance_interval_sentence(quantity, array, capitalized(name))
-    if quantity.statistic in ("tolerance_limit", "lower_tolerance_limit"):
-        return _tolerance_limit_sentence(quantity, array, capitalized(name))
+    if shown.ends:
+        return _tolerance_limit_sentence(quantity, array, capitalized(name), shown.ends)
     value = quantity.texts(array)[0]
     if _is_constant(quantity, design):
         return f"{capitalized(name)} is {value} in every run."
-    stated = f"{value} {quantity.interval(array)}"
-    if quantity.statistic == "expected_shortfall":
-        return f"Beyond its {quantile_label(quantity.entry)}, the mean of {name} is {stated}."
-    if quantity.statistic == "return_level":
-        period = no_break(f"{quantity.entry:.10g} cases")
-        return f"Once in {period} on average, {name} exceeds {stated}."
-    if quantity.statistic == "quantile":
-        return f"The median of {name} is {stated}: half of all cases lie below."
-    return f"The mean of {name} is {stated}."
+    sentence = shown.sentence
+    if (quantity.statistic, quantity.entry) == ("quantile", 0.5):
+        sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
+    # By themselves, as a name may have braces.
+    words = {
+        "{entry}": entry_text(shown, quantity.entry),
+        "{label}": quantity.label,
+        "{output}": name,
+        "{estimate}": f"{value} {quantity.interval(array)}",
+    }
+    return re.sub(r"\{\w+\}", lambda place: words[place[0]], sentence)
 
 
-def _tolerance_limit_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
+def _tolerance_limit_sentence(
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, beyond: str
+) -> str:
     value, lower, upper = quantity.texts(array)
-    is_lower = quantity.statistic == "lower_tolerance_limit"
-    beyond, bound, end = ("at least", lower, 1) if is_lower else ("at most", upper, 2)
+    bound, end = (lower, 1) if beyond == "at least" else (upper, 2)
     share = _share_of_cases(quantity.entry)
     if np.isfinite(array.values[end]):
         return (
