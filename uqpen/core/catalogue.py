@@ -60,6 +60,12 @@ __all__ = [
 ]
 
 
+# Where the functions that estimate statistics stand.
+_CDF = "uqpen.statistics.distribution_function"
+_MOMENTS = "uqpen.statistics.moments.sample_moments"
+_FIELDS = "uqpen.statistics.fields"
+_PLACES = f"{_FIELDS}.place_statistics"
+
 _INDICES = {
     "first_order": "first-order Sobol' index",
     "total_order": "total-order Sobol' index",
@@ -98,7 +104,14 @@ def _accepted(name: str) -> dict[str, str]:
 _STATISTICS = [
     # Recipe 2 moves the ends out for skewed replicates and long tails.
     Statistic(
-        "mean", "mean", unit=UnitRule.VALUE, recipe=2, shown=Shown("mean", 30, is_compared=True)
+        "mean",
+        "mean",
+        unit=UnitRule.VALUE,
+        recipe=2,
+        shown=Shown("mean", 30, is_compared=True),
+        group="moments",
+        by={"sample": f"{_MOMENTS}:sample_moments", "field": f"{_PLACES}:moments_at_places"},
+        is_of_surrogates=True,
     ),
     Statistic(
         "std",
@@ -125,18 +138,25 @@ _STATISTICS = [
         own=EntryDimension(PROBABILITY),
         asked=Request("quantiles", always=(0.05, 0.5, 0.95)),
         shown=Shown("{entry}", 40, "quantiles", "quantile", rank=22, is_compared=True),
+        group="quantiles",
+        by={
+            "sample": f"{_CDF}.quantiles:quantile_estimates",
+            "field": f"{_PLACES}:quantiles_at_places",
+        },
+        is_of_surrogates=True,
     ),
     Statistic(
         "tolerance_limit",
         "upper tolerance limit",
         (CONTENT_LEVEL,),
         UnitRule.VALUE,
-        is_of_surrogates=False,
         own=_contents(CONTENT_LEVEL),
         asked=Request(
             "hold", "value held with {entry}", "tolerance_contents", refusal="a tolerance limit"
         ),
         shown=Shown("not exceeded, {entry}", 80, "hold", "percent", ends="at most", rank=10),
+        group="holds",
+        by={"sample": f"{_CDF}.tolerance:tolerance_limits"},
     ),
     Statistic(
         "lower_tolerance_limit",
@@ -151,6 +171,8 @@ _STATISTICS = [
             refusal="a tolerance limit",
         ),
         shown=Shown("not below, {entry}", 81, "hold_above", "percent", ends="at least", rank=11),
+        group="holds",
+        by={"sample": f"{_CDF}.tolerance:lower_tolerance_limits"},
     ),
     Statistic(
         "tolerance_interval",
@@ -164,6 +186,8 @@ _STATISTICS = [
         shown=Shown(
             "tolerance interval, {entry}", 82, "hold_between", "percent", ends="between", rank=12
         ),
+        group="holds",
+        by={"sample": f"{_CDF}.tolerance:tolerance_intervals"},
     ),
     Statistic(
         "expected_shortfall",
@@ -187,6 +211,9 @@ _STATISTICS = [
             sentence="Beyond its {entry}, the mean of {output} is {estimate}.",
             is_compared=True,
         ),
+        group="tails",
+        by={"sample": f"{_CDF}.expected_shortfall:expected_shortfalls"},
+        is_of_surrogates=True,
     ),
     Statistic(
         "return_level",
@@ -194,7 +221,6 @@ _STATISTICS = [
         (RETURN_PERIOD,),
         UnitRule.VALUE,
         takes_all_values=True,
-        is_of_surrogates=False,
         own=EntryDimension(RETURN_PERIOD),
         asked=Request(
             "return_periods",
@@ -211,6 +237,8 @@ _STATISTICS = [
             sentence="Once in {entry}\u00a0cases on average, {output} exceeds {estimate}.",
             is_compared=True,
         ),
+        group="tails",
+        by={"sample": f"{_CDF}.return_levels:return_levels"},
     ),
     Statistic(
         "tail_threshold",
@@ -237,6 +265,12 @@ _STATISTICS = [
             is_compared=True,
             has_verdict=True,
         ),
+        group="exceedance",
+        by={
+            "sample": f"{_CDF}.probabilities:exceedance_probabilities",
+            "field": f"{_PLACES}:probabilities_at_places",
+        },
+        is_of_surrogates=True,
     ),
     Statistic(
         "below",
@@ -253,6 +287,9 @@ _STATISTICS = [
             is_compared=True,
             has_verdict=True,
         ),
+        group="exceedance",
+        by={"sample": f"{_CDF}.probabilities:below_probabilities"},
+        is_of_surrogates=True,
     ),
     Statistic(
         "share",
@@ -267,6 +304,8 @@ _STATISTICS = [
             axis="share",
             is_compared=True,
         ),
+        group="shares",
+        by={"sample": f"{_CDF}.probabilities:category_probabilities"},
     ),
     # Recipe 3 lets the bounds ascend.
     Statistic(
@@ -275,6 +314,9 @@ _STATISTICS = [
         (RANK,),
         recipe=3,
         own=EntryDimension(RANK, is_listed=False),
+        group="cdfs",
+        by={"sample": f"{_CDF}.cdfs:cdf"},
+        is_of_surrogates=True,
     ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
@@ -284,8 +326,16 @@ _STATISTICS = [
         (PERCENT,),
         UnitRule.VALUE,
         own=EntryDimension(PERCENT, is_listed=False),
+        group="percentiles",
+        by={"sample": f"{_CDF}.quantiles:percentiles"},
     ),
-    Statistic("reached", "probability that a curve reaches a place", shown=Shown("P(reached)", 10)),
+    Statistic(
+        "reached",
+        "probability that a curve reaches a place",
+        shown=Shown("P(reached)", 10),
+        group="reached",
+        by={"field": f"{_PLACES}:reached"},
+    ),
     # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
     Statistic(
         "mean_band",
@@ -293,6 +343,8 @@ _STATISTICS = [
         unit=UnitRule.VALUE,
         recipe=4,
         shown=Shown("mean, all places at once", 31),
+        group="bands",
+        by={"field": f"{_FIELDS}.simultaneous_bands:mean_band"},
     ),
     Statistic(
         "quantile_band",
@@ -300,6 +352,8 @@ _STATISTICS = [
         (PROBABILITY,),
         UnitRule.VALUE,
         shown=Shown("{entry}, all places at once", 41, "quantile_bands", "quantile"),
+        group="bands",
+        by={"field": f"{_FIELDS}.simultaneous_bands:quantile_band"},
     ),
     Statistic(
         "tolerance_band",
@@ -309,8 +363,16 @@ _STATISTICS = [
         recipe=4,
         own=_contents(BAND_CONTENT),
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
+        group="bands",
+        by={"field": f"{_FIELDS}.tolerance_band:tolerance_band"},
     ),
-    Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
+    Statistic(
+        "central_region",
+        "median curve and central region",
+        unit=UnitRule.VALUE,
+        group="ranked_curves",
+        by={"field": f"{_FIELDS}.ranked_curves:ranked_curves"},
+    ),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
     Statistic(
         "band_depth",

@@ -148,10 +148,15 @@ class Statistic:
     recipe : int
         Version of the recipe that its interval is made by: the number of the last change. Whoever
         changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
+    group : str
+        Group of statistics that a study may leave out together.
+    by : mapping of str to str
+        References to the functions that estimate it, by what they take: ``"sample"`` or
+        ``"field"``. One that estimates several statistics stands at the first of them.
     takes_all_values : bool
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
-        False for a statistic that draws from a surrogate have none of.
+        Whether it is estimated from the draws of a surrogate.
     own : EntryDimension, optional
         The dimension that its entries lie along, where it is described here.
     asked : Request
@@ -167,8 +172,10 @@ class Statistic:
     has_bounds: bool = True
     note_is_of_estimate: bool = False
     recipe: int = 1
+    group: str = ""
+    by: Mapping[str, str] = field(default_factory=dict)
     takes_all_values: bool = False
-    is_of_surrogates: bool = True
+    is_of_surrogates: bool = False
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()

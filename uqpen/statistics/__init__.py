@@ -13,9 +13,10 @@ statuses of runs are estimated by
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.sampling import Sampling
 
 __all__ = [
@@ -28,33 +29,27 @@ __all__ = [
     "WEIGHTED_ANALYSES",
 ]
 
-# The functions that estimate statistics, by the group of their results.
-ANALYSES = {
-    "moments": ["uqpen.statistics.moments.sample_moments:sample_moments"],
-    "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],
-    "percentiles": ["uqpen.statistics.distribution_function.quantiles:percentiles"],
-    "holds": [
-        "uqpen.statistics.distribution_function.tolerance:tolerance_limits",
-        "uqpen.statistics.distribution_function.tolerance:lower_tolerance_limits",
-        "uqpen.statistics.distribution_function.tolerance:tolerance_intervals",
-    ],
-    "tails": [
-        "uqpen.statistics.distribution_function.expected_shortfall:expected_shortfalls",
-        "uqpen.statistics.distribution_function.return_levels:return_levels",
-    ],
-    "exceedance": [
-        "uqpen.statistics.distribution_function.probabilities:exceedance_probabilities",
-        "uqpen.statistics.distribution_function.probabilities:below_probabilities",
-    ],
-    "cdfs": ["uqpen.statistics.distribution_function.cdfs:cdf"],
-    "shares": ["uqpen.statistics.distribution_function.probabilities:category_probabilities"],
-    "sensitivity": [
-        "uqpen.statistics.sensitivity.given_data:first_order",
-        "uqpen.statistics.sensitivity.correlations:correlations",
-        "uqpen.statistics.sensitivity.delta:delta",
-    ],
-    "convergence": ["uqpen.statistics.convergence:convergence"],
-}
+
+def _analyses(of: str, further: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+    """Return references to the functions that estimate statistics of something, by their group."""
+    found: dict[str, list[str]] = {}
+    for statistic in CATALOGUE.values():
+        if of in statistic.by:
+            found.setdefault(statistic.group, []).append(statistic.by[of])
+    return MappingProxyType({**found, **further})
+
+
+ANALYSES = _analyses(
+    "sample",
+    {
+        "sensitivity": [
+            "uqpen.statistics.sensitivity.given_data:first_order",
+            "uqpen.statistics.sensitivity.correlations:correlations",
+            "uqpen.statistics.sensitivity.delta:delta",
+        ],
+        "convergence": ["uqpen.statistics.convergence:convergence"],
+    },
+)
 
 # The analyses that are right for weighted runs. The others would count every run the same.
 WEIGHTED_ANALYSES = frozenset(
@@ -74,25 +69,14 @@ WEIGHTED_ANALYSES = frozenset(
 
 # The analyses of a field, by the group of their results: functions of a `FieldSample`. The
 # statistics of a field have its dimensions before their own.
-FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
-    {
-        "moments": ["uqpen.statistics.fields.place_statistics:moments_at_places"],
-        "quantiles": ["uqpen.statistics.fields.place_statistics:quantiles_at_places"],
-        "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
-        "sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"],
-        "reached": ["uqpen.statistics.fields.place_statistics:reached"],
-        "bands": [
-            "uqpen.statistics.fields.simultaneous_bands:mean_band",
-            "uqpen.statistics.fields.simultaneous_bands:quantile_band",
-            "uqpen.statistics.fields.tolerance_band:tolerance_band",
-        ],
-        "ranked_curves": ["uqpen.statistics.fields.ranked_curves:ranked_curves"],
-    }
+FIELD_ANALYSES = _analyses(
+    "field",
+    {"sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"]},
 )
 
 # The analyses of a sample that take all of its values at once. They yield nothing unless a study
 # requests it.
-ANALYSES_IN_MEMORY = frozenset({"tails"})
+ANALYSES_IN_MEMORY = frozenset(each.group for each in CATALOGUE.values() if each.takes_all_values)
 
 # The analyses of a sample that read its inputs. The others read its values, weights and replicates
 # alone, except where the error is that of one stratified set: it follows from the inputs, too. An

@@ -14,11 +14,7 @@ import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import (
-    CDFS,
     ESTIMATOR,
-    EXCEEDANCE,
-    MOMENTS,
-    QUANTILES,
     RUN,
     SENSITIVITY,
     TAILS,
@@ -34,7 +30,7 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate
 
 __all__ = ["SurrogateStatistics", "surrogate_statistics"]
 
-_SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS, TAILS)
+_SAMPLED = [*dict.fromkeys(each.group for each in CATALOGUE.values() if each.is_of_surrogates)]
 
 
 @dataclass(frozen=True)
