@@ -236,6 +236,30 @@ def test_what_a_design_cannot_tell_is_said(
         assert each in told
 
 
+def test_every_entry_that_a_study_asks_for_is_stated(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    asked = (
+        "[outputs.y]\nexceeds = [1]\nbelow = [0.1]\nquantiles = [0.9]\nhold = [0.9, 0.95]\n"
+        "hold_above = [0.9]\nhold_between = [0.9]\nexpected_shortfall = [0.9]\n"
+        "return_periods = [50]"
+    )
+    text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
+    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    for said in (
+        "y above 1: In ",
+        "y below 0.1: In ",
+        "The 90 % quantile of y is ",
+        "in 90 of 100 cases. Best estimate",
+        "in 95 of 100 cases. Best estimate",
+        "y is at least ",
+        "y is from ",
+        "Beyond its 90 % quantile, the mean of y is ",
+        "exceeded once in 50 cases: No estimate: the tail ends so abruptly",
+    ):
+        assert said in told
+
+
 def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
     names = [f"y{number}" for number in range(8)]
     results = ", ".join(f'"{name}": x' for name in names)

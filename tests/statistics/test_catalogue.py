@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
 from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.results.source_statistics import SourceStatistics
@@ -52,6 +53,17 @@ trajectories = 10
 [designs.steps]
 kind = "one-at-a-time"
 """
+
+
+@pytest.mark.parametrize("statistic", CATALOGUE.values(), ids=lambda each: each.name)
+def test_a_record_names_what_there_is(statistic: Statistic) -> None:
+    for reference in filter(None, (*statistic.by.values(), statistic.asked.declared_by)):
+        assert callable(resolve(reference))
+    if statistic.own:
+        assert statistic.own.name in statistic.dims
+    if statistic.asked.key:
+        assert statistic.shown.label, "what is asked for is shown"
+        assert hasattr(LENGTH, statistic.asked.attribute)
 
 
 def has_dims_of(array: xr.DataArray, entry: Statistic) -> bool:
