@@ -28,6 +28,7 @@ from uqpen.models.command.outputs import read_outputs
 from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
 from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
+from uqpen.models.command.readings import TextReader
 from uqpen.models.command.reasons import last_line, remove_variable_parts
 from uqpen.models.command.record import RECORD, RunRecord
 from uqpen.models.command.written import RunFiles, UnreadableError
@@ -128,6 +129,11 @@ class Command(Model):
     @property
     def run_limits(self) -> Limits:
         return self.limits
+
+    @property
+    def needs_main_thread(self) -> bool:
+        has_pattern = any(isinstance(each, TextReader) for each in self.readings.values())
+        return has_pattern and self.limits.seconds is not None
 
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
@@ -246,12 +252,10 @@ class Command(Model):
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
             message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
             return _Outcome({}, status, f"{how}: {message}" if message else how)
-        written = RunFiles(folder)
+        written = RunFiles(folder, self.limits)
         try:
             found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
-        except UnreadableError as error:
-            return _Outcome({}, Status.FAILED, str(error))
-        except UnusableOutputError as error:
+        except (UnreadableError, UnusableOutputError) as error:
             return _Outcome({}, error.status, str(error))
         for output in self.outputs:
             if reason := output.invalid_text(found[output.name]):
