@@ -460,6 +460,29 @@ def test_a_program_ends_that_was_just_being_started(tmp_path: Path) -> None:
     assert ends(int(done.stdout))
 
 
+KILLED = """\
+import os, re, signal, sys, tempfile
+import numpy as np
+import uqpen
+tempfile.tempdir = sys.argv[1]
+model = uqpen.load_study("beam.toml").model
+re.finditer = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+model.evaluate({"width": np.ones(1), "load": np.ones(1)})
+"""
+
+
+def test_no_folder_is_left_of_a_run_that_is_killed_while_its_output_is_read(home: Path) -> None:
+    program(home, f"pwd > {home / 'log'}")
+    (home / "beam.toml").write_text(STUDY.format(model=LIMITED, runs=10), encoding="utf-8")
+    words = [sys.executable, "-c", KILLED, str(home.parent / "temporary")]
+    assert subprocess.run(words, cwd=home, check=False).returncode == -signal.SIGKILL
+    folder = Path((home / "log").read_text().strip())
+    deadline = time.monotonic() + 10
+    while folder.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not folder.exists()
+
+
 INTERRUPTED = """\
 import sys, tempfile
 import uqpen

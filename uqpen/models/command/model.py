@@ -23,6 +23,7 @@ from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
+from uqpen.models.command.guard import guard_folder
 from uqpen.models.command.output_reader import OutputReader
 from uqpen.models.command.outputs import read_outputs
 from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
@@ -199,8 +200,9 @@ class Command(Model):
             with working_folder() as folder:
                 self._furnish(folder, program, inputs)
                 words = self._command(program, inputs)
-                ending = run_process(words, folder, self.limits)
-                outcome = self._outcome(ending, folder, program)
+                with guard_folder(folder) as watch:
+                    ending = run_process(words, folder, self.limits, watch)
+                    outcome = self._outcome(ending, folder, program)
                 if self._is_kept(outcome):
                     notes = {
                         OUTCOME: _outcome_note(outcome, words),
