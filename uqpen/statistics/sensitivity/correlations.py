@@ -172,8 +172,10 @@ class _CorrelatedColumns:
     def _pairs(self, weights: Iterator[FloatArray]) -> Iterator[CorrelatedPair]:
         """Yield a pair for each of some weights; its type follows from the number of values."""
         if not self.sample.run_inputs.are_many:
-            columns, orderings = self.standardized, self._orderings_of_ranks
-            return (PairOfArrays(each, columns, orderings) for each in weights)
+            # Where nothing is asked for, there may be no run to standardize.
+            return (
+                PairOfArrays(each, self.standardized, self._orderings_of_ranks) for each in weights
+            )
         from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
 
         together = [*weights]
