@@ -352,6 +352,11 @@ def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
     ]
 
 
+def test_a_mistake_of_the_data_file_is_told_beside_a_design_of_its_runs(written: Written) -> None:
+    text = STUDY.replace('outputs = ["deflection"]', "") + DESIGN
+    assert mistakes(text, "", written) == [("model.outputs", "no output")]
+
+
 def test_a_fixed_input_with_other_values_in_the_file_is_refused(written: Written) -> None:
     assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
 

@@ -127,7 +127,7 @@ _STATISTICS = [
     Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
     Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
     Statistic("expected_shortfall", "mean beyond a quantile", (SHORTFALL_LEVEL,), UnitRule.VALUE),
-    Statistic("return_level", "return level", (RETURN_PERIOD,), UnitRule.VALUE),
+    Statistic("return_level", "return level", (RETURN_PERIOD,), UnitRule.VALUE, recipe=5),
     Statistic("tail_threshold", "threshold of the fitted tail", unit=UnitRule.VALUE),
     Statistic("tail_shape", "shape of the fitted tail"),
     Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),

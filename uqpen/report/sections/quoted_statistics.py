@@ -71,15 +71,10 @@ class QuotedStatistic:
 
     def _entry(self, design: str) -> xr.DataArray | None:
         """Return what a design has of it, which may be missing with a reason."""
-        array = self.view.statistics.get(design, self.output, self.statistic)
-        if array is None:
-            return None
-        for along in CATALOGUE[self.statistic].dims:
-            entries = array[along].values.tolist()
-            if self.entry not in entries:
-                return None
-            array = array[{along: entries.index(self.entry)}]
-        return array
+        statistics = self.view.statistics
+        if not CATALOGUE[self.statistic].dims:
+            return statistics.get(design, self.output, self.statistic)
+        return statistics.entries(design, self.output, self.statistic).get(self.entry)
 
     def leading_estimate(self, design: str) -> xr.DataArray | None:
         """Return the estimate that the page states: corrected by real runs, or else the design's.
@@ -227,8 +222,5 @@ def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str,
 def _entries(
     view: ArchiveView, output: str, design: str, statistic: str
 ) -> Iterator[QuotedStatistic]:
-    array = view.statistics.get(design, output, statistic)
-    if array is not None:
-        (along,) = CATALOGUE[statistic].dims
-        for entry in array[along].values.tolist():
-            yield QuotedStatistic(view, output, statistic, entry)
+    for entry in view.statistics.entries(design, output, statistic):
+        yield QuotedStatistic(view, output, statistic, entry)
