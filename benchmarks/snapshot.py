@@ -188,7 +188,9 @@ def make(folder: Path) -> None:
         uqpen(folder, "report", archive, "-o", f"{name}.html")
         if name != "budgets":
             uqpen(folder, "export", archive, "-o", f"{name}.csv")
-        for figure in re.findall(r"^ *([a-z_]+)\b", uqpen(folder, "figure", archive), re.MULTILINE):
+        for figure in re.findall(
+            r"^ *([a-z_-]+)\b", uqpen(folder, "figure", archive), re.MULTILINE
+        ):
             uqpen(folder, "figure", archive, figure, "-o", f"{name}.{figure}.svg")
 
 

@@ -189,6 +189,17 @@ class TestPipe:
         progress.show_warnings()
         assert shown.getvalue().splitlines()[2:] == ["warning: late"]
 
+    def test_a_large_design_has_a_line_before_its_first_points_are_drawn(
+        self, lines: tuple[_Lines, list[float], io.StringIO]
+    ) -> None:
+        progress, _, shown = lines
+        progress.announce_designs({"small": 2**20, "large": 2**20 + 1})
+        progress.start_design("small", 2**20)
+        progress.start_design("large", 2**20 + 1)
+        assert shown.getvalue().replace("\u202f", " ").splitlines()[1:] == [
+            "large: drawing the points of 1 048 577 runs"
+        ]
+
     def test_what_takes_long_says_how_far_it_is(
         self, lines: tuple[_Lines, list[float], io.StringIO]
     ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import netCDF4
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from scipy import special
 from scipy.stats import qmc
 
-from uqpen.core.errors import SettingsError, TableError
+from uqpen.core.errors import Problem, SettingsError, TableError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
 from uqpen.core.streams import BLOCK, Stream
@@ -304,6 +305,46 @@ class TestTable:
         (tmp_path / "latin.csv").write_bytes(b"l\xe4nge\n1\n")
         with pytest.raises(TableError, match="not UTF-8"):
             points(TableDesign(tmp_path / "latin.csv"))
+
+
+@pytest.mark.parametrize(("each", "dimension"), [(2, 1), (3, 4), (17, 2), (1000, 10)])
+def test_a_hypercube_is_that_of_scipy(each: int, dimension: int) -> None:
+    drawn = LatinHypercube(each, 1).draw(np.random.default_rng(3), each, dimension)
+    expected = qmc.LatinHypercube(dimension, rng=np.random.default_rng(3)).random(each)
+    np.testing.assert_array_equal(drawn, expected)
+
+
+def test_a_hypercube_takes_little_more_memory_than_its_points() -> None:
+    rng = np.random.default_rng(3)
+    tracemalloc.start()
+    drawn = LatinHypercube(20_000, 1).draw(rng, 20_000, 10)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # SciPy's takes four times as much as its points.
+    assert most < 1.5 * drawn.nbytes
+
+
+def test_a_hypercube_that_is_too_large_to_be_drawn_whole_is_refused() -> None:
+    law = law_of_many(2)
+    assert list(LatinHypercube(2**26, 2).check_inputs(law)) == []
+    assert list(LatinHypercube(10**12, 10_000).check_inputs(law_of_many(1))) == [
+        Problem(
+            ("runs",),
+            "1000000000000: 10000 hypercubes of 100000000 points",
+            "at most 67108864 points in each, as it is drawn whole: more replicates, or fewer runs",
+        )
+    ]
+    (problem,) = LatinHypercube(10**8, 2).check_inputs(law)
+    assert "at most 33554432 points in each" in problem.expected
+
+
+@pytest.mark.parametrize("design", [LatinHypercube, SobolSequence, Halton])
+def test_more_replicates_than_could_be_drawn_in_time_are_refused(
+    design: type[LatinHypercube | SobolSequence | Halton],
+) -> None:
+    assert design(20_000, 10_000).replicate_count == 10_000
+    with pytest.raises(SettingsError, match="at most 10_000"):
+        design(2_000_000, 1_000_000)
 
 
 def test_a_hypercube_that_takes_minutes_to_optimize_is_refused() -> None:

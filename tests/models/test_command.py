@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -401,6 +402,33 @@ def test_a_run_that_hangs_is_ended_with_all_its_children(home: Path, grouped: bo
         assert ends(int(process))
 
 
+LIMITED = """\
+command = ["./solver", "{width}", "{load}"]
+time_limit = "1 s"
+read.stress = { text = "stdout", pattern = '(a+)+$' }
+"""
+
+
+@pytest.mark.parametrize("is_main", [True, False])
+def test_a_pattern_that_takes_too_long_is_a_run_that_has_timed_out(
+    home: Path, is_main: bool
+) -> None:
+    # There are 2^60 ways in which the pattern does not match.
+    program(home, f"echo s = 7; [ $1 = 4.0 ] && echo {'a' * 60}b || echo aaa")
+    model = model_of(home, LIMITED)
+    inputs = {"width": np.array([0.04, 0.05]), "load": np.full(2, LOAD)}
+    with ThreadPoolExecutor(1) as pool:
+        evaluate = Evaluator(model)
+        results = evaluate(inputs) if is_main else pool.submit(evaluate, inputs).result()
+    assert results.status.tolist() == [Status.TIMED_OUT, Status.FAILED]
+    assert results.reasons == {
+        0: 'reading what "(a+)+$" matches in stdout took longer than 1 s',
+        1: 'what "(a+)+$" matches in stdout is no number',
+    }
+    kept = model_of(home, LIMITED.replace("(a+)+$", "s = (.+)")).reading_again()
+    assert Evaluator(kept)(inputs).outputs["stress"].tolist() == [7e6, 7e6]
+
+
 def test_what_a_good_run_leaves_running_is_ended(home: Path) -> None:
     script = f"sleep 300 & echo $! > {home / 'log'}; echo '{{\"stress\": 1}}'"
     assert outcome(home, script) == (Status.OK, "")
@@ -430,6 +458,29 @@ def test_a_program_ends_that_was_just_being_started(tmp_path: Path) -> None:
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert "KeyboardInterrupt" in done.stderr
     assert ends(int(done.stdout))
+
+
+KILLED = """\
+import os, re, signal, sys, tempfile
+import numpy as np
+import uqpen
+tempfile.tempdir = sys.argv[1]
+model = uqpen.load_study("beam.toml").model
+re.finditer = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+model.evaluate({"width": np.ones(1), "load": np.ones(1)})
+"""
+
+
+def test_no_folder_is_left_of_a_run_that_is_killed_while_its_output_is_read(home: Path) -> None:
+    program(home, f"pwd > {home / 'log'}")
+    (home / "beam.toml").write_text(STUDY.format(model=LIMITED, runs=10), encoding="utf-8")
+    words = [sys.executable, "-c", KILLED, str(home.parent / "temporary")]
+    assert subprocess.run(words, cwd=home, check=False).returncode == -signal.SIGKILL
+    folder = Path((home / "log").read_text().strip())
+    deadline = time.monotonic() + 10
+    while folder.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not folder.exists()
 
 
 INTERRUPTED = """\

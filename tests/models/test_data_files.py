@@ -71,6 +71,43 @@ def test_a_tabular_file_of_dakota_is_read_without_its_numbering() -> None:
     assert [column.numbers().tolist() for column in without_numbering.columns] == [[1, 3], [2, 4]]
 
 
+@pytest.mark.parametrize("heading", ["%eval_id x y", "% eval_id x y", "%interface x y"])
+def test_dakota_may_leave_out_a_column_of_its_numbering(heading: str) -> None:
+    row = "I1 2 3" if "interface" in heading else "1 2 3"
+    columns = file_of(f"{heading}\n{row}\n").columns
+    assert {column.name: column.numbers().tolist() for column in columns} == {"x": [2], "y": [3]}
+
+
+ROWS = "%eval_id interface x y\n1 NO_ID 0.1 5\n2 NO_ID 0.2 6\n\n2 NO_ID 0.2 6\n3 NO_ID 0.4 7\n"
+
+
+def test_a_run_of_dakota_that_stands_twice_is_refused() -> None:
+    assert refused(ROWS) == (
+        "eval_id 2 twice in runs.csv, lines 3 and 5, with equal values",
+        "each run once: remove one of the lines",
+    )
+    assert refused(ROWS.replace("0.2 6\n\n", "0.3 6\n\n")) == (
+        "eval_id 2 twice in runs.csv, lines 3 and 5, with other values",
+        "a number for each run: number them anew if they are of several studies",
+    )
+    assert file_of(ROWS.replace("\n\n2", "\n\n5")).rows == 4  # the same point, another run
+
+
+def test_runs_of_several_interfaces_of_dakota_are_those_of_several_models() -> None:
+    assert refused(ROWS.replace("\n2 NO_ID", "\n2 COARSE")) == (
+        "the interfaces NO_ID and COARSE in runs.csv, lines 2 and 3",
+        "runs of one interface: keep the lines of one",
+    )
+
+
+def test_a_run_of_easyvvuq_that_stands_twice_is_refused() -> None:
+    text = ",run_id,iteration,x,y\n,0,0,0,0\n0,1,0,2,3\n1,1,1,2,4\n2,1,0,2,5\n"
+    assert refused(text)[0] == (
+        "run_id 1, iteration 0 twice in runs.csv, lines 3 and 5, with other values"
+    )
+    assert file_of(text.replace("2,1,0", "2,2,0")).rows == 3
+
+
 def test_netcdf_and_csv_give_the_same(tmp_path: Path) -> None:
     xr.Dataset(
         {"a": ("run", [1.0, 2.5], {"units": "kN"}), "y": ("run", [np.nan, 3.0]),
@@ -115,6 +152,7 @@ def test_mistakes_are_said_with_their_place() -> None:
     assert refused("a,a [kN]\n1,2\n")[0] == 'two columns "a" in runs.csv'
     assert refused("a [kN,b\n1,2\n")[0] == 'the heading "a [kN" in runs.csv'
     assert refused("a,b\n")[0] == "no row in runs.csv"
+    assert refused("%eval_id interface x y\n")[0] == "no row in runs.csv"
     assert refused("")[0] == "no headings in runs.csv"
     assert refused("% x y\n1 2 3\n")[0] == "3 values in runs.csv, line 2"
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from hypothesis import strategies as st
 
 import uqpen
 from uqpen.core.errors import StudyError
+from uqpen.core.limits import Limits
 from uqpen.core.model import RunWarning
 from uqpen.core.status import Status
 from uqpen.models.command.column_readings import ColumnReader
@@ -61,6 +64,43 @@ def test_several_matches_are_counted_where_nothing_says_which(tmp_path: Path) ->
     (warning,) = (each.message for each in told)
     assert isinstance(warning, RunWarning)
     assert warning.of_one_run.startswith("4 matches for ")
+
+
+@pytest.fixture
+def endless(tmp_path: Path) -> Iterator[Callable[[Limits], float]]:
+    """Read a file with a pattern that does not match it, in any of 2^60 ways."""
+    (tmp_path / "out").write_text("a" * 60 + "b")
+    signals = (signal.SIGINT, signal.SIGVTALRM, signal.SIGPROF)
+    handlers = [signal.getsignal(each) for each in signals]
+    yield lambda limits: TextReader("out", "(a+)+$").value(RunFiles(tmp_path, limits))
+    assert [signal.getsignal(each) for each in signals] == handlers
+    assert signal.getitimer(signal.ITIMER_VIRTUAL) == (0, 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="programs run on POSIX only")
+class TestEndlessPattern:
+    """Patterns of exponential cost."""
+
+    def test_its_time_is_limited(self, endless: Callable[[Limits], float]) -> None:
+        reason = r'reading what "\(a\+\)\+\$" matches in out took longer than 0.05 s'
+        with pytest.raises(UnreadableError, match=reason) as told:
+            endless(Limits(0.05))
+        assert told.value.status == Status.TIMED_OUT
+
+    @pytest.mark.parametrize("seconds", [3600, None])
+    def test_ctrl_c_ends_it(
+        self, endless: Callable[[Limits], float], seconds: float | None
+    ) -> None:
+        def read() -> None:
+            signal.setitimer(signal.ITIMER_PROF, 0.05)
+            endless(Limits(seconds))
+
+        handler = signal.signal(signal.SIGPROF, lambda *_: signal.raise_signal(signal.SIGINT))
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                read()
+        finally:
+            signal.signal(signal.SIGPROF, handler)
 
 
 @pytest.mark.parametrize(

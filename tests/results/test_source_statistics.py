@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import xarray as xr
 import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
+from uqpen.report.page import report_page
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
@@ -90,3 +93,34 @@ def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewe
     first = tree["statistics/mc/y"]["first_order"].sel(bound="estimate")
     assert first["input"].values.tolist() == ["a", "b"]
     assert np.isfinite(first).all()
+
+
+def test_entries_are_those_of_a_statistic_by_their_labels(tree: xr.DataTree) -> None:
+    statistics = SourceStatistics(tree)
+    for statistic in ("quantile", "exceedance", "percentile"):
+        array = statistics.get("mc", "y", statistic)
+        assert array is not None
+        found = statistics.entries("mc", "y", statistic)
+        assert list(found) == array[array.dims[0]].values.tolist()
+        for entry, expected in zip(found.values(), array, strict=True):
+            xr.testing.assert_identical(entry, expected)
+    assert statistics.entries("steps", "y", "exceedance") == {}
+
+
+def test_a_page_takes_each_threshold_out_of_its_array_once(
+    study_of: MakeStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, isel = Counter[int](), xr.DataArray.isel
+
+    def counted(self: xr.DataArray, *arguments: Any, **options: Any) -> xr.DataArray:
+        taken[number] += 1
+        return isel(self, *arguments, **options)
+
+    monkeypatch.setattr(xr.DataArray, "isel", counted)
+    for number in (10, 30):
+        limits = np.linspace(0.3, 1.5, number).round(4).tolist()
+        design = '[designs.mc]\nkind = "monte-carlo"\nruns = 100'
+        asked = study_of("a + b", f"[outputs.y]\nexceeds = {limits}\n{design}", a=(0, 1), b=(0, 1))
+        report_page(uqpen.run(asked))
+    # Of the probability and of the indices of an event.
+    assert taken[30] - taken[10] <= 20 * 2

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 import xarray as xr
-from corrected_surrogates import NORMAL, corrected_by, made
+from corrected_surrogates import NORMAL, STREAM, corrected_by, made
 
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.cross_fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
@@ -84,6 +90,36 @@ def test_an_event_has_indices_that_allow_for_disagreements_not_met(study_of: Mak
     check_index(total.isel(threshold=[0]), [2 / 3, 2 / 3], 0.5)
     assert float((first[0, :, 2] - first[0, :, 1]).min()) > 0.1
     assert (first["note"][1] == "fewer than ten runs lie on one side").all()
+
+
+def test_the_work_for_thresholds_grows_with_their_number(
+    study_of: MakeStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimates, made_ones = Counter[int](), Estimate.without_bounds
+
+    def counted(value: float, *reasons: str) -> Estimate:
+        estimates[len(limits)] += 1
+        return made_ones(value, *reasons)
+
+    monkeypatch.setattr(Estimate, "without_bounds", counted)
+    for number in (10, 40):
+        limits = np.linspace(0.5, 1.5, number).round(3).tolist()
+        corrected(study_of("a + b", f"[outputs.y]\nexceeds = {limits}", a=(0, 1), b=(0, 1)))
+    # Each has two indices of two inputs.
+    assert estimates[40] - estimates[10] <= 30 * 2 * 2 * 3
+
+
+def test_no_threshold_keeps_draws_of_its_own(study_of: MakeStudy) -> None:
+    study = study_of("a + b", "[outputs.y]\nexceeds = [0.8, 1, 1.2]", a=(0, 1), b=(0, 1))
+    model, training = study.models[""].model, made(study, MonteCarlo(runs=100))
+    fitted = LINEAR.fit("pce", training, model, study.joint, STREAM)
+    folds = cross_fit(LINEAR, "pce", training, model, study.joint, STREAM)
+    draws = SurrogateDraws(fitted, study.joint, study.constraints, {}, STREAM)
+    evidence = correction_evidence(draws, folds, training, None, study.model_quantities(model))
+    runs, events = evidence.runs["y"], evidence.indexed["y"]["exceedance_"]
+    assert [each.output for each in events] == [runs] * 3
+    for event, limit in zip(events, (0.8, 1.0, 1.2), strict=True):
+        np.testing.assert_array_equal(event.runs.draws, runs.draws > limit)
 
 
 def test_a_surrogate_without_terms_has_intervals_of_indices(study_of: MakeStudy) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 import weakref
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics import estimate_vector, ordering, run_samples
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
 
@@ -74,6 +75,18 @@ def test_memory_of_an_analysis_is_a_few_columns() -> None:
     analyze(runs_of(200), QUANTITIES)  # imports
     # Measured: 40.5 columns of floats, for 3 inputs and 2 outputs.
     assert peak_in_columns(runs_of(65_536)) < 45
+
+
+def test_memory_of_an_analysis_does_not_grow_with_its_thresholds() -> None:
+    runs, peaks = runs_of(8192), []
+    for number in (2, 2, 60):  # the first imports
+        limits = tuple(Threshold(f"{at} m", at) for at in np.linspace(0.2, 1.2, number).tolist())
+        tracemalloc.start()
+        analyze(runs, [replace(QUANTITIES[0], thresholds=limits)], only=["sensitivity"])
+        peaks.append(tracemalloc.get_traced_memory()[1] / runs.sizes["run"] / 8)
+        tracemalloc.stop()
+    # In columns of floats, of which each threshold would keep two or more.
+    assert peaks[2] - peaks[1] < 20
 
 
 def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -324,6 +325,17 @@ def test_one_run_of_each_fate_is_counted_and_spoils_nothing() -> None:
     assert array.attrs["runs_not_finite"] >= 1
     assert array.attrs["runs_inadmissible"] >= 1
     np.testing.assert_allclose(array, indices(clean)["first_order"], atol=0.05)
+
+
+def test_memory_does_not_grow_with_thresholds() -> None:
+    runs, peaks = runs_of(lambda x1, x2: x1 + x2, [UNIT, UNIT], Saltelli(2048)), []
+    for number in (2, 2, 60):  # the first imports
+        tracemalloc.start()
+        indices(runs, *np.linspace(0.2, 1.8, number).tolist())
+        peaks.append(tracemalloc.get_traced_memory()[1] / runs.sizes["run"] / 8)
+        tracemalloc.stop()
+    # In columns of floats, of which each threshold would keep one or more.
+    assert peaks[2] - peaks[1] < 20
 
 
 def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:

@@ -29,6 +29,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.tails.generalised_pareto import fit_tails
 from uqpen.statistics.tails.goodness_of_fit import p_value
+from uqpen.statistics.tails.threshold_choice import fitting_tails
 
 REQUESTS = QuantityOfInterest(
     Output("y", "m"), "m", expected_shortfall=(0.9, 0.99), return_periods=(5.0, 1e3, 1e5)
@@ -142,6 +143,67 @@ def test_what_has_no_tail_is_refused_with_the_reason(values: np.ndarray, reason:
     found = levels(values)["return_level"]
     assert np.isnan(found.values).all()
     assert reason in str(found["note"].values[2])
+
+
+def spread_evenly(runs: int) -> np.ndarray:
+    """Return lognormal values at equally likely steps, ascending."""
+    return np.exp(0.5 * scipy.special.ndtri((np.arange(runs) + 0.5) / runs))
+
+
+# Of the last, 50 runs beyond a threshold make a share of 0.00076.
+@pytest.mark.parametrize(("runs", "period"), [(2000, 32.0), (10_000, 186.0), (65_536, 1312.0)])
+def test_a_return_level_close_to_a_threshold_has_an_interval(runs: int, period: float) -> None:
+    requests = QuantityOfInterest(Output("y", "m"), "m", return_periods=(period,))
+    found = dict(return_levels(sample(spread_evenly(runs)), requests))["return_level"]
+    value, lower, upper = found.values[0]
+    exact = math.exp(0.5 * scipy.special.ndtri(1 - 1 / period))
+    assert lower < exact < upper
+    assert value == pytest.approx(exact, rel=0.01)
+
+
+def test_an_end_below_the_threshold_is_a_run_that_the_binomial_distribution_excludes() -> None:
+    values = spread_evenly(10_000)
+    (tail, *_) = fitting_tails(values)
+    beyond = len(tail.excesses)
+    # The longer a period, the less its level can be the threshold.
+    limit = scipy.stats.t.ppf(0.975, beyond - 2) ** 2 / 2
+    counts = np.arange(beyond, len(values))
+    for period in (10_000 / beyond * 1.01, 10_000 / beyond * 1.1, 10_000 / beyond * 1.2):
+        binomial = scipy.stats.binom.logpmf
+        ratio = binomial(counts, 10_000, counts / 10_000) - binomial(counts, 10_000, 1 / period)
+        lower, upper = tail.interval(period, 0.95)
+        assert upper > tail.return_level(period) > tail.threshold
+        if ratio[0] <= limit:
+            assert lower == values[-counts[ratio > limit][0]] < tail.threshold
+        else:
+            assert lower > tail.threshold
+
+
+def test_an_end_of_an_interval_moves_past_a_threshold_without_a_jump() -> None:
+    values = spread_evenly(10_000)
+    (tail, *_) = fitting_tails(values)
+    periods = np.linspace(1.1, 1.2, 41) * 10_000 / len(tail.excesses)
+    ends = np.array([tail.interval(period, 0.95)[0] for period in periods])
+    assert ends[0] < tail.threshold < ends[-1]
+    # A step of the period is one of half a run, and no end moves by more than two runs.
+    apart = np.diff(values[-len(tail.excesses) - 30 :][:60]).max()
+    assert (np.diff(ends) >= 0).all()
+    assert np.diff(ends).max() < 2 * apart
+
+
+def test_an_end_does_not_depend_on_the_unit() -> None:
+    values = np.sort(pareto(0.2, 2000))
+    (tail, *_), (small, *_) = fitting_tails(values), fitting_tails(1e-15 * values)
+    np.testing.assert_allclose(
+        1e15 * np.array(small.interval(1e3, 0.95)), tail.interval(1e3, 0.95), rtol=1e-5
+    )
+
+
+def test_no_period_is_too_long() -> None:
+    (tail, *_) = fitting_tails(np.sort(pareto(1.5, 2000)))
+    lower, upper = tail.interval(1e300, 0.95)
+    assert math.isfinite(lower)
+    assert upper == math.inf
 
 
 def test_of_replicates_the_interval_is_called_conservative() -> None:

@@ -124,6 +124,18 @@ def test_failed_runs_are_data(written: Written) -> None:
     assert np.isnan(runs["deflection"].values[[3, 4, 5]]).all()
 
 
+@pytest.mark.parametrize("word", ["FAIL", "fail", " Fail "])
+def test_an_evaluation_that_failed_in_dakota_is_a_failed_run(written: Written, word: str) -> None:
+    deflection = (LOADS * LENGTHS).astype(object)
+    deflection[[3, 7]] = word, ""
+    runs = runs_of(written(runs=table(**{"deflection [mm]": deflection})), "data")
+    assert runs["lost_run"].values.tolist() == [3, 7]
+    assert (runs["status"].values[[3, 7]] == Status.FAILED).all()
+    reasons = [f"deflection is {word.strip()}", "deflection is blank"]
+    assert runs["lost_reason"].values.tolist() == reasons
+    assert np.isnan(runs["deflection"].values[[3, 7]]).all()
+
+
 def test_a_point_outside_the_constraints_is_inadmissible(written: Written) -> None:
     table_of = table(**{"reach [kN]": np.full(200, 0.5)})
     runs = runs_of(written(STUDY + '[constraints]\nkeep = ["load < reach"]\n', table_of), "data")
@@ -329,11 +341,20 @@ def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
     assert mistakes(STUDY, "\n".join(rows), written) == [
         ("model.data", 'nothing in column "length", runs.csv, line 10')
     ]
+    rows[9] = "1,FAIL,2"
+    assert mistakes(STUDY, "\n".join(rows), written) == [
+        ("model.data", 'FAIL in column "length", runs.csv, line 10')
+    ]
     rows[0], rows[9] = f"{rows[0]},status", "1,2,3,lost"
     runs = "\n".join([rows[0], rows[9]])
     assert mistakes(STUDY, runs, written) == [
         ("model.data", '"lost" in column "status", runs.csv, line 2')
     ]
+
+
+def test_a_mistake_of_the_data_file_is_told_beside_a_design_of_its_runs(written: Written) -> None:
+    text = STUDY.replace('outputs = ["deflection"]', "") + DESIGN
+    assert mistakes(text, "", written) == [("model.outputs", "no output")]
 
 
 def test_a_fixed_input_with_other_values_in_the_file_is_refused(written: Written) -> None:

@@ -127,7 +127,7 @@ def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(
     command_line: Callable[..., Any], tmp_path: Path
 ) -> None:
     heading = "load [kN],span,peak [MPa],bend [mm],note,2nd [m],sag [spans],status,reason\n"
-    rows = "4,2,,7,a,1,1,failed,diverged\n5,2,30,8,b,1,1,,\n6,3,31,9,c,1,1,ok,\n"
+    rows = "4,2,,7,a,1,1,failed,diverged\n5,2,FAIL,8,b,1,1,,\n6,3,31,9,c,1,1,ok,\n"
     (tmp_path / "runs.csv").write_text(heading + rows)
     content = _written(command_line, "runs.csv")
     assert content["model"] == {

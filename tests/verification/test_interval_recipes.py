@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE, JOINT_STATISTICS
+from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE
 from uqpen.core.labels import RECIPE
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
@@ -54,8 +54,7 @@ def move_bounds(tree: xr.DataTree, statistic: str) -> None:
 
 
 def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
-    recipes = {CATALOGUE["mean_band"].recipe, JOINT_STATISTICS["joint_probability"].recipe}
-    assert {tree.attrs[RECIPE]} == {INTERVAL_RECIPE} == recipes
+    assert {tree.attrs[RECIPE]} == {INTERVAL_RECIPE} == {CATALOGUE["return_level"].recipe}
     found = checks(tree, tmp_path)
     assert "intervals" not in found
     assert found["statistics"].verdict is CheckOutcome.EQUAL
@@ -67,8 +66,9 @@ def test_intervals_of_the_first_recipe_are_no_difference(tree: xr.DataTree, tmp_
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
     assert found["intervals"].verdict is CheckOutcome.UNCHECKED
-    of = "those of mean, std, cdf, mean_band, tolerance_band, convergence_mean, joint_probability"
-    made = f"{of} are made by an earlier recipe (1, here 4)"
+    of = "those of mean, std, return_level, cdf, mean_band, tolerance_band, convergence_mean, "
+    of += "joint_probability"
+    made = f"{of} are made by an earlier recipe (1, here 5)"
     assert found["intervals"].text == f"{made}; only the estimates are compared"
 
 
@@ -102,7 +102,7 @@ def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_pat
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
-    assert found["intervals"].text == "made by a later recipe (5, here 4): not compared"
+    assert found["intervals"].text == "made by a later recipe (6, here 5): not compared"
 
 
 def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:

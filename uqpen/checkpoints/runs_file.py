@@ -177,7 +177,8 @@ def write_runs(path: Path, result: FinishedRuns) -> None:
     }
     arrays[_DIGEST] = np.array(_digest(arrays))
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
+    # NumPy before 2.1 would take `allow_pickle` for the name of an array.
+    np.savez(content, **arrays)  # type: ignore[arg-type]
     write_file(path, content.getvalue())
 
 

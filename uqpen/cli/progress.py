@@ -17,6 +17,7 @@ from rich.text import Text
 from uqpen.cli.messages import wrapped_message
 from uqpen.cli.options import is_quiet
 from uqpen.cli.printable import printable
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.progress import Progress
 from uqpen.core.progress_record import ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
@@ -195,6 +196,8 @@ class _Lines(_Announced):
         self.finish()
         super().start_design(name, runs)
         self._design, self._made, self._began = name, 0, self._clock()
+        if runs > RUNS_IN_MEMORY:  # to draw the first of so many points can take a while
+            self._print(f"{name}: drawing the points of {grouped_number(runs)} runs")
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         super().advance(runs, failed, in_progress)

@@ -220,6 +220,7 @@ _STATISTICS = [
         "return level",
         (RETURN_PERIOD,),
         UnitRule.VALUE,
+        recipe=5,
         takes_all_values=True,
         own=EntryDimension(RETURN_PERIOD),
         asked=Request(

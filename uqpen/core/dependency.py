@@ -84,7 +84,7 @@ class Dependency(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Its name in a message."""
+        """Name for a message, with its kind."""
         return f"{_LABELS.get(self.role, 'file ')}{self.name}"
 
     @property

@@ -10,10 +10,14 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
 
-__all__ = ["MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
+__all__ = ["MOST_REPLICATES", "MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
 
 # Runs of a design that goes by blocks. A model of a microsecond needs twelve days for them.
 MOST_RUNS = 10**12
+
+# Replicates of a design, each drawn by a generator of its own: a Sobol' sequence of twenty inputs
+# takes a minute for them. An interval over a hundred is 2 % wider than one over any larger number.
+MOST_REPLICATES = 10_000
 
 # A design of more runs than this goes by blocks: its runs are appended to a file, and analysed from
 # there. Below it the exact analyses of a whole sample are faster, and a run with ten numbers takes

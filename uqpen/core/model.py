@@ -133,6 +133,11 @@ class Model(ABC):
         """Limits of one run, enforced by its caller or by the model itself."""
         return self.enforced_limits
 
+    @property
+    def needs_main_thread(self) -> bool:
+        """True if it can enforce its limits in the main thread of a process only."""
+        return False
+
     def prepare(self) -> None:  # noqa: B027 - most models have nothing to prepare
         """Prepare the model once before the first run: compile, connect."""
 

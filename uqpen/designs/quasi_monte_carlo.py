@@ -12,7 +12,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
-from uqpen.core.limits import MOST_RUNS
+from uqpen.core.limits import MOST_REPLICATES, MOST_RUNS
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK
 from uqpen.designs.design import Design
@@ -76,7 +76,7 @@ class SobolSequence(_Sequence):
         With `until`, at the first look: 512 or the next that is possible by default, and no fewer.
     replicates : int, optional
         Number of sets, each scrambled by itself; their scatter shows the error. By default 16; with
-        `until` 32, and no fewer.
+        `until` 32, and no fewer. At most 10 000.
     until : StoppingRule, optional
         The rule that decides whether the points are enough, whenever those of each set doubled.
     at_most : int, optional
@@ -94,7 +94,7 @@ class SobolSequence(_Sequence):
     needs_powers_of_two = True
 
     runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
-    replicates: int | None = count(minimum=2, default=None)
+    replicates: int | None = count(minimum=2, maximum=MOST_REPLICATES, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
     keep: str = keep_setting()
@@ -117,7 +117,7 @@ class Halton(_Sequence):
         With `until`, at the first look: 512 or the next that is possible by default, and no fewer.
     replicates : int, optional
         Number of sets, each scrambled by itself; their scatter shows the error. By default 16; with
-        `until` 32, and no fewer.
+        `until` 32, and no fewer. At most 10 000.
     until : StoppingRule, optional
         The rule that decides whether the points are enough, whenever those of each set doubled.
     at_most : int, optional
@@ -133,7 +133,7 @@ class Halton(_Sequence):
     """
 
     runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
-    replicates: int | None = count(minimum=2, default=None)
+    replicates: int | None = count(minimum=2, maximum=MOST_REPLICATES, default=None)
     until: StoppingRule | None = stopping_rule("until")
     at_most: int | None = count(default=None)
     keep: str = keep_setting()

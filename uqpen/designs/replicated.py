@@ -14,7 +14,7 @@ import numpy.typing as npt
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import REPLICATE
-from uqpen.core.limits import MOST_RUNS
+from uqpen.core.limits import MOST_REPLICATES, MOST_RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -309,7 +309,7 @@ def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[i
         return (runs, 1) if runs >= 2 else None
     if replicates < 2:
         return None
-    most = min(2 * replicates, runs // 2)
+    most = min(2 * replicates, runs // 2, MOST_REPLICATES)
     fewest = max(2, -(-replicates // 2))
     dividing = [number for number in range(fewest, most + 1) if runs % number == 0]
     if dividing:

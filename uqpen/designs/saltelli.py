@@ -12,6 +12,7 @@ import numpy.typing as npt
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE
+from uqpen.core.limits import MOST_REPLICATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
 from uqpen.core.status import Status
@@ -48,7 +49,7 @@ class Saltelli(Design):
         Number of blocks in all: `replicates` times a power of two. Each block takes two runs more
         than there are random inputs.
     replicates : int
-        Number of sets, each scrambled by itself; their scatter shows the error.
+        Number of sets, each scrambled by itself; their scatter shows the error. At most 10 000.
     second_order : bool
         Whether there are also points of B with one input from A, for indices of pairs of inputs. A
         block of d random inputs then takes 2 d + 2 runs.
@@ -63,7 +64,7 @@ class Saltelli(Design):
     assumes_independence = True
 
     base: int = count(minimum=2)
-    replicates: int = count(minimum=2, default=16)
+    replicates: int = count(minimum=2, maximum=MOST_REPLICATES, default=16)
     second_order: bool = flag(default=False)
 
     def check_settings(self) -> Iterator[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -47,7 +48,7 @@ class Evaluator:
 
         If it is observed, they say what the model's runs depend on.
         """
-        if self.model.enforced_limits and not is_child_process():
+        if self.needs_child:
             return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
         runs = len(next(iter(inputs.values())))
         is_admissible = np.ones(runs, dtype=np.bool_)
@@ -77,6 +78,14 @@ class Evaluator:
         for values in outputs.values():
             values[has_failed] = np.nan
         return Results(outputs, status, reasons, results.files)
+
+    @property
+    def needs_child(self) -> bool:
+        """True if limits of its runs can be enforced in a child of this process only."""
+        if is_child_process():
+            return False
+        is_main = threading.current_thread() is threading.main_thread()
+        return bool(self.model.enforced_limits) or (self.model.needs_main_thread and not is_main)
 
     def violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
         """Yield each condition on a batch of points, with a mask of those that violate it."""
@@ -109,7 +118,7 @@ class EvaluatorWork:
 
     def __call__(self, batch: Batch) -> BatchResult:
         """Return the result of a batch."""
-        if self.limits and not is_child_process():
+        if self.evaluator.needs_child:
             return run_in_child(self, batch)
         with warnings.catch_warnings(record=True) as caught:
             results = join_results([*map(self._evaluate_with_retries, self._parts(batch))])

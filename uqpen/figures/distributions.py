@@ -138,10 +138,11 @@ def study_limits(view: ArchiveView, output: str) -> list[StudyLimit]:
     """Return the limits of a study on an output; first those that it has a verdict about."""
     found: dict[str, StudyLimit] = {}
     for statistic, dimension in (("exceedance", THRESHOLD), ("below", LOWER_THRESHOLD)):
-        array = next(iter(view.estimates(output, statistic).values()), None)
-        for entry in () if array is None else array:
-            in_si = float(entry[f"{dimension}_value"])
-            text, value = str(entry[dimension].item()), float(view.scale(output).from_si(in_si))
+        source = next(iter(view.estimates(output, statistic)), None)
+        entries = {} if source is None else view.statistics.entries(source, output, statistic)
+        for label, entry in entries.items():
+            in_si = float(entry.coords.variables[f"{dimension}_value"].values)
+            text, value = str(label), float(view.scale(output).from_si(in_si))
             limit = StudyLimit(text, value, in_si, Acceptance.from_array(entry))
             if text not in found or found[text].acceptance is None:
                 found[text] = limit
@@ -197,13 +198,15 @@ def labelled_limits(
     """
     drawn: list[tuple[StudyLimit, bool]] = []
     beyond = []
+    named: list[float] = []  # places of the labels
     for limit in study_limits(view, output):
         if (span.is_logarithmic and limit.value <= 0) or not span.contains(limit.value):
             beyond.append(limit)
             continue
         place = span.share(limit.value)
-        others = (span.share(other.value) for other, is_named in drawn if is_named)
-        drawn.append((limit, all(abs(place - other) >= room for other in others)))
+        is_named = all(abs(place - other) >= room for other in named)
+        named += [place] * is_named
+        drawn.append((limit, is_named))
     return drawn, beyond
 
 

@@ -60,7 +60,7 @@ class Dependencies:
 
     @property
     def lines_of_runs(self) -> frozenset[str]:
-        """What runs report: all that was seen in the run that was observed, if one was."""
+        """Dependencies that runs report: those seen in the observed run, if there was one."""
         return frozenset(each.line for each in self._in_run)
 
     @contextlib.contextmanager

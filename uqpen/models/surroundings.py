@@ -73,7 +73,7 @@ class ModelFolder:
 
     @property
     def lines_of_runs(self) -> frozenset[str]:
-        """What runs report: modules, and what was seen in the run that was observed."""
+        """Dependencies that runs report: modules, and those seen in the observed run."""
         return self.imported | self.dependencies.lines_of_runs
 
     @contextlib.contextmanager

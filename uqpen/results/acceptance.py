@@ -63,8 +63,10 @@ class Acceptance:
 
 
 def _limit(array: xr.DataArray, name: str) -> float:
-    found = (array.coords.get(f"{dimension}_{name}") for dimension in _DIMENSIONS)
-    return next((float(each) for each in found if each is not None), math.nan)
+    # Those of an array would each be made an array of their own.
+    coordinates = array.coords.variables
+    found = (coordinates.get(f"{dimension}_{name}") for dimension in _DIMENSIONS)
+    return next((float(each.values) for each in found if each is not None), math.nan)
 
 
 def _verdict(array: xr.DataArray, least: float, most: float) -> AcceptanceVerdict:

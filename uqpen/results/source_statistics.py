@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
@@ -55,6 +56,9 @@ class SourceStatistics:
     described_by: xr.DataTree | None = None
     # Estimate arrays by source and output: to take one out of its group takes its time.
     _arrays: dict[tuple[str, ...], UnpackedStatistics] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+    _entries: dict[tuple[str, ...], dict[Any, xr.DataArray]] = field(
         default_factory=dict, compare=False, repr=False
     )
 
@@ -151,6 +155,28 @@ class SourceStatistics:
         if (source, output) not in self._arrays:
             self._arrays[source, output] = UnpackedStatistics(self._dataset(source, output))
         return self._arrays[source, output]
+
+    def entries(self, source: str, output: str, statistic: str) -> dict[Any, xr.DataArray]:
+        """Return the estimates of a statistic along its first dimension in the catalogue, by label.
+
+        Empty where the source does not have it.
+        """
+        key = (source, output, statistic)
+        if key not in self._entries:
+            array = self.get(*key)
+            along = CATALOGUE[statistic].dims[0]
+            self._entries[key] = (
+                {}
+                if array is None
+                else dict(
+                    zip(
+                        array.coords.variables[along].values.tolist(),
+                        array_entries(array.transpose(along, ...)),
+                        strict=True,
+                    )
+                )
+            )
+        return self._entries[key]
 
     def by_source(
         self, output: str, statistic: str, sources: Iterable[str] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import mmap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 __all__ = [
     "ARCHIVE_LIMITS",
@@ -91,17 +91,8 @@ ARCHIVE_LIMITS = ContentLimits(
     memory_ratio=50,
 )
 
-# A table may have thousands of columns in one group, and long columns of one value, compressed.
-DATA_LIMITS = ContentLimits(
-    groups=10_000,
-    variables=100_000,
-    in_group=100_000,
-    links=110_000,
-    attributes=300,
-    depth=8,
-    memory=1 << 28,
-    memory_ratio=50,
-)
+# A table may have long columns of one value, compressed.
+DATA_LIMITS = replace(ARCHIVE_LIMITS, memory=1 << 28)
 
 
 def check_count(count: int, most: int, what: str) -> None:

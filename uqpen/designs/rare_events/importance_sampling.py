@@ -14,6 +14,7 @@ from uqpen.core.labels import (
     NORMAL_DISTANCE,
     SAMPLING_STAGE,
 )
+from uqpen.core.limits import MOST_REPLICATES
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.rare_events.design_point_search import (
@@ -57,7 +58,8 @@ class ImportanceSampling(RareEventDesign):
     samples : int
         Number of runs of a replicate, those of the search and of all stages together.
     replicates : int
-        Number of independent repetitions of the whole method. Their scatter gives the interval.
+        Number of independent repetitions of the whole method. Their scatter gives the interval. At
+        most 10 000.
     start : str
         ``"form"``: at design points, by gradients. ``"cross-entropy"``: by draws alone, level by
         level, for an event without useful gradients. A search that finds nothing goes on so, too.
@@ -69,7 +71,7 @@ class ImportanceSampling(RareEventDesign):
     """
 
     samples: int = count(minimum=200, default=2000)
-    replicates: int = count(minimum=3, default=5)
+    replicates: int = count(minimum=3, maximum=MOST_REPLICATES, default=5)
     start: str = choice("form", "cross-entropy", default="form")
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
+from uqpen.core.limits import MOST_REPLICATES
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
@@ -37,7 +38,8 @@ class SubsetSimulation(RareEventDesign):
     samples : int
         Number of states at each level of a replicate, a multiple of 10.
     replicates : int
-        Number of independent repetitions of the whole method. Their scatter gives the interval.
+        Number of independent repetitions of the whole method. Their scatter gives the interval. At
+        most 10 000.
     levels : int
         Largest number of levels of a replicate: ten reach a probability of 1e-10.
 
@@ -48,7 +50,7 @@ class SubsetSimulation(RareEventDesign):
     """
 
     samples: int = count(minimum=100, default=1000)
-    replicates: int = count(minimum=3, default=5)
+    replicates: int = count(minimum=3, maximum=MOST_REPLICATES, default=5)
     levels: int = count(default=10, maximum=15)
 
     def check_settings(self) -> Iterator[Problem]:

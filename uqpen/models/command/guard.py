@@ -16,7 +16,7 @@ from pathlib import Path
 
 __all__ = ["guard_folder"]
 
-# The last line read is the current run: the number of its process group (0 while it is started) and
+# The last line read is the current run: the number of its process group (0 while there is none) and
 # its folder, or nothing. Other groups of the session are ended too, and, where the system reports
 # it, every process in the folder.
 _SCRIPT = """\
@@ -48,7 +48,7 @@ def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     Yields
     ------
     watch : callable
-        Takes the number of the process group that was started.
+        Takes the number of the process group that was started, or 0 at its end.
     """
     starting = f"0 {folder}"
     _send(starting)

@@ -23,11 +23,13 @@ from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
+from uqpen.models.command.guard import guard_folder
 from uqpen.models.command.output_reader import OutputReader
 from uqpen.models.command.outputs import read_outputs
 from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
 from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
+from uqpen.models.command.readings import TextReader
 from uqpen.models.command.reasons import last_line, remove_variable_parts
 from uqpen.models.command.record import RECORD, RunRecord
 from uqpen.models.command.written import RunFiles, UnreadableError
@@ -129,6 +131,11 @@ class Command(Model):
     def run_limits(self) -> Limits:
         return self.limits
 
+    @property
+    def needs_main_thread(self) -> bool:
+        has_pattern = any(isinstance(each, TextReader) for each in self.readings.values())
+        return has_pattern and self.limits.seconds is not None
+
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
@@ -193,8 +200,9 @@ class Command(Model):
             with working_folder() as folder:
                 self._furnish(folder, program, inputs)
                 words = self._command(program, inputs)
-                ending = run_process(words, folder, self.limits)
-                outcome = self._outcome(ending, folder, program)
+                with guard_folder(folder) as watch:
+                    ending = run_process(words, folder, self.limits, watch)
+                    outcome = self._outcome(ending, folder, program)
                 if self._is_kept(outcome):
                     notes = {
                         OUTCOME: _outcome_note(outcome, words),
@@ -246,12 +254,10 @@ class Command(Model):
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
             message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
             return _Outcome({}, status, f"{how}: {message}" if message else how)
-        written = RunFiles(folder)
+        written = RunFiles(folder, self.limits)
         try:
             found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
-        except UnreadableError as error:
-            return _Outcome({}, Status.FAILED, str(error))
-        except UnusableOutputError as error:
+        except (UnreadableError, UnusableOutputError) as error:
             return _Outcome({}, error.status, str(error))
         for output in self.outputs:
             if reason := output.invalid_text(found[output.name]):

@@ -14,12 +14,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from uqpen.core.limits import Limits
-from uqpen.models.command.guard import guard_folder
 
 __all__ = ["ProcessEnd", "run_process"]
 
@@ -60,11 +59,13 @@ class ProcessEnd:
             return f"signal {-self.code}"
 
 
-def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEnd:
+def run_process(
+    words: Sequence[str], folder: Path, limits: Limits, watch: Callable[[int], None]
+) -> ProcessEnd:
     """Run a program in a folder, and kill its remaining processes at the end.
 
     The words are the program's path and its arguments; no shell expands them. The folder gets its
-    `stdout` and `stderr`.
+    `stdout` and `stderr`. `watch` gives the group to the guard of the folder.
 
     Raises
     ------
@@ -74,15 +75,15 @@ def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEn
     if limits.bytes is not None:
         # Not by code of ours between fork and exec: that can deadlock where there are threads.
         words = ["/bin/sh", "-c", _WITH_LESS_MEMORY, str(limits.bytes // 1024), *words]
-    with guard_folder(folder) as watch:
-        process = _start(words, folder)
-        try:
-            watch(process.pid)
-            is_late = not _wait(process, limits.seconds)
-        except BaseException:  # Ctrl-C above all
-            _end(process, is_forced=True)
-            raise
-        _end(process, is_forced=is_late)
+    process = _start(words, folder)
+    try:
+        watch(process.pid)
+        is_late = not _wait(process, limits.seconds)
+    except BaseException:  # Ctrl-C above all
+        _end(process, is_forced=True)
+        raise
+    _end(process, is_forced=is_late)
+    watch(0)
     return ProcessEnd(process.returncode, is_late)
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+import signal
+import threading
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from types import FrameType
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +18,7 @@ from uqpen.core.errors import toml_text
 from uqpen.core.model import RunWarning
 from uqpen.core.netcdf.opening import RefusedContentError, read_variable
 from uqpen.core.settings import choice, text
+from uqpen.core.status import Status
 from uqpen.models.command.output_reader import (
     OutputReader,
     after_setting,
@@ -158,11 +163,48 @@ class TextReader(OutputReader):
     def _matches(self, written: RunFiles) -> list[str]:
         """Return the texts of the group in all matches, one at least."""
         content = text_after(written, self.file, self.after)
-        matches = re.finditer(self.pattern, content, re.MULTILINE)
-        numbers = [match[self.group] or "" for match in matches]
+
+        def search() -> list[str]:
+            matches = re.finditer(self.pattern, content, re.MULTILINE)
+            return [match[self.group] or "" for match in matches]
+
+        try:
+            numbers = _within(written.limits.seconds, search)
+        except TimeoutError:
+            reason = f"reading {self.place} {written.limits.timeout_reason}"
+            raise UnreadableError(reason, status=Status.TIMED_OUT) from None
         if not numbers:
             raise UnreadableError(f"no match for {toml_text(self.pattern)} in {self.file}")
         return numbers
+
+
+def _within(seconds: float | None, search: Callable[[], list[str]]) -> list[str]:
+    """Search within a limit of processor time, in seconds, and return the result.
+
+    Some patterns have a cost that is exponential in the length of the text. A search lets no other
+    thread run. But it looks for signals, which reach the main thread. In other threads there is no
+    limit.
+
+    Raises
+    ------
+    TimeoutError
+        If it takes longer.
+    """
+    if seconds is None or threading.current_thread() is not threading.main_thread():
+        return search()
+    before = signal.signal(signal.SIGVTALRM, _end_search)
+    try:
+        signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+        return search()
+    finally:
+        try:
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        finally:  # should it end just now
+            signal.signal(signal.SIGVTALRM, before or signal.SIG_DFL)
+
+
+def _end_search(number: int, frame: FrameType | None) -> None:
+    raise TimeoutError
 
 
 def _has_part(found: Any, part: str) -> bool:

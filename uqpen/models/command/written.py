@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from uqpen.core.files import NotAFileError, read_file
+from uqpen.core.limits import Limits
+from uqpen.core.status import Status
 
 __all__ = ["RunFiles", "UnreadableError"]
 
@@ -25,16 +27,20 @@ class UnreadableError(Exception):
     Of an entry of a list that is no number, `position` is its position there.
     """
 
-    def __init__(self, reason: str, position: int | None = None) -> None:
+    def __init__(
+        self, reason: str, position: int | None = None, status: Status = Status.FAILED
+    ) -> None:
         super().__init__(reason)
         self.position = position
+        self.status = status
 
 
 @dataclass
 class RunFiles:
-    """Files in the folder of a run."""
+    """Files in the folder of a run, and the limits of the run."""
 
     folder: Path
+    limits: Limits = Limits()
     _texts: dict[str, str] = field(default_factory=dict)
     _documents: dict[str, Any] = field(default_factory=dict)
     _tables: dict[str, list[list[str]]] = field(default_factory=dict)

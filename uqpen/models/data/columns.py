@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,8 @@ Entries = FloatArray | Sequence[str]
 
 _NUMBER = re.compile(NUMBER)
 BLANK = frozenset({"", "nan", "na", "n/a", "none", "null"})
+# The word of Dakota for a failed run, in place of its results.
+_FAILED = "fail"
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 
 # Characters of an entry that a message quotes.
@@ -73,7 +75,7 @@ class DataColumn:
     place: Callable[[int], str]
 
     def numbers(self) -> FloatArray:
-        """Return its entries as numbers in its unit, shape (run,); NaN for a blank entry.
+        """Return its entries as numbers in its unit, shape (run,); NaN if blank, or for ``fail``.
 
         Raises
         ------
@@ -91,13 +93,17 @@ class DataColumn:
         plain = (text.strip() for text in self.entries)
         return ["" if text.lower() in BLANK else text for text in plain]
 
+    def entry_text(self, entry: int) -> str:
+        """Return an entry as `texts` does, without the others."""
+        return replace(self, entries=self.entries[entry : entry + 1]).texts()[0]
+
     def place_text(self, entry: int) -> str:
         """Return the column and the place of an entry, for a message."""
         return f'column "{self.name}", {self.place(entry)}'
 
     def _number(self, entry: int, text: str) -> float:
         plain = text.strip()
-        if plain.lower() in BLANK:
+        if plain.lower() in BLANK or plain.lower() == _FAILED:
             return math.nan
         if _NUMBER.fullmatch(plain) or _INFINITE.fullmatch(plain):
             return float(plain)

@@ -16,8 +16,10 @@ from uqpen.models.data.columns import BLANK, DataColumn, Entries, data_error, na
 
 __all__ = ["read_text"]
 
-# What marks the line of headings of a tabular file of Dakota; the columns that only number runs.
-_DAKOTA, _OF_DAKOTA = "%", frozenset({"eval_id", "interface"})
+# What marks the line of headings of a tabular file of Dakota. Either of the columns that number its
+# runs can be left out; each interface is a model.
+_DAKOTA, _INTERFACE = "%", "interface"
+_OF_DAKOTA = frozenset({"eval_id", _INTERFACE})
 # The same of a table of EasyVVUQ, whose second line has the place of a column in its output.
 _OF_EASYVVUQ = frozenset({"run_id", "iteration"})
 
@@ -35,7 +37,8 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
     Raises
     ------
     SettingsError
-        If it is not UTF-8, a heading or the length of a row is wrong.
+        If it is not UTF-8, a heading or the length of a row is wrong, a run stands twice, or runs
+        are of several interfaces of Dakota.
     """
     try:
         text = content.decode("utf-8-sig")
@@ -43,17 +46,14 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
         line = content.count(b"\n", 0, error.start) + 1
         raise data_error(f"bytes that are no UTF-8 in {name}, line {line}", "a text file") from None
     table = _Table(name, text)
-    headings = table.headings
-    numbering = _OF_DAKOTA if table.is_of_dakota else _OF_EASYVVUQ
-    if not numbering <= {*headings}:
-        numbering = frozenset()
     kept = {
         position: name_and_unit(heading, name)
-        for position, heading in enumerate(headings)
-        if heading not in numbering and (heading or position)
+        for position, heading in enumerate(table.headings)
+        if position not in table.numbering and (heading or position)
     }
     table.check_lengths()
-    frame = table.frame([*kept])
+    frame = table.frame([*table.numbering, *kept])
+    table.check_numbering(frame)
     return tuple(
         DataColumn(*kept[position], _entries(frame[position]), table.place) for position in kept
     )
@@ -88,6 +88,14 @@ class _Table:
         several = {name for name in first if first.count(name) > 1}
         numbered = zip(first, second, strict=True)
         return [f"{name}_{place}" if name in several else name for name, place in numbered]
+
+    @functools.cached_property
+    def numbering(self) -> dict[int, str]:
+        """The headings, by their positions, of columns that only number runs."""
+        names = _OF_DAKOTA if self.is_of_dakota else _OF_EASYVVUQ
+        if not self.is_of_dakota and not names <= {*self.headings}:
+            return {}
+        return {place: name for place, name in enumerate(self.headings) if name in names}
 
     def check_lengths(self) -> None:
         """Refuse a row with more or fewer values than there are headings."""
@@ -127,9 +135,38 @@ class _Table:
         )
         return frame[frame.notna().any(axis="columns")]
 
+    def check_numbering(self, frame: Any) -> None:
+        """Refuse runs of several interfaces, and two runs of one number."""
+        numbers = [place for place, name in self.numbering.items() if name != _INTERFACE]
+        for position in self.numbering.keys() - numbers:
+            firsts = np.flatnonzero(~frame[position].duplicated())[:2]
+            if len(firsts) > 1:
+                names = " and ".join(str(frame[position].iloc[row]) for row in firsts)
+                found = f"the interfaces {names} in {self._lines(*firsts)}"
+                raise data_error(found, "runs of one interface: keep the lines of one")
+        if numbers and frame.duplicated(numbers).any():
+            run = frame.groupby(numbers, dropna=False, sort=False).ngroup().to_numpy()
+            repeated = run[frame.duplicated(numbers)][0]
+            first, second = np.flatnonzero(run == repeated)[:2]
+            number = ", ".join(f"{self.numbering[p]} {frame[p].iloc[first]}" for p in numbers)
+            found = f"{number} twice in {self._lines(first, second)}"
+            if frame.iloc[first].equals(frame.iloc[second]):
+                expected = "each run once: remove one of the lines"
+                raise data_error(f"{found}, with equal values", expected)
+            expected = "a number for each run: number them anew if they are of several studies"
+            raise data_error(f"{found}, with other values", expected)
+
     def place(self, entry: int) -> str:
         """Return the file and the line of a row."""
-        return f"{self.file}, line {self._line_of(entry + (2 if self._places else 1))}"
+        return f"{self.file}, line {self._line(entry)}"
+
+    def _lines(self, first: int, second: int) -> str:
+        """Return the file and the lines of two rows."""
+        return f"{self.file}, lines {self._line(first)} and {self._line(second)}"
+
+    def _line(self, entry: int) -> int:
+        """Return the number of the line of a row below the headings."""
+        return self._line_of(entry + (2 if self._places else 1))
 
     @functools.cached_property
     def _first_line(self) -> str:

@@ -48,7 +48,7 @@ def data_points(
         numbers = column.numbers()
         bad = np.flatnonzero(~np.isfinite(numbers))
         if bad.size:
-            found = "nothing" if np.isnan(numbers[bad[0]]) else f"{numbers[bad[0]]:g}"
+            found = column.entry_text(int(bad[0])) or "nothing"
             expected = "a number: the inputs of a failed run have to be known, too"
             raise data_error(f"{found} in {column.place_text(int(bad[0]))}", expected)
         points[each.name] = _in_si(numbers, units[each.name])
@@ -58,22 +58,20 @@ def data_points(
 def data_results(file: DataFile, outputs: Sequence[Output], units: Mapping[str, str]) -> Results:
     """Return the outputs of a data file in SI units, with the status of each run.
 
-    A run with a blank output has failed; so has one that its status says so of, whatever its
-    outputs are. Raises a SettingsError for an entry that is neither blank nor a number, and for an
-    unknown status.
+    A run with an output that is blank, or the word ``fail``, has failed; so has one that its status
+    says so of, whatever its outputs are. Raises a SettingsError for another entry that is no
+    number, and for an unknown status.
     """
     status, reasons = _stated(file)
     found = {
         each.name: _in_si(file.column(each.name).numbers(), units[each.name]) for each in outputs
     }
-    for kind, test, text in (
-        (Status.FAILED, np.isnan, "{name} is blank"),
-        (Status.NOT_FINITE, np.isinf, "{name} is infinite"),
-    ):
+    for kind, test in ((Status.FAILED, np.isnan), (Status.NOT_FINITE, np.isinf)):
         for name, values in found.items():
             for run in np.flatnonzero((status == Status.OK) & test(values)).tolist():
                 status[run] = kind
-                reasons[run] = reasons.get(run) or text.format(name=name)
+                missing = kind == Status.FAILED and (file.column(name).entry_text(run) or "blank")
+                reasons[run] = reasons.get(run) or f"{name} is {missing or 'infinite'}"
     is_ok = status == Status.OK
     reasons = {
         run: reasons.get(run) or STATUS_TEXT[Status(int(status[run]))]

@@ -68,15 +68,10 @@ class QuotedStatistic:
 
     def _entry(self, design: str) -> xr.DataArray | None:
         """Return what a design has of it, which may be missing with a reason."""
-        array = self.view.statistics.get(design, self.output, self.statistic)
-        if array is None:
-            return None
-        for along in CATALOGUE[self.statistic].dims:
-            entries = array[along].values.tolist()
-            if self.entry not in entries:
-                return None
-            array = array[{along: entries.index(self.entry)}]
-        return array
+        statistics = self.view.statistics
+        if not CATALOGUE[self.statistic].dims:
+            return statistics.get(design, self.output, self.statistic)
+        return statistics.entries(design, self.output, self.statistic).get(self.entry)
 
     def leading_estimate(self, design: str) -> xr.DataArray | None:
         """Return the estimate that the page states: corrected by real runs, or else the design's.
@@ -219,9 +214,6 @@ def _entries(
     view: ArchiveView, output: str, design: str, statistic: Statistic
 ) -> Iterator[QuotedStatistic]:
     """Yield the entries of a statistic that the study asks for."""
-    array = view.statistics.get(design, output, statistic.name)
-    if array is not None:
-        (along,) = statistic.dims
-        for entry in array[along].values.tolist():
-            if entry not in statistic.asked.always:
-                yield QuotedStatistic(view, output, statistic.name, entry)
+    for entry in view.statistics.entries(design, output, statistic.name):
+        if entry not in statistic.asked.always:
+            yield QuotedStatistic(view, output, statistic.name, entry)

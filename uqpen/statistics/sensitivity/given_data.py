@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -46,7 +46,7 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     title = quantity.output.title
     neighbours = _Indices(sample)
     if kinds := quantity.output.categories:
-        events = [sample.values == kind for kind in range(len(kinds))]
+        events = (sample.values == kind for kind in range(len(kinds)))
         coordinates = category_coordinates(quantity)
         yield neighbours.event_indices(events, coordinates, "category_", f"the kind of {title}")
         return
@@ -55,7 +55,7 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         logarithm = np.log(sample.values)
         yield neighbours.variable_indices(logarithm, "log_", f"the logarithm of {title}")
     if quantity.thresholds:
-        events = [sample.values > threshold.value for threshold in quantity.thresholds]
+        events = (sample.values > threshold.value for threshold in quantity.thresholds)
         coordinates = threshold_coordinates(quantity)
         what = f"whether {title} exceeds a value"
         yield neighbours.event_indices(events, coordinates, "exceedance_", what)
@@ -104,12 +104,13 @@ class _Indices:
         return f"{prefix}first_order", array
 
     def event_indices(
-        self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
+        self, events: Iterable[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of events, given the runs in which each event occurs."""
-        samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
-        variables = [SampledVariable(sample, is_event=True) for sample in samples]
-        rows = [self.regressions.indices(each).each() for each in variables]
+        rows = []
+        for event in events:  # of many thresholds, the runs are in memory once
+            sample = replace(self.sample, values=event.astype(np.float64))
+            rows.append(self.regressions.indices(SampledVariable(sample, is_event=True)).each())
         inputs, name = self.sample.inputs, indices_name(title, self.sample)
         array = event_array(rows, coordinates, inputs, name, self.sample.level)
         return f"{prefix}first_order", array

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,12 +43,13 @@ def sobol_indices(
     name, title = quantity.output.name, quantity.output.title
     values = runs[name].values
     if kinds := quantity.output.categories:
-        events = [
+        events = (
             BlockVariable(blocks, values == kind, is_event=True, level=level)
             for kind in range(len(kinds))
-        ]
+        )
         coordinates = category_coordinates(quantity)
-        yield from _event_indices(events, "category_", f"the kind of {title}", coordinates)
+        what = f"the kind of {title}"
+        yield from _event_indices(blocks, level, events, "category_", what, coordinates)
         return
     column = BlockVariable(blocks, values, level=level)
     yield from _variable_indices(column, "", title)
@@ -57,12 +58,13 @@ def sobol_indices(
     if column.is_positive:
         yield from _variable_indices(column.logarithm(), "log_", f"the logarithm of {title}")
     if quantity.thresholds:
-        events = [
+        events = (
             BlockVariable(blocks, values > each.value, is_event=True, level=level)
             for each in quantity.thresholds
-        ]
+        )
         what = f"whether {title} exceeds a value"
-        yield from _event_indices(events, "exceedance_", what, threshold_coordinates(quantity))
+        coordinates = threshold_coordinates(quantity)
+        yield from _event_indices(blocks, level, events, "exceedance_", what, coordinates)
 
 
 def _variable_indices(
@@ -78,15 +80,20 @@ def _variable_indices(
 
 
 def _event_indices(
-    events: Sequence[BlockVariable], prefix: str, title: str, coordinates: Mapping[str, Any]
+    blocks: PickFreezeBlocks,
+    level: float,
+    events: Iterable[BlockVariable],
+    prefix: str,
+    title: str,
+    coordinates: Mapping[str, Any],
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices of several events, a row for each."""
-    blocks = events[0].blocks
-    for order, adjective in INDEX_ORDERS.items():
-        rows = [_input_estimates(event, order) for event in events]
+    # Of many thresholds, the runs are in memory once.
+    found = [[_input_estimates(event, order) for order in INDEX_ORDERS] for event in events]
+    for place, (order, adjective) in enumerate(INDEX_ORDERS.items()):
+        rows = [each[place] for each in found]
         long_name = f"{adjective} Sobol' indices of {title}"
-        inputs, level = blocks.layout.inputs, events[0].level
-        array = event_array(rows, coordinates, inputs, long_name, level)
+        array = event_array(rows, coordinates, blocks.layout.inputs, long_name, level)
         yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
 
 

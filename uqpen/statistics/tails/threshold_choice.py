@@ -47,5 +47,5 @@ def fitting_tails(ordered: FloatArray) -> Iterator[FittedTail]:
             shape, scale = float(fit.shape), float(fit.scale)
             found = p_value(float(fit.anderson_darling), shape)
             if found >= _SMALLEST_P_VALUE:
-                yield FittedTail(threshold, excesses, runs, shape, scale, found)
+                yield FittedTail(ordered, threshold, excesses, shape, scale, found)
         beyond /= _STEP

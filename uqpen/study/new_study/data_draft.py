@@ -146,7 +146,7 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         rows=file.rows,
         inputs=inputs,
         outputs=outputs,
-        guess="the last column" if _is_whole(outputs[0]) else "columns with blanks, and the last",
+        guess="the last column" if _is_whole(outputs[0]) else "columns with gaps, and the last",
         others=tuple(each.name for each in file.columns if each.name in OTHER_COLUMNS),
         ignored=ignored,
     )

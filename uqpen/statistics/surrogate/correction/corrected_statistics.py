@@ -134,11 +134,12 @@ def _at_inputs(
     """Return the indices of one variable, or of several, each corrected if that is possible."""
     found = correction.indices(name)
     inputs, problem = array.sizes[INPUT], correction.own_problem(name, _LEAST_Q2)
+    figures = _own_figures(array)
     estimates: list[Estimate] = []
-    for start, indices in zip(range(0, array.size, inputs), found, strict=False):
+    for start, indices in zip(range(0, len(figures), inputs), found, strict=True):
         reason = indices if isinstance(indices, str) else ""
-        own = _own_estimates(name, array, reason, problem if reason else "")
-        own = own[start : start + inputs]
+        of_variable = figures[start : start + inputs]
+        own = _own_estimates(name, of_variable, reason, problem if reason else "")
         if isinstance(indices, str):
             estimates += own
         else:
@@ -161,16 +162,23 @@ def _uncorrected(name: str, array: xr.DataArray, reason: str, problem: str = "")
     if BOUND not in array.dims:
         return array
     own = np.full(array.shape[:-1], math.nan) if problem else array.values[..., 0]
-    found = _own_estimates(name, array, reason, problem)
+    found = _own_estimates(name, _own_figures(array), reason, problem)
     return _corrected_array(array, found, own, np.full(own.shape, math.nan))
 
 
-def _own_estimates(name: str, array: xr.DataArray, reason: str, problem: str) -> list[Estimate]:
+def _own_figures(array: xr.DataArray) -> list[tuple[float, str]]:
+    """Return the surrogate's own figures of an estimate array, each with its note."""
+    values, notes = array.values[..., 0], array.coords[NOTE].values
+    return [*zip(values.ravel().tolist(), map(str, notes.ravel()), strict=True)]
+
+
+def _own_estimates(
+    name: str, figures: Sequence[tuple[float, str]], reason: str, problem: str
+) -> list[Estimate]:
     """Return the surrogate's own figures as estimates without bounds; none with a problem."""
     keeps_note = name in CATALOGUE and CATALOGUE[name].note_is_of_estimate
     found = []
-    for at in np.ndindex(array.shape[:-1]):
-        value, note = float(array.values[at][0]), str(array.coords[NOTE].values[at])
+    for value, note in figures:
         if problem and not math.isnan(value):
             found.append(Estimate.without_bounds(math.nan, problem))
             continue

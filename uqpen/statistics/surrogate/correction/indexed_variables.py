@@ -26,6 +26,12 @@ __all__ = ["FIRST_ORDER", "TOTAL_ORDER", "IndexedVariable", "IndexedVariables"]
 
 FIRST_ORDER, TOTAL_ORDER = "first_order", "total_order"
 
+Function = Callable[[FloatArray], FloatArray]
+
+
+def _itself(values: FloatArray) -> FloatArray:
+    return values
+
 
 @dataclass(frozen=True, eq=False)
 class IndexedVariable:
@@ -33,25 +39,35 @@ class IndexedVariable:
 
     Parameters
     ----------
-    runs : CorrectionRuns
-        Of the variable.
+    output : CorrectionRuns
+        Of the output that it follows from.
     parts : mapping of str to InputParts
         By the kind of the indices.
     reasons : mapping of str to str
         Why there are no projections for the other kinds.
+    function : callable
+        Function of the output that the variable is.
     is_event : bool
         True if the variable is 0 or 1.
     """
 
-    runs: CorrectionRuns
+    output: CorrectionRuns
     parts: Mapping[str, InputParts]
     reasons: Mapping[str, str]
+    function: Function = _itself
     is_event: bool = False
 
+    @property
+    def runs(self) -> CorrectionRuns:
+        """The runs of the variable; those of many thresholds are not in memory together."""
+        return self.output if self.function is _itself else self.output.of(self.function)
+
     @classmethod
-    def without(cls, runs: CorrectionRuns, reason: str) -> IndexedVariable:
+    def without(
+        cls, output: CorrectionRuns, reason: str, function: Function = _itself
+    ) -> IndexedVariable:
         """Return a variable without projections, for one reason."""
-        return cls(runs, {}, dict.fromkeys((FIRST_ORDER, TOTAL_ORDER), reason))
+        return cls(output, {}, dict.fromkeys((FIRST_ORDER, TOTAL_ORDER), reason), function)
 
 
 @dataclass(frozen=True)
@@ -94,7 +110,7 @@ class IndexedVariables:
     def _variable(
         self,
         output: str,
-        function: Callable[[FloatArray], FloatArray],
+        function: Function,
         runs: CorrectionRuns,
         *,
         is_fitted: bool,
@@ -103,19 +119,19 @@ class IndexedVariables:
         variable = runs if function is _itself else runs.of(function)
         if runs.placed:
             reason = texts.NO_INDICES_OF_PLACED.format(placed=runs.placed)
-            return IndexedVariable.without(variable, reason)
+            return IndexedVariable.without(runs, reason, function)
         if not np.isfinite(variable.draws).all():
             return IndexedVariable.without(runs, texts.NOT_FINITE_PREDICTIONS)
         if is_fitted and (terms := self._from_terms(output, variable)):
             return terms
         joint, draws = self.draws.joint, self._projections
         if joint.conditional_reason:
-            return IndexedVariable.without(variable, joint.conditional_reason)
+            return IndexedVariable.without(runs, joint.conditional_reason, function)
         parts = {FIRST_ORDER: draws.first_order(output, function, variable)}
         if not joint.is_independent:
-            return IndexedVariable(variable, parts, {TOTAL_ORDER: texts.DEPENDENT_INPUTS})
+            return IndexedVariable(runs, parts, {TOTAL_ORDER: texts.DEPENDENT_INPUTS}, function)
         parts[TOTAL_ORDER] = draws.total_order(output, function, variable)
-        return IndexedVariable(variable, parts, {})
+        return IndexedVariable(runs, parts, {}, function)
 
     def _from_terms(self, output: str, variable: CorrectionRuns) -> IndexedVariable | None:
         """Return the variable with the terms of all fits; None where these are not known."""
@@ -151,10 +167,6 @@ def _terms(fold: FoldFit, output: str) -> tuple[FloatArray, ...] | None:
     return *found, shares.first * std**2, shares.total * std**2, np.array([mean, std])
 
 
-def _itself(values: FloatArray) -> FloatArray:
-    return values
-
-
-def _event(limit: float) -> Callable[[FloatArray], FloatArray]:
+def _event(limit: float) -> Function:
     """Return a function for the event that an output exceeds a value; NaN for an output of NaN."""
     return lambda values: np.where(np.isnan(values), np.nan, values > limit)

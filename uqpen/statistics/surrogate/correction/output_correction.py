@@ -164,7 +164,8 @@ class OutputCorrection:
         if reason := variable.reasons.get(kind, ""):
             return reason
         if variable.is_event:
-            on_a_side = min((variable.runs.values == side).sum() for side in (0, 1))
+            values = variable.runs.values
+            on_a_side = min((values == side).sum() for side in (0, 1))
             return "" if on_a_side >= FEWEST_ON_A_SIDE else texts.TOO_ONE_SIDED
         moments = self._moments_of(variable)
         has_variance = moments.variance.value > 0
@@ -177,7 +178,8 @@ class OutputCorrection:
         return list(corrected_indices(runs, parts, self._moments_of(variable).variance))
 
     def _moments_of(self, variable: IndexedVariable) -> CorrectedMoments:
-        return self._moments if variable.runs is self.runs else CorrectedMoments(variable.runs)
+        runs = variable.runs
+        return self._moments if runs is self.runs else CorrectedMoments(runs)
 
 
 def is_index(name: str) -> bool:
