@@ -135,7 +135,7 @@ OUTPUTS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "uniform": special.ndtr,
 }
 LEVELS = (0.95, 0.99, 0.999)
-PERIODS = (1e3, 1e4, 1e5)
+PERIODS = (50.0, 1e2, 1e3, 1e4, 1e5)
 SIZES = (200, 1000, 10_000)
 
 

@@ -16,6 +16,7 @@ from uqpen.core.labels import AGREEMENT
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
 from uqpen.report.blocks import Alerts
+from uqpen.report.page import report_page
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import output_tables
@@ -393,7 +394,7 @@ def test_a_name_that_no_file_can_have_is_told(written: Written) -> None:
 
 
 def test_no_step_looks_at_all_columns_for_each_of_them(
-    written: Written, monkeypatch: pytest.MonkeyPatch
+    written: Written, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """As an array, a variable takes time by the number of all variables; here in no loop."""
     made = 0
@@ -413,7 +414,12 @@ def test_no_step_looks_at_all_columns_for_each_of_them(
         )
         with monkeypatch.context() as patch:
             patch.setattr(xr.Dataset, "_construct_dataarray", counted)
-            output_tables(uqpen.run(study))
+            tree = uqpen.run(study)
+            output_tables(tree)
+            report_page(tree)
+            uqpen.write(tree, tmp_path / "beam.nc")
+            assert uqpen.verify(tmp_path / "beam.nc")
         return made
 
-    assert arrays_of(40) == arrays_of(10)
+    # A page has charts of the first inputs.
+    assert arrays_of(80) == arrays_of(40)

@@ -196,9 +196,10 @@ def _cut(record: Path, size: int) -> None:
 def _inputs(block: xr.Dataset) -> dict[str, float | None]:
     """Return the inputs of runs: the value of one that is the same in all, or None."""
     return {
-        str(name): None if each.dims else float(each)
-        for name, each in block.data_vars.items()
-        if each.attrs.get(ROLE) != "output" and name not in (STATUS, FAILURE_REASON)
+        str(name): None if each.dims else float(each.values)
+        for name in block.data_vars
+        if (each := block.variables[name]).attrs.get(ROLE) != "output"
+        and name not in (STATUS, FAILURE_REASON)
     }
 
 
@@ -206,8 +207,9 @@ def _outputs(block: xr.Dataset) -> dict[str, bool]:
     """Return the outputs of the model itself, and whether each is categorical."""
     return {
         str(name): "flag_values" in each.attrs
-        for name, each in block.data_vars.items()
-        if each.attrs.get(ROLE) == "output" and DERIVED_FROM not in each.attrs
+        for name in block.data_vars
+        if (each := block.variables[name]).attrs.get(ROLE) == "output"
+        and DERIVED_FROM not in each.attrs
     }
 
 

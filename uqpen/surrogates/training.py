@@ -59,7 +59,8 @@ class TrainingRuns:
         inputs: dict[str, FloatArray] = {}
         fixed: dict[str, float] = {}
         problem = "" if random else "no input is random"
-        for name, variable in runs.data_vars.items():
+        for name in runs.data_vars:
+            variable = runs.variables[name]
             if variable.attrs.get(ROLE) != "input":
                 continue
             values = np.broadcast_to(variable.values, runs.sizes[RUN])

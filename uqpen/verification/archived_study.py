@@ -231,7 +231,8 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
                 return dimension.name
     needed = {entry.variable.name for entry in study.joint.inputs} | set(variant.given)
     for name in sorted(needed.union(run_inputs(study, made))):
-        if name not in made or made[name].dims not in ((), (RUN,)) or made[name].dtype.kind != "f":
+        found = made.variables.get(name)
+        if found is None or found.dims not in ((), (RUN,)) or found.dtype.kind != "f":
             return name
     return next(variant.model.missing_inputs(run_inputs(study, made)), "")
 

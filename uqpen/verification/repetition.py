@@ -107,10 +107,10 @@ def reread_runs(study: ValidatedStudy, runs: Runs) -> CheckResult:
         stream = Stream(study.seed, "designs", name)
         again = run_design(study, design, stream, map=map, progress=Progress())[model]
         archived = runs[model][name]
-        inputs = archived[run_inputs(study, archived)].drop_attrs()
+        inputs = _without_attributes(archived[run_inputs(study, archived)])
         found += [
             each._replace(what=f"{name}: {each.what}")
-            for each in find_differences(inputs, again[list(inputs)].drop_attrs())
+            for each in find_differences(inputs, _without_attributes(again[list(inputs)]))
         ]
         found += run_differences(name, archived, again, variant.model.all_outputs)
     rows = sum(archived.sizes[RUN] for archived in runs[model].values())
@@ -130,11 +130,11 @@ def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Chec
             continue
         stream = Stream(study.seed, "designs", name)
         for start, part in _parts(first_round(design, study.joint, stream)):
-            drawn = part.drop_attrs()
+            drawn = _without_attributes(part)
             these = slice(start, start + drawn.sizes[RUN])
             for model, variant in study.models.items():
                 again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
-                archived = runs[model][name].isel({RUN: these}).drop_attrs()
+                archived = _without_attributes(runs[model][name].isel({RUN: these}))
                 archived = xr.Dataset(
                     {key: archived.variables[key] for key in again.variables if key in archived}
                 )
@@ -144,6 +144,15 @@ def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Chec
                 ]
     what = f"the first round of {', '.join(study.designs)} drawn again"
     return _check_result("points", what, found, tolerance)
+
+
+def _without_attributes(dataset: xr.Dataset) -> xr.Dataset:
+    """Return what `Dataset.drop_attrs` does, which merges all variables for each of them."""
+    found = dataset.copy(deep=False)
+    found.attrs = {}
+    for variable in found.variables.values():
+        variable.attrs = {}
+    return found
 
 
 def _parts(points: Points) -> Iterator[tuple[int, xr.Dataset]]:

@@ -86,7 +86,7 @@ def archived_dimensions(
 
 def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
     """Return a model with the inputs and outputs of runs; a value for all runs is a default."""
-    variables = {str(name): variable for name, variable in runs.data_vars.items()}
+    variables = {str(name): runs.variables[name] for name in runs.data_vars}
     inputs = tuple(
         Input(*_names(name, variable), default=_value(variable))
         for name, variable in variables.items()
@@ -100,7 +100,7 @@ def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
     return UnloadedModel(reference, inputs, outputs)
 
 
-def _output(name: str, variable: xr.DataArray, runs: xr.Dataset) -> Output:
+def _output(name: str, variable: xr.Variable, runs: xr.Dataset) -> Output:
     """Return an output with its categories or its dimensions."""
     dims = tuple(_dimension(str(each), runs) for each in variable.dims if each != RUN)
     return Output(
@@ -112,22 +112,22 @@ def _output(name: str, variable: xr.DataArray, runs: xr.Dataset) -> Output:
 
 
 def _dimension(name: str, runs: xr.Dataset) -> Dimension:
-    coordinates = runs[name]
+    coordinates = runs.variables[name]
     return Dimension(*_names(name, coordinates), values=tuple(coordinates.values.tolist()))
 
 
-def _names(name: str, variable: xr.DataArray) -> tuple[str, str, str, str]:
+def _names(name: str, variable: xr.Variable) -> tuple[str, str, str, str]:
     """Return the name, SI unit, title and display unit of a variable."""
     texts = (str(variable.attrs.get(key, "")) for key in ("long_name", "display_units"))
     return name, str(variable.attrs.get("units", "1")), *texts  # type: ignore[return-value]
 
 
-def _value(variable: xr.DataArray) -> float | None:
+def _value(variable: xr.Variable) -> float | None:
     is_number = not variable.dims and variable.dtype.kind == "f"
-    return float(variable) if is_number else None
+    return float(variable.values) if is_number else None
 
 
-def _categories(variable: xr.DataArray) -> tuple[Category, ...]:
+def _categories(variable: xr.Variable) -> tuple[Category, ...]:
     flags = str(variable.attrs.get("flag_meanings", "")).split()
     labels = np.atleast_1d(variable.attrs.get("flag_labels", flags))
     return tuple(Category(flag, str(label)) for flag, label in zip(flags, labels, strict=False))

@@ -66,8 +66,8 @@ def inputs_table(view: ArchiveView) -> OutputTable:
         f"Inputs, over {source}, failed ones included",
         ["meaning", "value or median", "from … to", "in the study"],
     )
-    for key, values in runs.data_vars.items():
-        name = str(key)
+    for key in runs.data_vars:
+        name, values = str(key), runs.variables[key]
         if values.attrs.get(ROLE) == "input":
             shown = view.scale(name).from_si(np.asarray(values.values, dtype=np.float64))
             title = plain_text(str(values.attrs.get("long_name", name)))

@@ -76,7 +76,8 @@ class InputOrder(NamedTuple):
 
     def sort(self, inputs: Sequence[str]) -> list[str]:
         """Return some inputs in this order; those that it lacks come last."""
-        return sorted(inputs, key=lambda name: (*self.names, name).index(name))
+        places = {name: place for place, name in enumerate(self.names)}
+        return sorted(inputs, key=lambda name: places.get(name, len(places)))
 
 
 def input_label(view: ArchiveView, name: str) -> str:
@@ -121,12 +122,13 @@ def _dependence(view: ArchiveView) -> bool:
 
 
 def _rankings(view: ArchiveView, output: str, statistic: str) -> Iterator[Ranking]:
-    for source, array in view.estimates(output, statistic).items():
-        known = [each for each in array if np.isfinite(each.values[0])]
+    for source in view.estimates(output, statistic):
+        entries = view.statistics.entries(source, output, statistic)
+        known = {name: each for name, each in entries.items() if np.isfinite(each.values[0])}
         if not known or view.statistics.citation(source):
             continue
-        ordered = sorted(known, key=lambda each: -abs(float(each.values[0])))
-        yield Ranking(statistic, source, {str(each[INPUT].item()): each for each in ordered})
+        ordered = sorted(known, key=lambda name: -abs(float(known[name].values[0])))
+        yield Ranking(statistic, source, {str(name): known[name] for name in ordered})
 
 
 def _width(ranking: Ranking) -> tuple[bool, float]:

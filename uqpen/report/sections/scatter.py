@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.labels import INPUT, RUN, STATUS
+from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.scatter import category_labels
 from uqpen.figures.value_axis import ValueAxis
@@ -184,9 +184,9 @@ def _association_estimates(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     statistics = cloud.view.statistics
     for statistic, label in _ASSOCIATIONS:
-        array = statistics.get(cloud.design, output, statistic)
-        if array is not None and name in (known := array[INPUT].values.tolist()):
-            yield label, array[{INPUT: known.index(name)}]
+        found = statistics.entries(cloud.design, output, statistic).get(name)
+        if found is not None:
+            yield label, found
 
 
 def _summary(cloud: PlottedRuns, output: str, name: str) -> str:

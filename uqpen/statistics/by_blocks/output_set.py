@@ -151,7 +151,7 @@ class OutputSet:
 
     def _add_inputs(self, chunk: Chunk) -> None:
         rows = [each.rows(chunk.columns[each.output]) for each in self.variables]
-        variables = np.concatenate(rows)
+        variables = np.concatenate(rows) if len(rows) > 1 else rows[0]
         self.totals.add(chunk.batch, variables)
         columns = np.stack([chunk.columns[name] for name in self.names])
         centre, scale = self._centres[..., np.newaxis]

@@ -69,10 +69,15 @@ class OutputVariables:
 
     def rows(self, values: FloatArray) -> FloatArray:
         """Return all functions of values, shape (function, run)."""
+        found = np.empty((self.count, len(values)))
         if kinds := self.quantity.output.categories:
-            return np.stack([values == kind for kind in range(len(kinds))]).astype(np.float64)
-        rows = [(values - self.centre) / self.scale]
+            for kind in range(len(kinds)):
+                found[kind] = values == kind
+            return found
+        found[0] = (values - self.centre) / self.scale
         if self.has_logarithm:
-            rows.append(self.logarithm(values))
-        rows += [(values > each.value).astype(np.float64) for each in self.quantity.thresholds]
-        return np.stack(rows)
+            found[1] = self.logarithm(values)
+        thresholds = self.quantity.thresholds
+        for row, each in enumerate(thresholds, self.count - len(thresholds)):
+            found[row] = values > each.value
+        return found
