@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
-from typing import Any
 
-from uqpen.core.labels import INPUT, PAIR, RANK, RECIPE, STATUS
+from uqpen.core.labels import INPUT, PAIR, RANK, STATUS
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -41,7 +40,6 @@ __all__ = [
     "MODEL_FORM_STATISTICS",
     "Statistic",
     "UnitRule",
-    "interval_recipe",
 ]
 
 
@@ -114,9 +112,8 @@ def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
 
 
 _STATISTICS = [
-    # Recipe 2 moves the ends out for skewed replicates and long tails.
-    Statistic("mean", "mean", unit=UnitRule.VALUE, recipe=2),
-    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE, recipe=2),
+    Statistic("mean", "mean", unit=UnitRule.VALUE),
+    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE),
     Statistic("half_spread", "half the 16 % to 84 % range", unit=UnitRule.DIFFERENCE),
     Statistic("skewness", "skewness"),
     Statistic("kurtosis", "kurtosis"),
@@ -136,34 +133,26 @@ _STATISTICS = [
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
     Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),
-    # Recipe 3 lets the bounds ascend.
-    Statistic("cdf", "distribution function, pointwise bounds", (RANK,), recipe=3),
+    Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
     Statistic("reached", "probability that a curve reaches a place"),
-    # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
-    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE, recipe=4),
+    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE),
     Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
-    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE, recipe=4),
+    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE),
     Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
     Statistic("band_depth", "modified band depth", (CURVE,), has_bounds=False),
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
     *(
-        Statistic(
-            f"convergence_{name}",
-            f"{title}, by the runs so far",
-            (RUNS_SO_FAR, *dims),
-            unit,
-            recipe=recipe,
-        )
-        for name, title, dims, unit, recipe in (
-            ("mean", "mean", (), UnitRule.VALUE, 2),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE, 1),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE, 1),
-            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE, 1),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE, 1),
+        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
+        for name, title, dims, unit in (
+            ("mean", "mean", (), UnitRule.VALUE),
+            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
+            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
+            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
+            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
         )
     ),
     *_indices("", ""),
@@ -225,13 +214,7 @@ FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 # Statistics of a design's runs that concern several outputs.
 JOINT_STATISTICS = _by_name(
     [
-        Statistic(
-            "joint_probability",
-            "probability of an event of several outputs",
-            (EVENT,),
-            # Recipe 4 takes estimates of a rare event for log-normal.
-            recipe=4,
-        ),
+        Statistic("joint_probability", "probability of an event of several outputs", (EVENT,)),
         Statistic(
             "event_first_order",
             "first-order Sobol' index of an event",
@@ -291,8 +274,3 @@ INTERVAL_RECIPE = max(
         *MODEL_FORM_STATISTICS.values(),
     )
 )
-
-
-def interval_recipe(attributes: Mapping[Any, Any]) -> int:
-    """Return the recipe by which the intervals of an archive were made, from its root."""
-    return int(attributes.get(RECIPE, 1))
