@@ -300,9 +300,9 @@ of tolerance bands the height of the highest one, over the largest range of 95 %
 so they may cover more; tolerance bands over replicates are conservative.
 `benchmarks/band_coverage.py` makes this table, of every fourth place (`--every 4`) of the first two
 and of the rod. The standard error of a cell is 0.7 points with 1 000 seeds, 1 with 500, 1.4 with
-250. Cells with 1 000 seeds, and the last row of the rod, were measured before
-[interval recipe](archive.md#schemas) 4, which leaves the bands of the first two curves as they
-were.
+250. Cells with 1 000 seeds, and the last row of the rod, were measured before bands left out
+[what few runs decide](decisions/107-few-runs-make-no-band-of-the-mean.md), which leaves the bands
+of the first two curves as they were.
 """
 
 _CORRECTED = """\
@@ -315,12 +315,11 @@ that is still to be measured. The last rows count all intervals. A surrogate is 
 chaos of an order fixed beforehand, in five folds; that of the concrete depth is of its logarithm.
 "P" is a probability of exceeding a value, of the true size. Means and standard deviations have
 the sentence on tails in all cells, as those of few plain runs have; plain runs have no standard
-deviation below 200. `benchmarks/corrected_coverage.py` makes these tables. They were measured with
-the fifth [recipe](archive.md#schemas) of surrogates, but rows with a star with the third: their
-intervals may be wider than those of the runs alone, and those of `half_spread` and of quantiles are
-now narrower. The last rows are without them. Wider than 1 are only intervals beside plain ones that
-do not hold the estimate, [indices](statistics.md#corrected-estimates) of the useless surrogate, and
-those with failed runs.
+deviation below 200. `benchmarks/corrected_coverage.py` makes these tables. Rows with a star were
+measured with earlier rules: their intervals may be wider than those of the runs alone, and those of
+`half_spread` and of quantiles are now narrower. The last rows are without them. Wider than 1 are
+only intervals beside plain ones that do not hold the estimate,
+[indices](statistics.md#corrected-estimates) of the useless surrogate, and those with failed runs.
 """
 
 _INDICES_FROM_DRAWS = """\

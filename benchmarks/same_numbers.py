@@ -1,10 +1,8 @@
 """Compare the archives of a commit with those of this checkout, estimate by estimate.
 
 The same studies are run with both, on one machine, since last bits differ between processors. Their
-archives are flattened whatever schema each has, and must be equal to the bit: estimates, bounds,
-runs, statuses, and all texts but for those that are reworded on purpose
-(`uqpen.archive.reworded`). The exit code is 0 where all is equal, 1 where something differs, and 2
-where it cannot be told.
+archives are flattened, and must be equal to the bit: estimates, bounds, runs, statuses and texts.
+The exit code is 0 where all is equal, 1 where something differs, and 2 where it cannot be told.
 
     python benchmarks/same_numbers.py --base main
     python benchmarks/same_numbers.py --base main --quick --cache ~/.cache/same_numbers
@@ -35,13 +33,11 @@ import numpy as np
 import numpy.typing as npt
 from flat_archive import Flat, Key, NoPlaceError, flat_archive
 
-from uqpen.archive.reworded import reworded
-
 # Names of variables and attributes that are renamed on purpose, by the kind of what they are of:
 # "root", "model", "sources", "runs", "surrogates", "trajectory", "files" and so on.
 RENAMED: dict[str, dict[str, str]] = {}
 
-# Attributes that a later schema adds or leaves out on purpose.
+# Attributes that a later commit adds or leaves out on purpose.
 ADDED = frozenset({"display_units"})
 GONE: frozenset[str] = frozenset()
 
@@ -51,7 +47,15 @@ ADDED_STATISTICS = ("percentile", "convergence_", "percent", "runs_so_far")
 
 # Attributes that say which code made an archive, or where what stands; they are no result.
 APART = frozenset(
-    {"uqpen_schema", "content_sha256", "version_uqpen", "model_version", "model_source_sha256"}
+    {
+        "uqpen_schema",
+        "interval_recipe",
+        "surrogate_recipe",
+        "content_sha256",
+        "version_uqpen",
+        "model_version",
+        "model_source_sha256",
+    }
 )
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -383,9 +387,9 @@ class Comparison:
         sorts = ("estimates", "bounds", "runs", "statuses")
         first = ", ".join(f"{self.equal[sort]} {sort}" for sort in sorts)
         others = ", ".join(f"{self.equal[sort]} {sort}" for sort in ("arrays", "texts", "facts"))
-        reworded = f"{self.equal['reworded']} reworded and {self.equal['added']} added as meant"
+        added = f"{self.equal['added']} added as meant"
         points = f"{self.equal['points']} estimates are points of distribution functions"
-        return f"{first}; {others} ({points}; {reworded})"
+        return f"{first}; {others} ({points}; {added})"
 
 
 def compared(old: Flat, new: Flat) -> Comparison:
@@ -514,17 +518,10 @@ def _compare_columns(
 
 
 def _compare_texts(old: Mapping[Key, str], new: Mapping[Key, str], into: Comparison) -> None:
-    meant: dict[str, str] = {}
     for key in dict.fromkeys((*old, *new)):
         one, other = old.get(key, ""), new.get(key, "")
         if one == other:
             into.equal["texts"] += 1
-            continue
-        if one not in meant:
-            meant[one] = reworded(one)
-        if meant[one] == other:
-            into.equal["texts"] += 1
-            into.equal["reworded"] += 1
         elif key.what not in (GONE if one else ADDED):
             into.differences.append(Difference("texts", key, repr(one), repr(other)))
 

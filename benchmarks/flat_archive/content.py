@@ -1,4 +1,4 @@
-"""The content of an archive, flattened: what both schemas have in common."""
+"""The content of an archive, flattened."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ __all__ = [
 BOUND = "bound"
 _BOUNDS = ["estimate", "lower", "upper"]
 
-# Texts that each estimate has: in schema 2 attributes or coordinates, in schema 3 attributes or the
-# tables of a variable of codes.
+# Texts that each estimate has: attributes, or the tables of a variable of codes.
 PER_ENTRY = ("interval", "interval_label", "note")
 # It is said or not where no estimate has an interval; it matters where one has.
 _LEVEL = "interval_level"
@@ -220,7 +219,7 @@ def put_estimates(
     key : Key
         Theirs, without coordinates.
     dimensions : sequence of str
-        Names of schema 3 for the variable's own, but for ``bound``.
+        The variable's own, but for ``bound``.
     entries : mapping of str to sequence
         The coordinate along each dimension.
     variable : Variable

@@ -1,9 +1,7 @@
 """Methods head to head: each word of a path, a name or a coordinate says what a value is.
 
-Both schemas are read by the same rule. In schema 2 a group is a figure, or the end of a variable's
-name is one: ``/errors/<output>`` holds ``mean`` and ``mean_coverage``. In schema 3 a variable is:
-``/benchmark/<output>/mean`` holds ``error`` and ``coverage``. Words that a later layout brings go
-into the tables.
+A variable is a figure: ``/benchmark/<output>/mean`` holds ``error`` and ``coverage``. Words that a
+later layout brings go into the tables.
 """
 
 from __future__ import annotations
@@ -28,8 +26,7 @@ from flat_archive.content import (
     put_estimates,
 )
 from flat_archive.runs import put_root
-from flat_archive.schema_2 import put_statistics
-from flat_archive.schema_3 import entry_texts, put_output
+from flat_archive.study import entry_texts, put_output
 
 __all__ = ["flat_of_head_to_head"]
 
@@ -47,12 +44,12 @@ _FIGURES = {
 # Words that only hold others together.
 _PLACES = frozenset({"methods", "verdicts", "benchmark"})
 _DIMENSIONS = {"method": "contestant"}
-# What the group of an output says of it in schema 3, beside its name.
+# What the group of an output says of it, beside its name.
 _OF_OUTPUT = ("units", "display_units")
 _METHOD, _OUTPUT, _STATISTIC, _FIGURE = "contestant", "output", "statistic", "figure"
 
 
-def flat_of_head_to_head(tree: Tree, schema: int) -> Flat:
+def flat_of_head_to_head(tree: Tree) -> Flat:
     """Flatten an archive of methods head to head; its groups are taken out of the tree."""
     flat = Flat()
     check_bounds(tree.groups.values())
@@ -60,13 +57,9 @@ def flat_of_head_to_head(tree: Tree, schema: int) -> Flat:
     words = _words(tree)
     methods = tuple(word for word, what in words.items() if what == _METHOD)
     put(flat.facts, Key("", "head to head", what=f"order along {_METHOD}"), methods)
-    outputs = sorted((w for w, what in words.items() if what == _OUTPUT), key=len, reverse=True)
     for name in tree.children("/reference"):
-        key, group = Key("", "reference", "reference"), tree.take(f"/reference/{name}")
-        if schema == 2:
-            put_statistics(flat, key, group, name, outputs)
-        else:
-            put_output(flat, key._replace(output=name), group)
+        key, group = Key("", "reference", "reference", name), tree.take(f"/reference/{name}")
+        put_output(flat, key, group)
     told = {name: tree.take(f"/benchmark/{name}") for name in tree.children("/benchmark")}
     for path in list(tree.groups):
         group = tree.take(path)
@@ -95,13 +88,7 @@ def _words(tree: Tree) -> dict[str, str]:
     for name in ("contestant", "method"):
         if name in tree.groups.get("/methods", Group({}, {})).variables:
             methods = tree.groups["/methods"].variables[name].values.tolist()
-    reference = tree.groups.get("/reference/moments")
-    outputs = (
-        [name.removesuffix("_mean") for name in reference.variables if name.endswith("_mean")]
-        if reference
-        else tree.children("/reference")
-    )
-    known = dict.fromkeys(map(str, outputs), _OUTPUT)
+    known = dict.fromkeys(tree.children("/reference"), _OUTPUT)
     if clash := known.keys() & {*_FIGURES, *_PLACES, *_STATISTICS, *methods}:
         raise NoPlaceError(f"names with two meanings: {', '.join(clash)}")
     return known | dict.fromkeys(map(str, methods), _METHOD)

@@ -1,4 +1,4 @@
-"""Parts of an archive that both schemas have in the same groups: runs, trajectories, files."""
+"""Parts of an archive that are of no statistic: runs, trajectories, files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from flat_archive.content import Flat, Key, NoPlaceError, Tree, describe, put, put_plain
 
-__all__ = ["models_of", "outputs_of", "put_model_apart", "put_root", "put_runs"]
+__all__ = ["models_of", "put_model_apart", "put_root", "put_runs"]
 
 _REASON = "lost_reason"
 _LOST = "lost_run"
@@ -27,15 +27,6 @@ def models_of(tree: Tree) -> Iterator[tuple[str, str]]:
     yield from ((name, f"/models/{name}") for name in names)
     if not names:
         yield "", ""
-
-
-def outputs_of(tree: Tree, path: str) -> list[str]:
-    """The outputs of a model, the longest names first: one may begin as another does."""
-    names: dict[str, None] = {}
-    for design in tree.children(f"{path}/runs"):
-        variables = tree.groups[f"{path}/runs/{design}"].variables
-        names |= {n: None for n, v in variables.items() if v.attributes.get("role") == "output"}
-    return sorted(names, key=len, reverse=True)
 
 
 def put_model_apart(flat: Flat, tree: Tree, model: str, path: str) -> None:

@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.read import group_names, is_archive, open_archive, read_group
 from uqpen.archive.write import prepare_destination, write
 from uqpen.core.errors import ArchiveError
@@ -236,9 +237,11 @@ class TestForeignFiles:
         with pytest.raises(ArchiveError, match="but not an archive"):
             open_archive(tmp_path / "a.nc")
 
-    def test_a_later_schema_is_told(self, tmp_path: Path) -> None:
-        xr.Dataset(attrs={"uqpen_schema": 999}).to_netcdf(tmp_path / "a.nc")
-        with pytest.raises(ArchiveError, match="schema 999"):
+    @pytest.mark.parametrize("schema", [0, SCHEMA + 1, 999])
+    def test_another_schema_is_told(self, tmp_path: Path, schema: int) -> None:
+        xr.Dataset(attrs={"uqpen_schema": schema}).to_netcdf(tmp_path / "a.nc")
+        told = f"a.nc: has schema {schema}, and this uqpen reads schema {SCHEMA}; take the version"
+        with pytest.raises(ArchiveError, match=told):
             open_archive(tmp_path / "a.nc")
 
     def test_a_schema_that_is_no_number_is_told(self, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from hashed_trees import with_hashes
 
 from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.netcdf import write_tree
-from uqpen.archive.read import read_as_written
+from uqpen.archive.read import read_tree
 
 
 def tree_of(order: str = "<") -> xr.DataTree:
@@ -29,7 +29,7 @@ def tree_of(order: str = "<") -> xr.DataTree:
 def test_they_are_those_of_the_file(tmp_path: Path) -> None:
     tree = tree_of()
     write_tree(with_hashes(tree), tmp_path / "a.nc")
-    read = read_as_written(tmp_path / "a.nc")
+    read = read_tree(tmp_path / "a.nc")
     assert group_hashes(tree) == group_hashes(read) == recorded_hashes(read)
     assert set(group_hashes(tree)) == {"/", "/outer", "/outer/inner"}
     assert recorded_hashes(tree) is None, "what is written is not touched"

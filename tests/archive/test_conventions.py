@@ -129,7 +129,7 @@ def trees() -> list[xr.DataTree]:
     """Archives that hold every kind of group."""
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
-    studies.append(uqpen.load_study(DATA / "archives" / "schema_3_several.toml"))
+    studies.append(uqpen.load_study(DATA / "archives" / "schema_1_several.toml"))
     terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=512)
     compared = compare(uqpen.parse_study(COMPARED), terms)
     return [*map(uqpen.run, studies), compared, uqpen.run(uqpen.parse_study(FIELDS))]

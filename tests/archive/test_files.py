@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from uqpen.archive.files import ArchivedFile, archived_files, files_by_name, files_group
 from uqpen.archive.files_extraction import extract_files
 from uqpen.archive.netcdf import write_tree
-from uqpen.archive.read import read_as_written, read_group
+from uqpen.archive.read import read_group, read_tree
 from uqpen.core.errors import ArchiveError
 from uqpen.core.files import LARGEST, FileSnapshot
 
@@ -43,10 +43,10 @@ def test_what_is_read_is_what_was_kept(content: bytes, tmp_path: Path) -> None:
 
     file = FileSnapshot.from_content(tmp_path / "a", content)
     tree = xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs={"uqpen_schema": 2}), "/files": files_group([file], tmp_path)}
+        {"/": xr.Dataset(attrs={"uqpen_schema": 1}), "/files": files_group([file], tmp_path)}
     )
     write_tree(tree, tmp_path / "a.nc")
-    (read,) = archived_files(read_group(read_as_written(tmp_path / "a.nc"), "files"))
+    (read,) = archived_files(read_group(read_tree(tmp_path / "a.nc"), "files"))
     assert read.read() == content
     with extract_files([read], tmp_path) as place:
         assert (place.folder / "a").read_bytes() == content

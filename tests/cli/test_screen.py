@@ -34,7 +34,7 @@ runs = 20
 """
 
 
-@pytest.mark.parametrize("name", ["schema_3", "schema_3_several"])
+@pytest.mark.parametrize("name", ["schema_1", "schema_1_several"])
 def test_rules_are_as_long_as_the_rows_where_characters_are_spelled_out(
     name: str, archives: dict[str, xr.DataTree], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,7 +17,7 @@ from uqpen.figures import BENCHMARK_FIGURES
 from uqpen.figures.page import available, figure, panels
 from uqpen.results.benchmark_entries import entries
 
-KEPT = Path(__file__).parents[1] / "data" / "comparisons" / "schema_2.nc.gz"
+KEPT = Path(__file__).parents[1] / "data" / "comparisons" / "schema_1.nc.gz"
 
 
 @pytest.fixture(scope="module")

@@ -83,7 +83,7 @@ class TestMessages:
 
     def test_of_what_it_has_nothing(self, archives: Archives) -> None:
         with pytest.raises(FigureError, match='figure "scatter" of "trajectories"; it has: cdf'):
-            figure(archives["schema_2"], "scatter", source="trajectories")
+            figure(archives["schema_1"], "scatter", source="trajectories")
 
     @pytest.mark.parametrize(
         ("name", "asked", "message"),
@@ -98,7 +98,7 @@ class TestMessages:
         self, archives: Archives, name: str, asked: dict[str, str], message: str
     ) -> None:
         with pytest.raises(UnknownNameError, match=re.escape(message)):
-            figure(archives["schema_2"], name, **asked)
+            figure(archives["schema_1"], name, **asked)
 
     def test_a_damaged_benchmark(self) -> None:
         with pytest.raises(ArchiveError, match="the archive is damaged"):

@@ -52,13 +52,13 @@ def dots(axes: Axes) -> list[tuple[float, float, float]]:
 
 # Of outputs with dimensions, which these archives do not have.
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
-# What each has something for; "schema_1" is like "schema_2".
+# What each has something for.
 EXPECTED = {
     "beam": {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"},
     "lost": {"scatter", "losses"},
     "rods": set(FIGURES) - FIELDS - {"responses", "surrogate", "losses"},
-    "schema_2": set(FIGURES) - FIELDS - {"models", "trajectory", "velocity-profile"},
-    "schema_2_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
+    "schema_1": set(FIGURES) - FIELDS - {"models", "trajectory", "velocity-profile"},
+    "schema_1_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
 }
 
 
@@ -133,7 +133,7 @@ class TestDistributions:
         assert (point.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(asked))
 
     def test_a_surrogate_says_why_it_has_no_band(self, archives: Archives) -> None:
-        (panel,) = panels(archives["schema_2"], "cdf", source="chaos")
+        (panel,) = panels(archives["schema_1"], "cdf", source="chaos")
         from matplotlib.figure import Figure
 
         notes = panel.draw_on_axes(Figure().add_subplot())
@@ -142,14 +142,14 @@ class TestDistributions:
 
 class TestEstimates:
     def test_methods_are_the_moments_of_all_sources(self, archives: Archives) -> None:
-        tree = archives["schema_2"]
+        tree = archives["schema_1"]
         axes = drawn(tree, "methods")[0]
         rows = [each.get_text() for each in axes.get_yticklabels()]
         told = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
         np.testing.assert_allclose(dots(axes), filled(told))
 
     def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives: Archives) -> None:
-        page = uqpen.figure(archives["schema_2"], "methods")
+        page = uqpen.figure(archives["schema_1"], "methods")
         rows = [each.get_text() for each in page.axes[0].get_yticklabels()]
         (dot,) = page.axes[0].containers[rows.index("report")].lines[:1]
         assert dot.get_markerfacecolor() == "white"
@@ -157,7 +157,7 @@ class TestEstimates:
         assert notes[:2] == ["bars: 95 % intervals", "hollow: no interval"]
 
     def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
-        tree = archives["schema_2"]
+        tree = archives["schema_1"]
         axes = drawn(tree, "sensitivity", source="blocks")[0]
         told = tree["statistics/blocks/y"]
         expected = np.concatenate([told["first_order"], told["total_order"]])
@@ -165,7 +165,7 @@ class TestEstimates:
         assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
 
     def test_responses_are_magnitudes_in_per_cent(self, archives: Archives) -> None:
-        tree = archives["schema_2"]
+        tree = archives["schema_1"]
         axes = drawn(tree, "responses", source="steps")[0]
         told = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
         largest_first = sorted(told[np.isfinite(told)].tolist(), reverse=True)
@@ -209,7 +209,7 @@ class TestRuns:
         np.testing.assert_array_equal(chosen, thin_runs(runs, 100)["x"].values)
 
     def test_a_surrogate_is_held_against_its_check_runs(self, archives: Archives) -> None:
-        tree = archives["schema_2"]
+        tree = archives["schema_1"]
         (axes,) = drawn(tree, "surrogate")
         truth, guess = axes.lines[1].get_data()
         told = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]

@@ -14,7 +14,7 @@ import numpy as np
 
 import uqpen
 from uqpen.archive.provenance import SCHEMA
-from uqpen.archive.read import read_as_written
+from uqpen.archive.read import read_tree
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.core.errors import ArchiveError
@@ -256,7 +256,7 @@ def with_parts_changed(path: Path, random: Random) -> None:
 def hashed_anew(path: Path) -> None:
     """Give a changed archive right hashes and a right checksum, as a malicious hand might."""
     with contextlib.suppress(ArchiveError):
-        uqpen.write(read_as_written(path), path)
+        uqpen.write(read_tree(path), path)
 
 
 def _groups(group: Any) -> Iterator[Any]:

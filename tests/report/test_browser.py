@@ -161,7 +161,7 @@ def _on_curve(page: Page, x: float, p: float, which: str = LEADING_CURVE) -> tup
     )
 
 
-@pytest.mark.parametrize("name", ["concrete", "beam", "lost", "wide", "schema_2_several"])
+@pytest.mark.parametrize("name", ["concrete", "beam", "lost", "wide", "schema_1_several"])
 def test_it_fits_and_is_accessible_in_both_themes(
     browser: Browser, reports: Any, name: str
 ) -> None:

@@ -92,7 +92,7 @@ def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.Data
 
 
 def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:
-    (block,) = failures(ArchiveView(archives["schema_2_several"], "one"))
+    (block,) = failures(ArchiveView(archives["schema_1_several"], "one"))
     assert block == Text(
         "All 16 runs completed. By monte_carlo, the model fails at a random point with a "
         "probability of at most 27 %, the upper end of its 95 % interval."

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
 
-NAMES = ["beam", "lost", "schema_2", "schema_2_several"]
+NAMES = ["beam", "lost", "schema_1", "schema_1_several"]
 
 Archives = Mapping[str, xr.DataTree]
 PageOf = Callable[[str], str]
@@ -147,14 +147,14 @@ def test_outputs_stand_below_the_model_that_they_are_of(
 
 class TestFolding:
     def test_parts_for_a_statistician_are_folded(self, page_of: PageOf) -> None:
-        text = page_of("schema_2")
+        text = page_of("schema_1")
         folded = re.findall(r'<section id="(\w+)"[^>]*>\s*<details class="part">', text)
         named = [name for name, section in SECTIONS.items() if section.is_folded]
         assert folded == [name for name in named if f'<section id="{name}"' in text]
         assert {"convergence", "surrogates", "archive"} <= {*folded}
 
     def test_a_full_page_has_everything_open(self, archives: Archives) -> None:
-        text = _own(report_page(archives["schema_2"], full=True))
+        text = _own(report_page(archives["schema_1"], full=True))
         assert re.findall(r"<details(?![^>]* open>)[^>]*>", text) == []
         assert 'class="screen"' not in text
 
@@ -164,7 +164,7 @@ class TestBytes:
         assert report_page(archives["beam"]) == page_of("beam")
 
     def test_they_are_the_same_in_another_process(self, archives: Archives, tmp_path: Path) -> None:
-        uqpen.write(archives["schema_2"], tmp_path / "archive.nc")
+        uqpen.write(archives["schema_1"], tmp_path / "archive.nc")
         write_report(uqpen.open_archive(tmp_path / "archive.nc"), tmp_path / "one.html")
         code = (
             "import sys, uqpen; from uqpen.report.page import write_report; "

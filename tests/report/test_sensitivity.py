@@ -92,7 +92,7 @@ order = 3
 
 
 def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Archives) -> None:
-    (chart, *_) = charts(archives["schema_2"])
+    (chart, *_) = charts(archives["schema_1"])
     assert [key.text for key in chart.keys][:2] == [
         "first order by blocks",
         "total order by blocks",
@@ -131,7 +131,7 @@ def test_what_is_published_is_written_alike_in_table_and_pointer(study_of: Any) 
 
 
 def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
-    tree = archives["schema_2"]
+    tree = archives["schema_1"]
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
     (trace,) = [each for each in chart.traces if each["name"] == "steps"]
     told = tree["statistics/steps/y"]["response"].values[:, 0]

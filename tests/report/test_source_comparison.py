@@ -159,7 +159,7 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives)
     without = xr.DataTree.from_dict(
         {
             path: dataset
-            for path, dataset in archives["schema_2"].to_dict().items()
+            for path, dataset in archives["schema_1"].to_dict().items()
             if "/monte_carlo" not in path
         }
     )
@@ -168,6 +168,7 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives)
     assert [trace["name"] for trace in groups(blocks)[2].charts[0].traces] == [
         "latin_hypercube",
         "blocks",
+        "chaos",
     ]
 
 

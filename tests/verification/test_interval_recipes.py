@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE
+from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.labels import RECIPE
+from uqpen.verification import interval_recipes
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
@@ -42,6 +44,15 @@ def tree(archive: Path) -> xr.DataTree:
     return uqpen.open_archive(archive)
 
 
+@pytest.fixture
+def of_later_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    """This uqpen makes the intervals of means by another recipe than the archive's."""
+    recipe, statistics = INTERVAL_RECIPE + 1, interval_recipes._STATISTICS
+    mean = replace(statistics["mean"], recipe=recipe)
+    monkeypatch.setattr(interval_recipes, "INTERVAL_RECIPE", recipe)
+    monkeypatch.setattr(interval_recipes, "_STATISTICS", {**statistics, "mean": mean})
+
+
 def checks(tree: xr.DataTree, folder: Path) -> dict[str, CheckResult]:
     """What `verify` says of an archive, by part."""
     uqpen.write(tree, folder / "changed.nc")
@@ -54,21 +65,21 @@ def move_bounds(tree: xr.DataTree, statistic: str) -> None:
 
 
 def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
-    assert {tree.attrs[RECIPE]} == {INTERVAL_RECIPE} == {CATALOGUE["return_level"].recipe}
+    assert tree.attrs[RECIPE] == INTERVAL_RECIPE
     found = checks(tree, tmp_path)
     assert "intervals" not in found
     assert found["statistics"].verdict is CheckOutcome.EQUAL
 
 
-def test_intervals_of_the_first_recipe_are_no_difference(tree: xr.DataTree, tmp_path: Path) -> None:
-    del tree.attrs[RECIPE]
+@pytest.mark.usefixtures("of_later_means")
+def test_intervals_of_an_earlier_recipe_are_no_difference(
+    tree: xr.DataTree, tmp_path: Path
+) -> None:
     move_bounds(tree, "mean")
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
     assert found["intervals"].verdict is CheckOutcome.UNCHECKED
-    of = "those of mean, std, return_level, cdf, mean_band, tolerance_band, convergence_mean, "
-    of += "joint_probability"
-    made = f"{of} are made by an earlier recipe (1, here 5)"
+    made = "those of mean are made by an earlier recipe (1, here 2)"
     assert found["intervals"].text == f"{made}; only the estimates are compared"
 
 
@@ -79,20 +90,20 @@ def test_the_same_intervals_of_this_recipe_are_a_difference(
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
 
+@pytest.mark.usefixtures("of_later_means")
 @pytest.mark.parametrize("statistic", ["mean", "quantile"])
 def test_estimates_of_an_earlier_recipe_are_compared(
     tree: xr.DataTree, tmp_path: Path, statistic: str
 ) -> None:
-    del tree.attrs[RECIPE]
     values = tree[GROUP][statistic].values
     values[..., 0] = np.nextafter(values[..., 0], np.inf)
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
 
+@pytest.mark.usefixtures("of_later_means")
 def test_intervals_that_no_recipe_has_changed_are_compared(
     tree: xr.DataTree, tmp_path: Path
 ) -> None:
-    del tree.attrs[RECIPE]
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
@@ -100,12 +111,18 @@ def test_intervals_that_no_recipe_has_changed_are_compared(
 def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_path: Path) -> None:
     tree.attrs[RECIPE] = INTERVAL_RECIPE + 1
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
+    tree["failures/hypercubes"]["probability"].values[..., 1:] *= 1.5
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
-    assert found["intervals"].text == "made by a later recipe (6, here 5): not compared"
+    assert found["intervals"].text == "made by a later recipe (2, here 1): not compared"
 
 
 def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
     tree.attrs[RECIPE] = "new"
     found = checks(tree, tmp_path)
     assert found["structure"].text == "damaged: /: interval_recipe is no count"
+
+
+def test_an_archive_without_a_recipe_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
+    del tree.attrs[RECIPE]
+    assert checks(tree, tmp_path)["structure"].text == "damaged: no interval_recipe at its root"

@@ -27,8 +27,8 @@ __all__ = [
 
 CONVENTIONS = "CF-1.11"
 
-# The layout of the groups; raised whenever a reader has to know, with a migration from the last.
-SCHEMA = 3
+# The layout of the groups; raised whenever a reader has to know.
+SCHEMA = 1
 
 SCHEMA_ATTRIBUTE = "uqpen_schema"
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from uqpen.archive.checksum import is_broken
-from uqpen.archive.migrations import migrate
 from uqpen.archive.netcdf import read_groups
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.structure import find_faults
@@ -29,7 +28,6 @@ __all__ = [
     "is_archive",
     "model_trees",
     "open_archive",
-    "read_as_written",
     "read_group",
     "read_tree",
     "read_unchecked",
@@ -50,7 +48,7 @@ def open_archive(path: str | Path) -> xr.DataTree:
     Raises
     ------
     ArchiveError
-        If it cannot be read, is no archive, or was written by a later uqpen.
+        If it cannot be read, is no archive, or has another schema.
     """
     whole = read_tree(Path(path))
     if fault := next(find_faults(whole), None):
@@ -59,31 +57,14 @@ def open_archive(path: str | Path) -> xr.DataTree:
 
 
 def read_tree(path: Path) -> xr.DataTree:
-    """Read an archive as `open_archive` does, but without the check of its structure.
-
-    An archive of an earlier schema is migrated to the present one.
-    """
-    written = read_as_written(path)
-    try:
-        return migrate(written)
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        # A migration goes by what its schema had, and a damaged archive may lack it.
-        raise ArchiveError(f"{path}: is damaged: {error}") from error
-
-
-def read_as_written(path: Path) -> xr.DataTree:
-    """Read the tree of an archive without migration, as its hashes refer to it.
-
-    It raises as `open_archive` does.
-    """
+    """Read an archive as `open_archive` does, but without the check of its structure."""
     with _opened(path) as root:
         schema = _schema(root, path)
-        if schema > SCHEMA:
+        if schema != SCHEMA:
             raise ArchiveError(
-                f"{path}: has schema {schema}; this uqpen reads up to {SCHEMA}, so take a later one"
+                f"{path}: has schema {schema}, and this uqpen reads schema {SCHEMA}; "
+                "take the version that wrote it"
             )
-        if schema < 1:
-            raise ArchiveError(f"{path}: has schema {schema}, which there has never been")
         try:
             return read_groups(root)
         except (*_LIBRARY_ERRORS, LookupError, MemoryError) as error:

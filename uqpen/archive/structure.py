@@ -33,6 +33,7 @@ from uqpen.core.labels import (
     KIND,
     MODEL_FORM,
     MODELS,
+    RECIPE,
     RUN,
     RUNS,
     RUNS_SPENT,
@@ -58,6 +59,8 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     for name in _ROOT:
         if not isinstance(tree.attrs.get(name), str):
             yield f'no text "{name}" at its root'
+    if RECIPE not in tree.attrs:
+        yield f"no {RECIPE} at its root"
     if not _SEED.match(str(tree.attrs.get("seed", ""))):
         yield "a seed that is no number"
     yield from find_attribute_faults(tree)

@@ -11,9 +11,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.content import group_hashes, recorded_hashes
-from uqpen.archive.migrations import migrate
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
-from uqpen.archive.read import group_names, model_trees, read_as_written, read_group
+from uqpen.archive.read import group_names, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.model_versions import ModelComparison, compare_models
@@ -57,10 +56,9 @@ def open_intact(path: Path) -> xr.DataTree:
     ArchiveError
         If it cannot be read, has been changed, or is no archive of a study.
     """
-    written = read_as_written(path)
-    if recorded_hashes(written) not in (None, group_hashes(written)):
+    tree = read_tree(path)
+    if recorded_hashes(tree) not in (None, group_hashes(tree)):
         raise ArchiveError(f"{path}: has been changed since it was written")
-    tree = migrate(written)
     if fault := next(find_faults(tree), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")
     try:

@@ -7,7 +7,6 @@ import tomllib
 import xarray as xr
 
 from uqpen.archive.files import FILES, archived_files, files_by_name
-from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.model_versions import compare_models
 from uqpen.core.labels import DEPENDENCIES, RUNS
@@ -34,7 +33,7 @@ def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
     kept = {key: value for key, value in expected.items() if key not in of_models}
     if any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items()):
         return False
-    if tree.attrs.get(SCHEMA_ATTRIBUTE) != SCHEMA or not _is_identified(study):
+    if not _is_identified(study):
         return False
     archived_models = model_trees(tree)
     if [*archived_models] != [*study.models]:

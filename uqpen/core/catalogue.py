@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import chain
 from types import MappingProxyType
-from typing import Any
 
 from uqpen.core.labels import (
     BOUNDS,
@@ -20,7 +19,6 @@ from uqpen.core.labels import (
     NOTE,
     PAIR,
     RANK,
-    RECIPE,
     RESERVED,
     STATUS,
 )
@@ -56,7 +54,6 @@ __all__ = [
     "REQUESTED_DIMENSIONS",
     "TABLE_COLUMNS",
     "UNLISTED_DIMENSIONS",
-    "interval_recipe",
 ]
 
 
@@ -102,12 +99,10 @@ def _accepted(name: str) -> dict[str, str]:
 
 
 _STATISTICS = [
-    # Recipe 2 moves the ends out for skewed replicates and long tails.
     Statistic(
         "mean",
         "mean",
         unit=UnitRule.VALUE,
-        recipe=2,
         shown=Shown("mean", 30, is_compared=True),
         group="moments",
         by={"sample": f"{_MOMENTS}:sample_moments", "field": f"{_PLACES}:moments_at_places"},
@@ -117,7 +112,6 @@ _STATISTICS = [
         "std",
         "standard deviation",
         unit=UnitRule.DIFFERENCE,
-        recipe=2,
         shown=Shown("sd", 32, is_compared=True),
     ),
     Statistic(
@@ -220,7 +214,6 @@ _STATISTICS = [
         "return level",
         (RETURN_PERIOD,),
         UnitRule.VALUE,
-        recipe=5,
         takes_all_values=True,
         own=EntryDimension(RETURN_PERIOD),
         asked=Request(
@@ -308,12 +301,10 @@ _STATISTICS = [
         group="shares",
         by={"sample": f"{_CDF}.probabilities:category_probabilities"},
     ),
-    # Recipe 3 lets the bounds ascend.
     Statistic(
         "cdf",
         "distribution function, pointwise bounds",
         (RANK,),
-        recipe=3,
         own=EntryDimension(RANK, is_listed=False),
         group="cdfs",
         by={"sample": f"{_CDF}.cdfs:cdf"},
@@ -337,12 +328,10 @@ _STATISTICS = [
         group="reached",
         by={"field": f"{_PLACES}:reached"},
     ),
-    # Recipe 4 leaves out what few runs decide, or takes the height of other places for it.
     Statistic(
         "mean_band",
         "mean, simultaneous bounds",
         unit=UnitRule.VALUE,
-        recipe=4,
         shown=Shown("mean, all places at once", 31),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:mean_band"},
@@ -361,7 +350,6 @@ _STATISTICS = [
         "tolerance band",
         (BAND_CONTENT,),
         UnitRule.VALUE,
-        recipe=4,
         own=_contents(BAND_CONTENT),
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
         group="bands",
@@ -384,19 +372,13 @@ _STATISTICS = [
     ),
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
     *(
-        Statistic(
-            f"convergence_{name}",
-            f"{title}, by the runs so far",
-            (RUNS_SO_FAR, *dims),
-            unit,
-            recipe=recipe,
-        )
-        for name, title, dims, unit, recipe in (
-            ("mean", "mean", (), UnitRule.VALUE, 2),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE, 1),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE, 1),
-            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE, 1),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE, 1),
+        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
+        for name, title, dims, unit in (
+            ("mean", "mean", (), UnitRule.VALUE),
+            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
+            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
+            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
+            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
         )
     ),
     *_indices("", ""),
@@ -462,8 +444,6 @@ JOINT_STATISTICS = _by_name(
             "joint_probability",
             "probability of an event of several outputs",
             (EVENT,),
-            # Recipe 4 takes estimates of a rare event for log-normal.
-            recipe=4,
             own=EntryDimension(EVENT, "text", {"event_condition": "text"}, _accepted(EVENT)),
         ),
         Statistic(
@@ -571,8 +551,3 @@ NAMES_IN_USE = RESERVED.union(
 
 # The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
 INTERVAL_RECIPE = max(each.recipe for each in _ALL)
-
-
-def interval_recipe(attributes: Mapping[Any, Any]) -> int:
-    """Return the recipe by which the intervals of an archive were made, from its root."""
-    return int(attributes.get(RECIPE, 1))

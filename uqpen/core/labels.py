@@ -94,7 +94,7 @@ LEFT_OUT = "left_out"
 # Of all intervals, at the root of an archive whose study states another than the default.
 CONFIDENCE_LEVEL = "confidence_level"
 
-# Version of the recipe of intervals, at the root of an archive; without it, it is the first.
+# Version of the recipe of intervals, at the root of an archive.
 RECIPE = "interval_recipe"
 
 # Version of how a surrogate is fitted and its estimates are corrected, an attribute of the source.
@@ -118,7 +118,6 @@ SHARES = "shares"
 SENSITIVITY = "sensitivity"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
-COMPARISON = "comparison"
 TRAJECTORY = "trajectory"
 
 # Attributes that an analysis or a reader needs.

@@ -111,6 +111,6 @@ def open_archive(path: str | Path) -> Archive:
     Raises
     ------
     ArchiveError
-        If it cannot be read, is no archive, or was written by a later uqpen.
+        If it cannot be read, is no archive, or has another schema.
     """
     return Archive.of(open_tree(path))

@@ -1,7 +1,6 @@
 """Texts of estimates in archives: methods of intervals, reasons for none, and warnings.
 
-Names in braces are placeholders of `str.format`. Where a text is reworded, its earlier wording goes
-into `uqpen.archive.reworded`: `uqpen verify` compares the texts of earlier archives, too.
+Names in braces are placeholders of `str.format`.
 """
 
 from __future__ import annotations
@@ -369,7 +368,3 @@ SEPARATED = "the failed runs are completely separated from the others"
 
 # Publications.
 PUBLISHED = "published in {source}"
-
-# Notes on means in archives whose intervals an earlier recipe has made.
-HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
-IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"

@@ -10,21 +10,22 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, interval_codes_name
 from uqpen.core.catalogue import (
     CATALOGUE,
+    FAILURE_STATISTICS,
     INTERVAL_RECIPE,
     JOINT_STATISTICS,
-    interval_recipe,
+    MODEL_FORM_STATISTICS,
 )
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL, RECIPE
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 
 __all__ = ["check_recipe", "other_recipe", "without_intervals"]
 
-_STATISTICS = {**CATALOGUE, **JOINT_STATISTICS}
+_STATISTICS = {**CATALOGUE, **FAILURE_STATISTICS, **JOINT_STATISTICS, **MODEL_FORM_STATISTICS}
 
 
 def other_recipe(tree: xr.DataTree) -> frozenset[str]:
     """Return the statistics whose intervals another recipe than this uqpen's has made."""
-    recipe = interval_recipe(tree.attrs)
+    recipe = int(tree.attrs[RECIPE])
     if recipe > INTERVAL_RECIPE:
         return frozenset(_STATISTICS)  # what a later one has changed is not known here
     return frozenset(name for name, entry in _STATISTICS.items() if entry.recipe > recipe)
@@ -33,7 +34,7 @@ def other_recipe(tree: xr.DataTree) -> frozenset[str]:
 def check_recipe(tree: xr.DataTree) -> CheckResult | None:
     """Return the result for intervals of another recipe; None where there are none."""
     names = other_recipe(tree)
-    recipe = interval_recipe(tree.attrs)
+    recipe = int(tree.attrs[RECIPE])
     if recipe > INTERVAL_RECIPE:
         message = f"made by a later recipe ({recipe}, here {INTERVAL_RECIPE}): not compared"
     elif names:

@@ -7,13 +7,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.archive.files import FILES
-from uqpen.archive.provenance import (
-    SCHEMA,
-    SCHEMA_ATTRIBUTE,
-    of_python_functions,
-    provenance,
-    provenance_differences,
-)
+from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import model_trees
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.models import MODELS
@@ -52,17 +46,14 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
         f"{name} {archived} (here {found})"
         for name, archived, found in provenance_differences(then, here)
     ]
-    schema = tree.attrs[SCHEMA_ATTRIBUTE]
-    schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
     reused = str(tree.attrs.get(REUSED_RUNS, "")).split("\n")
-    return [*schemas, *versions, *filter(None, reused), *dict.fromkeys(_different_sources(tree))]
+    return [*versions, *filter(None, reused), *dict.fromkeys(_different_sources(tree))]
 
 
 def has_other_version(tree: xr.DataTree) -> bool:
-    """Return whether another version of uqpen wrote an archive, or in another schema."""
+    """Return whether another version of uqpen wrote an archive."""
     version = "version_uqpen"
-    is_other = tree.attrs.get(version) != provenance()[version]
-    return is_other or bool(tree.attrs[SCHEMA_ATTRIBUTE] != SCHEMA)
+    return bool(tree.attrs.get(version) != provenance()[version])
 
 
 def _different_sources(tree: xr.DataTree) -> Iterator[str]:

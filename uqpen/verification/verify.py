@@ -11,9 +11,8 @@ from typing import NamedTuple
 import xarray as xr
 
 from uqpen.archive.files import FILES
-from uqpen.archive.migrations import migrate
 from uqpen.archive.provenance import of_python_functions, provenance
-from uqpen.archive.read import read_as_written
+from uqpen.archive.read import read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError, UqpenError
 from uqpen.core.labels import DEPENDENCIES, KIND, NOT_MADE_AGAIN, REUSED_RUNS
@@ -124,9 +123,8 @@ def verify(
     ArchiveError
         If it is no archive.
     """
-    written = read_as_written(path)
-    yield check_hashes(written)
-    tree = migrate(written)
+    tree = read_tree(path)
+    yield check_hashes(tree)
     yield check_text(tree)
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
@@ -136,7 +134,7 @@ def verify(
     else:
         if FILES in tree.children:
             yield check_files(tree)
-        reports = environment_differences(written)
+        reports = environment_differences(tree)
         others = [each for each in reports if not each.endswith(NOT_MADE_AGAIN)]
         same = [] if others else ["the same versions and kind of processor as here"]
         message = ", ".join([*same, *reports])
@@ -145,7 +143,7 @@ def verify(
         options = _Options(
             run_count=runs,
             tolerance=TOLERANCE if others else 0.0,
-            is_earlier=has_other_version(written),
+            is_earlier=has_other_version(tree),
             trust=trust,
             map=map,
             progress=progress or Progress(),

@@ -1,6 +1,6 @@
 """Make the hostile files of this folder; it takes h5py, which uqpen's tests do not.
 
-Each is a small HDF5 file that says it is an archive of schema 3. It holds one thing that uqpen does
+Each is a small HDF5 file that says it is an archive of schema 1. It holds one thing that uqpen does
 not write. Run it as ``python make.py`` in this folder.
 """
 
@@ -15,7 +15,7 @@ def main() -> None:
     for name, change in CHANGES.items():
         path = pathlib.Path(f"{name}.nc")
         with h5py.File(path, "w", libver=("v108", "v110"), track_order=True) as file:
-            file.attrs["uqpen_schema"] = np.int64(3)
+            file.attrs["uqpen_schema"] = np.int64(1)
             change(file)
         pathlib.Path(f"{name}.nc.gz").write_bytes(gzip.compress(path.read_bytes(), mtime=0))
         path.unlink()

@@ -1,4 +1,4 @@
-"""Schema 3: a group for each source and output, variables named by the statistic alone."""
+"""A study: a group for each source and output, variables named by the statistic alone."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ from flat_archive.content import (
     put_estimates,
 )
 from flat_archive.runs import models_of, put_model_apart, put_root, put_runs
-from flat_archive.schema_2 import put_fit
 
-__all__ = ["entry_texts", "flat_of_schema_3", "put_output"]
+__all__ = ["entry_texts", "flat_of_study", "put_output"]
 
 # A variable of codes into the texts, after the statistic's name, and its tables.
 _CODES = "_interval"
@@ -35,7 +34,7 @@ _TABLES = {what: f"flag_{what}" for what in PER_ENTRY}
 _OF_GROUP = ("largest_contribution", "minus")
 
 
-def flat_of_schema_3(tree: Tree) -> Flat:
+def flat_of_study(tree: Tree) -> Flat:
     """Flatten the archive of a study; its groups are taken out of the tree."""
     flat = Flat()
     check_bounds(tree.groups.values())
@@ -166,13 +165,24 @@ def _put_surrogate(flat: Flat, tree: Tree, key: Key, path: str) -> None:
     describe(flat, key, attributes)
     polynomials = tree.take(f"{path}/input")
     for name, variable in polynomials.variables.items():
-        put_fit(flat, key._replace(name=name), variable)
+        _put_fit(flat, key._replace(name=name), variable)
     for output in tree.children(path):
         inside = tree.take(f"{path}/{output}")
         place = key._replace(output=output)
         describe(flat, place, inside.attributes)
         for name, variable in inside.variables.items():
             if name != "input":
-                put_fit(flat, place._replace(name=name), variable)
+                _put_fit(flat, place._replace(name=name), variable)
             elif variable.values.tolist() != polynomials.variables[name].values.tolist():
                 raise NoPlaceError(f"{path}/{output}: other inputs than the polynomials")
+
+
+def _put_fit(flat: Flat, key: Key, variable: Variable) -> None:
+    """Put a variable of a surrogate at its place; how well an output is fitted is the output's."""
+    own = ("units", "long_name", "display_units", "role")
+    put(flat.columns, key, variable.values)
+    told = variable.attributes.items()
+    describe(flat, key, {k: v for k, v in told if k in own or not key.output})
+    if key.output:
+        diagnostics = {k: v for k, v in told if k not in own}
+        describe(flat, key._replace(name=""), diagnostics)
