@@ -21,6 +21,7 @@ from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
+from uqpen.designs.rare_events import RARE_EVENT_METHODS
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
@@ -94,6 +95,7 @@ def test_every_analysis_resolves_to_a_callable() -> None:
     references = [
         reference for family in families for group in family.values() for reference in group
     ]
+    references += [part for method in RARE_EVENT_METHODS.values() for part in filter(None, method)]
     assert all(callable(resolve(reference)) for reference in references)
 
 
