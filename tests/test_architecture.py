@@ -25,6 +25,7 @@ from uqpen.designs.rare_events import RARE_EVENT_METHODS
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
+from uqpen.execution import EXECUTORS
 from uqpen.models import MODELS
 from uqpen.reductions import REDUCTIONS
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
@@ -90,11 +91,12 @@ def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: 
             assert member.__dataclass_params__.frozen, name  # type: ignore[attr-defined]
 
 
-def test_every_analysis_resolves_to_a_callable() -> None:
+def test_every_function_of_a_family_resolves_to_a_callable() -> None:
     families = [ANALYSES, *ANALYSES_OF_DESIGNS.values()]
     references = [
         reference for family in families for group in family.values() for reference in group
     ]
+    references += [executor.function for executor in EXECUTORS.values()]
     references += [part for method in RARE_EVENT_METHODS.values() for part in filter(None, method)]
     assert all(callable(resolve(reference)) for reference in references)
 
