@@ -28,6 +28,7 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.execution import EXECUTORS
 from uqpen.models import MODELS
 from uqpen.reductions import REDUCTIONS
+from uqpen.results import TABLE_FORMATS
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 
 ROOT = Path(__file__).parents[1]
@@ -96,6 +97,7 @@ def test_every_function_of_a_family_resolves_to_a_callable() -> None:
     references = [
         reference for family in families for group in family.values() for reference in group
     ]
+    references += [each.function for each in TABLE_FORMATS.values()]
     references += [executor.function for executor in EXECUTORS.values()]
     references += [part for method in RARE_EVENT_METHODS.values() for part in filter(None, method)]
     assert all(callable(resolve(reference)) for reference in references)
