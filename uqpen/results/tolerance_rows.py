@@ -14,6 +14,7 @@ from uqpen.core.units import Scale
 from uqpen.results.digits import (
     lower_tolerance_limit_text,
     percent_text,
+    range_text,
     tolerance_interval_texts,
     tolerance_limit_text,
 )
@@ -84,7 +85,7 @@ def _cell(table: OutputTable, kind: _Kind, array: xr.DataArray | None, shown: Sc
 
 
 def _interval_text(lower: float, upper: float) -> str:
-    return NOTHING if math.isnan(lower) else " … ".join(tolerance_interval_texts(lower, upper))
+    return NOTHING if math.isnan(lower) else range_text(*tolerance_interval_texts(lower, upper))
 
 
 def _marks(table: OutputTable, kind: _Kind, array: xr.DataArray) -> Iterator[str]:

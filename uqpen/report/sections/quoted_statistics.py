@@ -15,11 +15,15 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
-from uqpen.report.counting import percent_texts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import equivalent_runs_text, is_corrected
-from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
+from uqpen.results.digits import (
+    estimate_texts,
+    percent_text,
+    percent_texts,
+    tolerance_interval_texts,
+)
 from uqpen.results.statistic_entries import entry_label
 from uqpen.results.table import (
     estimate_remark,
