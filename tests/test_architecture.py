@@ -30,6 +30,7 @@ from uqpen.models import MODELS
 from uqpen.reductions import REDUCTIONS
 from uqpen.results import TABLE_FORMATS
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
+from uqpen.surrogates import SURROGATES
 
 ROOT = Path(__file__).parents[1]
 
@@ -126,6 +127,18 @@ def test_the_public_names_are_there() -> None:
         assert getattr(uqpen, name) is not None
     with pytest.raises(AttributeError, match="frobnicate"):
         uqpen.frobnicate  # noqa: B018 - the access is the test
+
+
+@pytest.mark.parametrize(
+    "family",
+    [DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES],
+    ids=["designs", "distributions", "copulas", "models", "surrogates"],
+)
+def test_each_class_that_a_study_can_name_is_public(family: dict[str, str]) -> None:
+    for reference in family.values():
+        name = reference.rpartition(":")[2]
+        assert name in uqpen.__all__
+        assert getattr(uqpen, name) is resolve(reference)
 
 
 def test_help_imports_nothing_heavy() -> None:
