@@ -62,19 +62,19 @@ class _OfLogarithm(Distribution):
     is_positive = True
 
     @abstractmethod
-    def _logarithm(self) -> Distribution: ...
+    def logarithm(self) -> Distribution: ...
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return np.exp(self._logarithm().ppf(probability))
+        return np.exp(self.logarithm().ppf(probability))
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return np.exp(self._logarithm().isf(probability))
+        return np.exp(self.logarithm().isf(probability))
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().cdf(_log(value))
+        return self.logarithm().cdf(_log(value))
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().sf(_log(value))
+        return self.logarithm().sf(_log(value))
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,12 @@ class Lognormal(_OfLogarithm):
     mean: float = quantity(above=0)
     std: float = difference(above=0)
 
-    def _logarithm(self) -> Normal:
+    def logarithm(self) -> Normal:
         variance = math.log1p((self.std / self.mean) ** 2)
         return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return self._logarithm().scores(_log(value))
+        return self.logarithm().scores(_log(value))
 
     @classmethod
     def fit(cls, x: FloatArray, size: float) -> Lognormal:
@@ -136,7 +136,7 @@ class LogUniform(_OfLogarithm):
     def check_settings(self) -> Iterator[Problem]:
         return order_problem(self.lower, self.upper)
 
-    def _logarithm(self) -> Uniform:
+    def logarithm(self) -> Uniform:
         return Uniform(math.log(self.lower), math.log(self.upper))
 
     def ppf(self, probability: FloatArray) -> FloatArray:

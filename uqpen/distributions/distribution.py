@@ -82,6 +82,10 @@ class Distribution(ABC):
         deviation = value - self.median
         return deviation, deviation * deviation
 
+    def logarithm(self) -> Distribution | None:
+        """Return the distribution of the logarithm if it is simpler; None otherwise."""
+        return None
+
     @classmethod
     def fit(cls, x: FloatArray, size: float) -> Distribution:
         """Return the distribution under which measurements are the likeliest.
