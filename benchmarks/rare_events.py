@@ -27,7 +27,7 @@ from result_files import append_results, read_records
 from scipy import special, stats
 from scipy.special import ndtr
 
-from uqpen.core.labels import RARE_EVENT, REPLICATE, ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD, REPLICATE, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
@@ -247,7 +247,8 @@ def subset_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
         described = {name: (RUN, each) for name, each in columns.items()}
         points = xr.Dataset(coords={RUN: np.arange(sum(sizes)), **described})
         values = np.concatenate([problem.function(each.points) for each in wanted.values()])
-        rounds.append(_run(points.assign_attrs({RARE_EVENT: str(event)}), values))
+        described = {RARE_EVENT: str(event), RARE_EVENT_METHOD: design.method}
+        rounds.append(_run(points.assign_attrs(described), values))
         outcomes = event.outcomes(rounds[-1])
         following = {}
         for number, part in zip(

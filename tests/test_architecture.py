@@ -21,13 +21,16 @@ from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
-from uqpen.distributions.continuous import DISTRIBUTIONS
-from uqpen.distributions.copulas import COPULAS
+from uqpen.designs.rare_events import RARE_EVENT_METHODS
+from uqpen.distributions import COPULAS, DISTRIBUTIONS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
+from uqpen.execution import EXECUTORS
 from uqpen.models import MODELS
 from uqpen.reductions import REDUCTIONS
+from uqpen.results import TABLE_FORMATS
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
+from uqpen.surrogates import SURROGATES
 
 ROOT = Path(__file__).parents[1]
 
@@ -90,11 +93,14 @@ def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: 
             assert member.__dataclass_params__.frozen, name  # type: ignore[attr-defined]
 
 
-def test_every_analysis_resolves_to_a_callable() -> None:
+def test_every_function_of_a_family_resolves_to_a_callable() -> None:
     families = [ANALYSES, *ANALYSES_OF_DESIGNS.values()]
     references = [
         reference for family in families for group in family.values() for reference in group
     ]
+    references += [each.function for each in TABLE_FORMATS.values()]
+    references += [executor.function for executor in EXECUTORS.values()]
+    references += [part for method in RARE_EVENT_METHODS.values() for part in filter(None, method)]
     assert all(callable(resolve(reference)) for reference in references)
 
 
@@ -121,6 +127,18 @@ def test_the_public_names_are_there() -> None:
         assert getattr(uqpen, name) is not None
     with pytest.raises(AttributeError, match="frobnicate"):
         uqpen.frobnicate  # noqa: B018 - the access is the test
+
+
+@pytest.mark.parametrize(
+    "family",
+    [DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES],
+    ids=["designs", "distributions", "copulas", "models", "surrogates"],
+)
+def test_each_class_that_a_study_can_name_is_public(family: dict[str, str]) -> None:
+    for reference in family.values():
+        name = reference.rpartition(":")[2]
+        assert name in uqpen.__all__
+        assert getattr(uqpen, name) is resolve(reference)
 
 
 def test_help_imports_nothing_heavy() -> None:

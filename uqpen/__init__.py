@@ -7,196 +7,110 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from uqpen.core.lazy_attributes import lazy_attributes
+from uqpen.core.lazy_attributes import lazy_attributes, member_homes
+from uqpen.designs import DESIGNS
+from uqpen.distributions import COPULAS, DISTRIBUTIONS
+from uqpen.models import MODELS
+from uqpen.surrogates import SURROGATES
 
+# What a type checker knows; it takes a member of a family that is not here for Any.
 if TYPE_CHECKING:
-    from uqpen.archive.write import write
-    from uqpen.benchmark.compare import compare
-    from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-    from uqpen.designs.data import DataDesign
-    from uqpen.designs.full_factorial import FullFactorial
-    from uqpen.designs.latin_hypercube import LatinHypercube
-    from uqpen.designs.monte_carlo import MonteCarlo
-    from uqpen.designs.morris import Morris
-    from uqpen.designs.multifidelity.multifidelity import Multifidelity
-    from uqpen.designs.one_at_a_time import OneAtATime
-    from uqpen.designs.quadrature import Quadrature
-    from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
-    from uqpen.designs.rare_events.form import Form
-    from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
-    from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
-    from uqpen.designs.saltelli import Saltelli
-    from uqpen.designs.stopping.precision import Precision
-    from uqpen.designs.table import TableDesign
-    from uqpen.distributions.continuous import (
-        Beta,
-        Gamma,
-        Gumbel,
-        Lognormal,
-        LogUniform,
-        Normal,
-        Triangular,
-        Uniform,
-        Weibull,
+    from uqpen.archive.write import write as write
+    from uqpen.benchmark.compare import compare as compare
+    from uqpen.core.errors import ArchiveError as ArchiveError
+    from uqpen.core.errors import StudyError as StudyError
+    from uqpen.core.errors import UqpenError as UqpenError
+    from uqpen.designs.data import DataDesign as DataDesign
+    from uqpen.designs.full_factorial import FullFactorial as FullFactorial
+    from uqpen.designs.latin_hypercube import LatinHypercube as LatinHypercube
+    from uqpen.designs.monte_carlo import MonteCarlo as MonteCarlo
+    from uqpen.designs.morris import Morris as Morris
+    from uqpen.designs.multifidelity.multifidelity import Multifidelity as Multifidelity
+    from uqpen.designs.one_at_a_time import OneAtATime as OneAtATime
+    from uqpen.designs.quadrature import Quadrature as Quadrature
+    from uqpen.designs.quasi_monte_carlo import Halton as Halton
+    from uqpen.designs.quasi_monte_carlo import SobolSequence as SobolSequence
+    from uqpen.designs.rare_events.form import Form as Form
+    from uqpen.designs.rare_events.importance_sampling import (
+        ImportanceSampling as ImportanceSampling,
     )
-    from uqpen.distributions.copulas import ClaytonCopula, FrankCopula, GumbelCopula, JoeCopula
-    from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula
-    from uqpen.distributions.frozen import FrozenDistribution
-    from uqpen.distributions.truncated import Truncated
-    from uqpen.execution.failures import FailurePolicy
-    from uqpen.figures.page import figure
-    from uqpen.library import make_archive, run, verify
-    from uqpen.models.alekseevskii_tate import AlekseevskiiTate
-    from uqpen.models.campbell import Campbell
-    from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
-    from uqpen.models.ishigami import Ishigami
-    from uqpen.models.rigid_penetration import RigidPenetration
-    from uqpen.models.walker_anderson import WalkerAnderson
-    from uqpen.models.walker_anderson_drucker_prager import WalkerAndersonDruckerPrager
-    from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
-    from uqpen.report.page import write_report
-    from uqpen.results.archive import Archive, open_archive
-    from uqpen.study.load import parse_study
-    from uqpen.study.python_model import OutputSpec, PythonModel
-    from uqpen.study.python_study import Study, load_study
-    from uqpen.surrogates.active_learning.active_learning import ActiveLearning
-    from uqpen.surrogates.archived_surrogate import ExtrapolationWarning, RefutationWarning
-    from uqpen.surrogates.gaussian_process import GaussianProcess
-    from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-
-__all__ = [
-    "ActiveLearning",
-    "AlekseevskiiTate",
-    "Archive",
-    "ArchiveError",
-    "Beta",
-    "Campbell",
-    "ClaytonCopula",
-    "DataDesign",
-    "Discrete",
-    "ExtrapolationWarning",
-    "FailurePolicy",
-    "Form",
-    "FrankCopula",
-    "FrozenDistribution",
-    "FullFactorial",
-    "Gamma",
-    "GaussianCopula",
-    "GaussianProcess",
-    "Gumbel",
-    "GumbelCopula",
-    "Halton",
-    "HydrodynamicLimit",
-    "ImportanceSampling",
-    "Ishigami",
-    "JoeCopula",
-    "LatinHypercube",
-    "LogUniform",
-    "Lognormal",
-    "MonteCarlo",
-    "Morris",
-    "Multifidelity",
-    "Normal",
-    "OneAtATime",
-    "OutputSpec",
-    "PolynomialChaos",
-    "Precision",
-    "PythonModel",
-    "Quadrature",
-    "RefutationWarning",
-    "RigidPenetration",
-    "Saltelli",
-    "SobolSequence",
-    "StudentCopula",
-    "Study",
-    "StudyError",
-    "SubsetSimulation",
-    "TableDesign",
-    "Triangular",
-    "Truncated",
-    "Uniform",
-    "UqpenError",
-    "WalkerAnderson",
-    "WalkerAndersonDruckerPrager",
-    "WalkerAndersonTrajectory",
-    "Weibull",
-    "compare",
-    "figure",
-    "load_study",
-    "make_archive",
-    "open_archive",
-    "parse_study",
-    "run",
-    "verify",
-    "write",
-    "write_report",
-]
+    from uqpen.designs.rare_events.subset_simulation import SubsetSimulation as SubsetSimulation
+    from uqpen.designs.saltelli import Saltelli as Saltelli
+    from uqpen.designs.stopping.precision import Precision as Precision
+    from uqpen.designs.table import TableDesign as TableDesign
+    from uqpen.distributions.continuous import *  # noqa: F403
+    from uqpen.distributions.copulas import *  # noqa: F403
+    from uqpen.distributions.discrete import Discrete as Discrete
+    from uqpen.distributions.elliptical_copulas import GaussianCopula as GaussianCopula
+    from uqpen.distributions.elliptical_copulas import StudentCopula as StudentCopula
+    from uqpen.distributions.frozen import FrozenDistribution as FrozenDistribution
+    from uqpen.distributions.truncated import Truncated as Truncated
+    from uqpen.execution.failures import FailurePolicy as FailurePolicy
+    from uqpen.figures.page import figure as figure
+    from uqpen.library import make_archive as make_archive
+    from uqpen.library import run as run
+    from uqpen.library import verify as verify
+    from uqpen.models.alekseevskii_tate import AlekseevskiiTate as AlekseevskiiTate
+    from uqpen.models.campbell import Campbell as Campbell
+    from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
+    from uqpen.models.ishigami import Ishigami as Ishigami
+    from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
+    from uqpen.models.rigid_penetration_trajectory import (
+        RigidPenetrationTrajectory as RigidPenetrationTrajectory,
+    )
+    from uqpen.models.walker_anderson import WalkerAnderson as WalkerAnderson
+    from uqpen.models.walker_anderson_drucker_prager import (
+        WalkerAndersonDruckerPrager as WalkerAndersonDruckerPrager,
+    )
+    from uqpen.models.walker_anderson_trajectory import (
+        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
+    )
+    from uqpen.report.page import write_report as write_report
+    from uqpen.results.archive import Archive as Archive
+    from uqpen.results.archive import open_archive as open_archive
+    from uqpen.study.load import parse_study as parse_study
+    from uqpen.study.python_model import OutputSpec as OutputSpec
+    from uqpen.study.python_model import PythonModel as PythonModel
+    from uqpen.study.python_study import Study as Study
+    from uqpen.study.python_study import load_study as load_study
+    from uqpen.surrogates.active_learning.active_learning import ActiveLearning as ActiveLearning
+    from uqpen.surrogates.archived_surrogate import ExtrapolationWarning as ExtrapolationWarning
+    from uqpen.surrogates.archived_surrogate import RefutationWarning as RefutationWarning
+    from uqpen.surrogates.best_surrogate import BestSurrogate as BestSurrogate
+    from uqpen.surrogates.gaussian_process import GaussianProcess as GaussianProcess
+    from uqpen.surrogates.polynomial_chaos import PolynomialChaos as PolynomialChaos
 
 __version__ = "0.1.0"
 
 # Imported when they are asked for, so that the command line starts at once.
-_HOMES = {
+_HOMES: dict[str, Sequence[str]] = {
     "uqpen.archive.write": ("write",),
     "uqpen.benchmark.compare": ("compare",),
     "uqpen.core.errors": ("ArchiveError", "StudyError", "UqpenError"),
-    "uqpen.designs.data": ("DataDesign",),
-    "uqpen.designs.full_factorial": ("FullFactorial",),
-    "uqpen.designs.latin_hypercube": ("LatinHypercube",),
-    "uqpen.designs.monte_carlo": ("MonteCarlo",),
-    "uqpen.designs.morris": ("Morris",),
-    "uqpen.designs.multifidelity.multifidelity": ("Multifidelity",),
-    "uqpen.designs.one_at_a_time": ("OneAtATime",),
-    "uqpen.designs.quadrature": ("Quadrature",),
-    "uqpen.designs.quasi_monte_carlo": ("Halton", "SobolSequence"),
-    "uqpen.designs.rare_events.form": ("Form",),
-    "uqpen.designs.rare_events.importance_sampling": ("ImportanceSampling",),
-    "uqpen.designs.rare_events.subset_simulation": ("SubsetSimulation",),
-    "uqpen.designs.saltelli": ("Saltelli",),
     "uqpen.designs.stopping.precision": ("Precision",),
-    "uqpen.designs.table": ("TableDesign",),
-    "uqpen.distributions.continuous": (
-        "Beta",
-        "Gamma",
-        "Gumbel",
-        "LogUniform",
-        "Lognormal",
-        "Normal",
-        "Triangular",
-        "Uniform",
-        "Weibull",
-    ),
-    "uqpen.distributions.copulas": ("ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"),
-    "uqpen.distributions.discrete": ("Discrete",),
-    "uqpen.distributions.elliptical_copulas": ("GaussianCopula", "StudentCopula"),
     "uqpen.distributions.frozen": ("FrozenDistribution",),
     "uqpen.distributions.truncated": ("Truncated",),
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
-    "uqpen.models.alekseevskii_tate": ("AlekseevskiiTate",),
-    "uqpen.models.campbell": ("Campbell",),
-    "uqpen.models.hydrodynamic_limit": ("HydrodynamicLimit",),
-    "uqpen.models.ishigami": ("Ishigami",),
-    "uqpen.models.rigid_penetration": ("RigidPenetration",),
-    "uqpen.models.walker_anderson": ("WalkerAnderson",),
-    "uqpen.models.walker_anderson_drucker_prager": ("WalkerAndersonDruckerPrager",),
-    "uqpen.models.walker_anderson_trajectory": ("WalkerAndersonTrajectory",),
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
     "uqpen.study.python_study": ("Study", "load_study"),
-    "uqpen.surrogates.active_learning.active_learning": ("ActiveLearning",),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
-    "uqpen.surrogates.gaussian_process": ("GaussianProcess",),
-    "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),
+    **member_homes(DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES),
 }
+_NAMES = sorted(name for names in _HOMES.values() for name in names)
 
+if not TYPE_CHECKING:  # for which an alias makes a name public
+    __all__ = _NAMES
 
 __getattr__ = lazy_attributes(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*_NAMES, "__version__"]

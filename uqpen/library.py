@@ -10,7 +10,7 @@ from typing import Any
 from uqpen import workflow
 from uqpen.checkpoints import make_archive as checkpoints
 from uqpen.checkpoints.resume_options import ResumeOptions
-from uqpen.execution import Map, Progress
+from uqpen.execution import EXECUTORS, Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
@@ -204,7 +204,7 @@ def _map(workers: int, given: Map | None, progress: Progress) -> Iterator[Map]:
     if given is not None or workers == 1:
         yield given or map
         return
-    progress.start_step(f"starting {workers} worker processes")
+    progress.start_step(EXECUTORS["workers"].step.format(workers))
     with processes(workers) as spread:
         yield spread
 

@@ -17,6 +17,8 @@ from click.testing import CliRunner
 
 import uqpen
 from uqpen.cli.export import export
+from uqpen.cli.table_file import table_format
+from uqpen.results import TABLE_FORMATS
 from uqpen.results.export import table_content
 
 STUDY = """
@@ -113,3 +115,8 @@ def test_a_shell_is_answered(command_line: Callable[..., Any]) -> None:
         check=True,
     )
     assert done.stdout == "plain,export\n"
+
+
+@pytest.mark.parametrize("kind", TABLE_FORMATS)
+def test_the_ending_of_a_file_names_each_format(kind: str) -> None:
+    assert table_format(Path(f"table.{kind.upper()}")) == kind

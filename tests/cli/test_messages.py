@@ -1,12 +1,18 @@
-"""Messages on a terminal and in a pipe."""
+"""Messages on a terminal and in a pipe, and the options that commands share."""
 
 from __future__ import annotations
 
+import re
 import sys
+from contextlib import AbstractContextManager, nullcontext
 
+import click
 import pytest
+from click.testing import CliRunner
 
 from uqpen.cli.messages import show_message, wrapped_message
+from uqpen.cli.options import ExecutorOptions, executor_option
+from uqpen.execution import EXECUTORS, Executor, ExecutorDetail
 
 WORDS = "a mean and a standard deviation, such as "
 
@@ -50,3 +56,32 @@ def test_the_width_is_that_of_the_stream_of_a_message(monkeypatch: pytest.Monkey
 def test_where_a_program_reads_no_line_is_wrapped(capsys: pytest.CaptureFixture[str]) -> None:
     show_message(f"{WORDS * 5}\x1b[31m")
     assert capsys.readouterr().err == f"{WORDS * 5}\\x1b[31m\n"
+
+
+def test_an_executor_has_its_option_and_its_further_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    detail = ExecutorDetail("queue", "NAME", "The queue.")
+    batch = Executor(
+        f"{__name__}:open_batch", "JOBS", "In jobs.", "submitting {} jobs", detail=detail
+    )
+    monkeypatch.setitem(EXECUTORS, "batch", batch)
+
+    @click.command()
+    @executor_option
+    def command(executor: ExecutorOptions) -> None:
+        with executor.open_map() as spread:
+            click.echo(f"{executor.preparation}; {spread}")
+
+    def printed(*arguments: str) -> str:
+        return CliRunner().invoke(command, arguments).output.strip()
+
+    assert printed("--batch", "4", "--queue", "long") == "submitting 4 jobs; 4 in long"
+    assert printed("--batch", "4") == "submitting 4 jobs; 4 in"
+    assert printed("--workers", "1") == printed() == f"; {map}"
+    assert "--workers and --batch exclude each other" in printed("--batch", "4", "--workers", "2")
+    assert "--queue is for --batch" in printed("--queue", "long")
+    assert re.search(r"--batch JOBS +In jobs.", printed("--help"))
+
+
+def open_batch(jobs: str, queue: str) -> AbstractContextManager[str]:
+    """Stand in for an executor: its map is a text on what it was given."""
+    return nullcontext(f"{jobs} in {queue}")

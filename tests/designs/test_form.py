@@ -49,9 +49,9 @@ def probability(tree: xr.DataTree) -> xr.DataArray:
 
 def points_of(tree: xr.DataTree) -> list[DesignPoint]:
     runs = tree["runs/rare"].to_dataset()
-    event = rare_event(runs)
-    assert event is not None
-    return design_points(runs, event, event.outcomes(runs))
+    rare = rare_event(runs)
+    assert rare is not None
+    return design_points(runs, rare.event, rare.event.outcomes(runs))
 
 
 def plane(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:

@@ -15,7 +15,15 @@ from scipy import special, stats
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import DENSITY_RATIO, MIXTURE_COMPONENT, REPLICATE, SAMPLING_STAGE
+from uqpen.core.labels import (
+    DENSITY_RATIO,
+    MIXTURE_COMPONENT,
+    RARE_EVENT_METHOD,
+    REPLICATE,
+    RUN,
+    SAMPLING_STAGE,
+    SEARCH_START,
+)
 from uqpen.core.streams import Stream
 from uqpen.designs.rare_events.gaussian_mixture import (
     GaussianComponent,
@@ -24,6 +32,7 @@ from uqpen.designs.rare_events.gaussian_mixture import (
 )
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
+from uqpen.statistics.joint_probability import joint_probabilities
 
 Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
@@ -81,6 +90,17 @@ def tree() -> xr.DataTree:
 def test_the_probability_of_a_half_space_is_in_the_interval(tree: xr.DataTree) -> None:
     assert contains(probability(tree), HALF_SPACE)
     assert tree["runs/rare"].sizes["run"] == 5 * 400
+
+
+def test_the_method_is_the_one_that_the_runs_name(tree: xr.DataTree) -> None:
+    """A coordinate that another method has as well makes them no runs of that."""
+    runs = tree["runs/rare"].to_dataset()
+    assert runs.attrs[RARE_EVENT_METHOD] == "importance-sampling"
+    alike = runs.assign_coords({SEARCH_START: (RUN, np.zeros(runs.sizes[RUN], dtype=np.int64))})
+    found = joint_probabilities(alike, (), 0.999)["joint_probability"]
+    np.testing.assert_array_equal(found[0], probability(tree))
+    unknown = runs.assign_attrs({RARE_EVENT_METHOD: "line-sampling"})
+    assert joint_probabilities(unknown, (), 0.999) == {}
 
 
 def test_the_ratio_of_densities_has_the_mean_one(tree: xr.DataTree) -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.core.errors import SettingsError
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.continuous import (
-    DISTRIBUTIONS,
     Beta,
     Gamma,
     Gumbel,

@@ -10,9 +10,9 @@ import pytest
 from scipy import stats
 
 from uqpen.core.lookup import resolve
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions import orthogonal_polynomials as module
 from uqpen.distributions.continuous import (
-    DISTRIBUTIONS,
     Beta,
     Gamma,
     Gumbel,

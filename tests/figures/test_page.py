@@ -25,8 +25,8 @@ from uqpen.core.lookup import resolve
 from uqpen.figures import BENCHMARK_FIGURES, FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
-from uqpen.results.digits import number_text
-from uqpen.results.texts import plain_text, typeset_unit
+from uqpen.results.digits import number_text, typeset_unit
+from uqpen.results.texts import plain_text
 
 pytestmark = pytest.mark.slow
 

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from uqpen.report.counting import count_text, percent_texts
-from uqpen.results.digits import estimate_texts
+from uqpen.report.counting import count_text
+from uqpen.results.digits import estimate_texts, percent_texts
 
 
 @pytest.mark.parametrize(

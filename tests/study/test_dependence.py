@@ -17,8 +17,9 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.distributions import COPULAS
 from uqpen.distributions.continuous import Lognormal, Normal
-from uqpen.distributions.copulas import COPULAS, ClaytonCopula, FrankCopula
+from uqpen.distributions.copulas import ClaytonCopula, FrankCopula
 from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula, score_correlation
 from uqpen.distributions.empirical import Empirical
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput

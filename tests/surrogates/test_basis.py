@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from uqpen.core.lookup import resolve
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.continuous import (
-    DISTRIBUTIONS,
     Beta,
     Gamma,
     Gumbel,

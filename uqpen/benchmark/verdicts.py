@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, range_text
 from uqpen.results.texts import join_names
 
 __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
@@ -110,7 +110,7 @@ def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
         return f"{where} {seen} by a factor of {_factor_text(over.factor)}, but {verdict.doubt}"
     factor, lower, upper = map(_factor_text, (over.factor, over.lower, over.upper))
     lead = f"{verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
-    return f"{where} {lead} ({lower} … {upper})"
+    return f"{where} {lead} ({range_text(lower, upper)})"
 
 
 def reference_remark(error: float, half_width: float) -> str:

@@ -8,17 +8,20 @@ import click
 
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH
+from uqpen.cli.table_file import alternatives, format_options, table_format, write_table
+from uqpen.results import TABLE_FORMATS
 
 __all__ = ["export"]
 
 
-@click.command(short_help="Write the runs or statistics of an archive as CSV, Parquet or JSON.")
+_TITLES = alternatives(each.title for each in TABLE_FORMATS.values())
+
+
+@click.command(short_help=f"Write the runs or statistics of an archive as {_TITLES}.")
 @click.argument("archive", type=PATH)
 @click.option("--statistics", "what", flag_value="statistics", default=True, help="Every estimate.")
 @click.option("--runs", "what", flag_value="runs", help="Every run.")
-@click.option("--csv", "kind", flag_value="csv", help="Comma-separated values.  [default]")
-@click.option("--parquet", "kind", flag_value="parquet", help="Parquet; needs -o and pyarrow.")
-@click.option("--json", "kind", flag_value="json", help="A list with an object for each row.")
+@format_options
 @click.option("--si", is_flag=True, help="Runs in SI units, to the bit as in ARCHIVE.")
 @click.option("--functions", is_flag=True, help="Distribution functions among the statistics.")
 @click.option("-o", "file", type=PATH, help="The file to write; its ending names the format.")
@@ -31,7 +34,6 @@ def export(
     with a column for the unit. Without -o, the table goes to standard output.
     """
     from uqpen.archive.read import open_archive
-    from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.errors import ExportError
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.results.long_table import long_table
@@ -42,8 +44,6 @@ def export(
     )
 
     kind = table_format(file, kind)
-    if kind == "parquet" and file is None:
-        raise click.UsageError("--parquet needs -o FILE")
     if si and what != "runs":
         raise click.UsageError("--si is for --runs; estimates are in SI units")
     if functions and what == "runs":

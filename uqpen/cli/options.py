@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from uqpen.cli.messages import show_message
+from uqpen.core.lookup import resolve
+from uqpen.execution import EXECUTORS, ExecutorDetail
 
 if TYPE_CHECKING:
     from uqpen.execution import Map
@@ -31,83 +33,63 @@ PATH = click.Path(path_type=Path)
 
 
 class ExecutorOptions(NamedTuple):
-    """Number of processes for runs; a Dask cluster with a scheduler, or jobs of SLURM, if given."""
+    """Executor that a command was asked for: its name, its value, and the text of its detail."""
 
-    workers: int
-    scheduler: str | None
-    slurm_jobs: int | None = None
-    sbatch: str = ""
+    name: str
+    value: int | str
+    detail: str = ""
 
     @property
     def preparation(self) -> str:
         """Step before the first run, in words; empty for none."""
-        if self.scheduler is not None:
-            return "connecting to the Dask cluster"
-        if self.slurm_jobs is not None:
-            return f"submitting {self.slurm_jobs} jobs to SLURM"
-        return f"starting {self.workers} worker processes" if self.workers > 1 else ""
+        executor = EXECUTORS[self.name]
+        is_here = self.value == executor.in_this_process
+        return "" if is_here else executor.step.format(self.value)
 
     def open_map(self) -> AbstractContextManager[Map]:
         """Return a map over batches of runs."""
-        if self.scheduler is not None:
-            from uqpen.execution.cluster import cluster
-
-            return cluster(self.scheduler, show_message)
-        if self.slurm_jobs is not None:
-            from uqpen.execution.slurm import slurm
-
-            return slurm(self.slurm_jobs, self.sbatch, show_message)
-        if self.workers == 1:
+        executor = EXECUTORS[self.name]
+        if self.value == executor.in_this_process:
             return nullcontext(map)
-        from uqpen.execution.processes import processes
-
-        return processes(self.workers)
+        arguments = [self.value, *([self.detail] if executor.detail else [])]
+        reports = [show_message] if executor.reports else []
+        opened: AbstractContextManager[Map] = resolve(executor.function)(*arguments, *reports)
+        return opened
 
 
 def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options of where to make runs, as its argument `executor`."""
 
-    @click.option(
-        "--workers",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Make the runs on N processes; the archive is the same.  [default: 1]",
-    )
-    @click.option(
-        "--scheduler",
-        metavar="ADDRESS|FILE",
-        help="Make the runs on the Dask cluster with this scheduler; the archive is the same.",
-    )
-    @click.option(
-        "--slurm",
-        "slurm_jobs",
-        type=click.IntRange(min=1),
-        metavar="JOBS",
-        help="Make the runs in this number of jobs of SLURM at a time; the archive is the same.",
-    )
-    @click.option(
-        "--sbatch",
-        metavar="OPTIONS",
-        help='Options of these jobs, such as "--time=2:00:00 --cpus-per-task=4".',
-    )
     @functools.wraps(command)
-    def run_command(
-        *arguments: Any,
-        workers: int | None,
-        scheduler: str | None,
-        slurm_jobs: int | None,
-        sbatch: str | None,
-        **options: Any,
-    ) -> Any:
-        given = {"--workers": workers, "--scheduler": scheduler, "--slurm": slurm_jobs}
-        if len(names := [name for name, value in given.items() if value is not None]) > 1:
-            raise click.UsageError(f"{' and '.join(names)} exclude each other")
-        if sbatch is not None and slurm_jobs is None:
-            raise click.UsageError("--sbatch is for --slurm")
-        executor = ExecutorOptions(workers or 1, scheduler, slurm_jobs, sbatch or "")
+    def run_command(*arguments: Any, **options: Any) -> Any:
+        values = {name: options.pop(name) for name in EXECUTORS}
+        details = {name: options.pop(each.name) for name, each in _details().items()}
+        given = [name for name, value in values.items() if value is not None]
+        if len(given) > 1:
+            raise click.UsageError(f"--{' and --'.join(given)} exclude each other")
+        for name, detail in _details().items():
+            if details[name] is not None and name not in given:
+                raise click.UsageError(f"--{detail.name} is for --{name}")
+        executor = ExecutorOptions("workers", 1)
+        for name in given:
+            executor = ExecutorOptions(name, values[name], details.get(name) or "")
         return command(*arguments, executor=executor, **options)
 
+    for name, each in reversed(EXECUTORS.items()):
+        if (detail := each.detail) is not None:
+            run_command = click.option(
+                f"--{detail.name}", detail.name, metavar=detail.metavar, help=detail.help
+            )(run_command)
+        kind = click.IntRange(min=1) if each.is_count else None
+        run_command = click.option(
+            f"--{name}", name, type=kind, metavar=each.metavar, help=each.help
+        )(run_command)
     return run_command
+
+
+def _details() -> dict[str, ExecutorDetail]:
+    """Return the further options of executors, by the names of these."""
+    return {name: each.detail for name, each in EXECUTORS.items() if each.detail}
 
 
 # Key of the context of a command that shows no progress.

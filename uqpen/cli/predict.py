@@ -10,6 +10,8 @@ import click
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
+from uqpen.cli.table_file import alternatives, table_format, write_table
+from uqpen.results import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["predict"]
 
+_ENDINGS = alternatives(f".{ending}" for ending in (*TABLE_FORMATS, "nc"))
+
 # Bytes of a file that are copied at a time.
 _READ = 2**24
 
@@ -27,7 +31,7 @@ _READ = 2**24
 @click.command(short_help="Predict outputs at given points by a surrogate.")
 @click.argument("surrogate", metavar="ARCHIVE:NAME")
 @click.argument("points", type=PATH)
-@click.option("-o", "file", type=PATH, help="The file to write, .csv, .json, .parquet or .nc.")
+@click.option("-o", "file", type=PATH, help=f"The file to write, {_ENDINGS}.")
 @folder_option("an archive's study")
 @trust_option
 def predict(
@@ -43,7 +47,6 @@ def predict(
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.prediction_table import prediction_parts
-    from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.columns import read_columns
     from uqpen.core.errors import UnknownNameError
 

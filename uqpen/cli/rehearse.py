@@ -88,7 +88,7 @@ def rehearse(
 
         settings = RehearsalSettings(repeats, runs)
     opened = open_rehearsed(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
-    executor = ExecutorOptions(workers, None)
+    executor = ExecutorOptions("workers", workers)
     with opened as rehearsed:
         rule = None if wanted is None else read_precision(wanted, rehearsed.study)
         with show_progress() as progress, executor.open_map() as spread:

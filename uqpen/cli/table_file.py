@@ -3,26 +3,42 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from uqpen.results import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["table_format", "write_table"]
+__all__ = ["alternatives", "format_options", "table_format", "write_table"]
+
+
+def alternatives(words: Iterable[str]) -> str:
+    """Return words as a sentence lists them."""
+    *most, last = words
+    return f"{', '.join(most)} or {last}"
+
+
+def format_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of the formats of a table, as its argument `kind`."""
+    for name, each in reversed(TABLE_FORMATS.items()):
+        command = click.option(f"--{name}", "kind", flag_value=name, help=each.help)(command)
+    return command
 
 
 def table_format(file: Path | None, kind: str | None = None) -> str:
-    """Return the named format of a table, or else that of the file's ending, or else CSV."""
-    from uqpen.results.export import FORMATS
-
+    """Return the named format of a table, or else that of the file's ending, or else the first."""
     ending = file.suffix.removeprefix(".").lower() if file else ""
-    kind = kind or (ending if ending in FORMATS else "csv" if not ending else None)
-    if kind is None:
-        raise click.UsageError(f"{file}: unknown ending; name --csv, --parquet or --json")
+    kind = kind or ending or next(iter(TABLE_FORMATS))
+    if kind not in TABLE_FORMATS:
+        options = alternatives(f"--{name}" for name in TABLE_FORMATS)
+        raise click.UsageError(f"{file}: unknown ending; name {options}")
+    if TABLE_FORMATS[kind].needs_file and file is None:
+        raise click.UsageError(f"--{kind} needs -o FILE")
     return kind
 
 

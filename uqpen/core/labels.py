@@ -26,10 +26,11 @@ QUADRATURE_WEIGHT = "quadrature_weight"
 # Coordinate of a design whose draws are of another distribution than the study's inputs. It is no
 # reserved name, as an input may well be a weight: a coordinate is neither input nor output.
 WEIGHT = "weight"
-# Of a design for a rare event: the event, and what the analysis needs of each run. Of subset
-# simulation the level, the run that a candidate was moved from (-1 for none), and the performance
-# that it had to reach.
+# Of a design for a rare event: the event, the name of its method, and what the analysis needs of
+# each run. Of subset simulation the level, the run that a candidate was moved from (-1 for none),
+# and the performance that it had to reach.
 RARE_EVENT = "rare_event"
+RARE_EVENT_METHOD = "rare_event_method"
 SUBSET_LEVEL = "subset_level"
 CHAIN_PARENT = "chain_parent"
 LEVEL_THRESHOLD = "level_threshold"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["lazy_attributes"]
+__all__ = ["lazy_attributes", "member_homes"]
 
 
 def lazy_attributes(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
@@ -23,3 +23,18 @@ def lazy_attributes(package: str, homes: Mapping[str, Sequence[str]]) -> Callabl
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
     return find
+
+
+def member_homes(*families: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the classes of families under the modules that they are imported from.
+
+    A family has references ``"module:class"`` by the names of its members.
+
+    >>> member_homes({"normal": "continuous:Normal", "log-uniform": "continuous:LogUniform"})
+    {'continuous': ['Normal', 'LogUniform']}
+    """
+    homes: dict[str, list[str]] = {}
+    for reference in (each for family in families for each in family.values()):
+        module, _, name = reference.partition(":")
+        homes.setdefault(module, []).append(name)
+    return homes

@@ -12,6 +12,7 @@ import hashlib
 import importlib
 import inspect
 from collections.abc import Iterable, Mapping
+from operator import attrgetter
 from typing import Any
 
 from uqpen.core.errors import ModelError, UnknownNameError
@@ -34,9 +35,9 @@ _SHORTEST_PART = 3
 
 
 def resolve(reference: str) -> Any:
-    """Import the object of a ``"module:attribute"`` reference."""
+    """Import the object of a ``"module:attribute"`` reference; the attribute may have dots."""
     module, _, attribute = reference.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    return attrgetter(attribute)(importlib.import_module(module))
 
 
 def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from uqpen.designs.rare_events import RARE_EVENT_METHODS
+
 __all__ = ["DESIGNS"]
 
 DESIGNS = {
@@ -15,10 +17,7 @@ DESIGNS = {
     "morris": "uqpen.designs.morris:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity.multifidelity:Multifidelity",
-    "subset-simulation": "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
-    "active-learning": "uqpen.surrogates.active_learning.active_learning:ActiveLearning",
-    "form": "uqpen.designs.rare_events.form:Form",
-    "importance-sampling": "uqpen.designs.rare_events.importance_sampling:ImportanceSampling",
+    **{name: method.design for name, method in RARE_EVENT_METHODS.items()},
     "table": "uqpen.designs.table:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

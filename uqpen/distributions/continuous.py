@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,6 @@ from uqpen.core.settings import difference, number, quantity
 from uqpen.distributions.distribution import Distribution, order_problem
 
 __all__ = [
-    "DISTRIBUTIONS",
     "Beta",
     "Gamma",
     "Gumbel",
@@ -31,20 +30,6 @@ __all__ = [
     "Uniform",
     "Weibull",
 ]
-
-
-DISTRIBUTIONS = {
-    "normal": "uqpen.distributions.continuous:Normal",
-    "lognormal": "uqpen.distributions.continuous:Lognormal",
-    "uniform": "uqpen.distributions.continuous:Uniform",
-    "log-uniform": "uqpen.distributions.continuous:LogUniform",
-    "triangular": "uqpen.distributions.continuous:Triangular",
-    "beta": "uqpen.distributions.continuous:Beta",
-    "gamma": "uqpen.distributions.continuous:Gamma",
-    "weibull": "uqpen.distributions.continuous:Weibull",
-    "gumbel": "uqpen.distributions.continuous:Gumbel",
-    "discrete": "uqpen.distributions.discrete:Discrete",
-}
 
 
 @dataclass(frozen=True)
@@ -66,24 +51,30 @@ class Normal(Distribution):
     def sf(self, value: FloatArray) -> FloatArray:
         return scipy.special.ndtr((self.mean - value) / self.std)
 
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Normal:
+        return cls(float(x.mean()) * size, float(x.std()) * size)
+
 
 class _OfLogarithm(Distribution):
     """Distribution of a variable whose logarithm has a simpler one."""
 
+    is_positive = True
+
     @abstractmethod
-    def _logarithm(self) -> Distribution: ...
+    def logarithm(self) -> Distribution: ...
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return np.exp(self._logarithm().ppf(probability))
+        return np.exp(self.logarithm().ppf(probability))
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return np.exp(self._logarithm().isf(probability))
+        return np.exp(self.logarithm().isf(probability))
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().cdf(_log(value))
+        return self.logarithm().cdf(_log(value))
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().sf(_log(value))
+        return self.logarithm().sf(_log(value))
 
 
 @dataclass(frozen=True)
@@ -93,12 +84,19 @@ class Lognormal(_OfLogarithm):
     mean: float = quantity(above=0)
     std: float = difference(above=0)
 
-    def _logarithm(self) -> Normal:
+    def logarithm(self) -> Normal:
         variance = math.log1p((self.std / self.mean) ** 2)
         return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return self._logarithm().scores(_log(value))
+        return self.logarithm().scores(_log(value))
+
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Lognormal:
+        logarithms = np.log(x)
+        variance = float(logarithms.var())
+        mean = math.exp(float(logarithms.mean()) + variance / 2) * size
+        return cls(mean, mean * math.sqrt(math.expm1(variance)))
 
 
 @dataclass(frozen=True)
@@ -123,6 +121,10 @@ class Uniform(Distribution):
     def sf(self, value: FloatArray) -> FloatArray:
         return np.clip((self.upper - value) / (self.upper - self.lower), 0.0, 1.0)
 
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Uniform:
+        return cls(float(x.min() * size), float(x.max() * size))
+
 
 @dataclass(frozen=True)
 class LogUniform(_OfLogarithm):
@@ -134,7 +136,7 @@ class LogUniform(_OfLogarithm):
     def check_settings(self) -> Iterator[Problem]:
         return order_problem(self.lower, self.upper)
 
-    def _logarithm(self) -> Uniform:
+    def logarithm(self) -> Uniform:
         return Uniform(math.log(self.lower), math.log(self.upper))
 
     def ppf(self, probability: FloatArray) -> FloatArray:
@@ -144,10 +146,16 @@ class LogUniform(_OfLogarithm):
     def isf(self, probability: FloatArray) -> FloatArray:
         return np.clip(super().isf(probability), self.lower, self.upper)
 
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> LogUniform:
+        return cls(float(x.min() * size), float(x.max() * size))
+
 
 @dataclass(frozen=True)
 class Triangular(Distribution):
     """Triangular distribution: the density is largest at the mode, zero outside lower and upper."""
+
+    unfitted_reason = "the likelihood of its three corners has no single maximum"
 
     lower: float = quantity()
     mode: float = quantity()
@@ -186,6 +194,8 @@ class Triangular(Distribution):
 class Beta(Distribution):
     """Beta distribution, scaled to the range from lower to upper."""
 
+    unfitted_reason = "the likelihood of its ends has no bound"
+
     alpha: float = number(above=0)
     beta: float = number(above=0)
     lower: float = quantity()
@@ -219,6 +229,8 @@ class Beta(Distribution):
 class Gamma(Distribution):
     """Gamma distribution, given by its mean and standard deviation."""
 
+    is_positive = True
+
     mean: float = quantity(above=0)
     std: float = difference(above=0)
 
@@ -245,10 +257,27 @@ class Gamma(Distribution):
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         return _finite_log(value / self._scale), value / self._scale
 
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Gamma:
+        mean = float(x.mean())
+        departures = x / mean - 1
+        excess = float(np.mean(departures - np.log1p(departures)))  # ln E x - E ln x
+
+        def excess_of(shape: float) -> float:
+            """Return ln E x - E ln x of a gamma distribution, from 1 / (2 shape) to 1 / shape."""
+            if shape > 1e4:  # where the difference would cancel
+                return 1 / (2 * shape) + 1 / (12 * shape**2)
+            return math.log(shape) - float(scipy.special.digamma(shape))
+
+        shape = _root(lambda shape: excess_of(shape) - excess, 0.5, 1.0, excess)
+        return cls(mean * size, mean * size / math.sqrt(shape))
+
 
 @dataclass(frozen=True)
 class Weibull(Distribution):
     """Two-parameter Weibull distribution; `scale` is its 63.2 % quantile."""
+
+    is_positive = True
 
     shape: float = number(above=0)
     scale: float = quantity(above=0)
@@ -269,6 +298,20 @@ class Weibull(Distribution):
         log_ratio = _finite_log(value / self.scale)
         power = np.exp(self.shape * log_ratio)
         return power, log_ratio * (1 - power)
+
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Weibull:
+        logarithms = np.log(x)
+        middle, scatter = float(logarithms.mean()), float(logarithms.std())
+
+        def slope(shape: float) -> float:
+            weights = np.exp(shape * (logarithms - logarithms.max()))
+            return float(weights @ logarithms / weights.sum()) - 1 / shape - middle
+
+        shape = _root(slope, 0.1, 10.0, scatter)
+        greatest = float(x.max())
+        mean_power = float(np.mean((x / greatest) ** shape))
+        return cls(shape, greatest * mean_power ** (1 / shape) * size)
 
 
 @dataclass(frozen=True)
@@ -303,6 +346,19 @@ class Gumbel(Distribution):
         share = 1 - np.exp(-standard)
         return share, standard * share
 
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Gumbel:
+        mean, lowest = float(x.mean()), float(x.min())
+
+        def slope(rate: float) -> float:
+            weights = np.exp(-rate * (x - lowest))
+            return mean - float(weights @ x / weights.sum()) - 1 / rate
+
+        scale = 1 / _root(slope, 0.1, 10.0, float(x.std()))
+        location = lowest - scale * math.log(float(np.exp((lowest - x) / scale).mean()))
+        std = scale * math.pi / math.sqrt(6)
+        return cls((location + np.euler_gamma * scale) * size, std * size)
+
 
 def _log(value: FloatArray) -> FloatArray:
     """Return the logarithm with log(0) = -inf and no warning, for the ends of a distribution."""
@@ -313,3 +369,14 @@ def _log(value: FloatArray) -> FloatArray:
 def _finite_log(value: FloatArray) -> FloatArray:
     """Return the logarithm, of the smallest number where a value has been rounded to 0."""
     return np.log(np.maximum(value, np.finfo(np.float64).tiny))
+
+
+def _root(slope: Callable[[float], float], low: float, high: float, scatter: float) -> float:
+    """Find the zero of a monotonic function of a rate; it is of the order of 1 / scatter."""
+    low, high = low / scatter, high / scatter
+    rising = slope(high) > slope(low)
+    for _ in range(60):
+        if (slope(low) < 0) == rising and (slope(high) > 0) == rising:
+            return float(scipy.optimize.brentq(slope, low, high, rtol=1e-12))
+        low, high = low / 2, high * 2
+    raise ArithmeticError("no sign change")

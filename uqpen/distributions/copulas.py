@@ -1,4 +1,4 @@
-"""Copulas that a study can name; the copulas with one parameter.
+"""Copulas with one parameter.
 
 A copula of Archimedes' kind is ``psi(phi(u1) + phi(u2) + …)`` with ``phi`` the inverse of ``psi``;
 the conditional distribution of one coordinate given others follows from derivatives of ``psi``.
@@ -22,17 +22,8 @@ from uqpen.core.errors import Problem
 from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence, sum_columns
 
-__all__ = ["COPULAS", "ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"]
+__all__ = ["ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"]
 
-
-COPULAS = {
-    "gaussian": "uqpen.distributions.elliptical_copulas:GaussianCopula",
-    "student": "uqpen.distributions.elliptical_copulas:StudentCopula",
-    "clayton": "uqpen.distributions.copulas:ClaytonCopula",
-    "gumbel": "uqpen.distributions.copulas:GumbelCopula",
-    "frank": "uqpen.distributions.copulas:FrankCopula",
-    "joe": "uqpen.distributions.copulas:JoeCopula",
-}
 
 # The least probability, 2**-54, to the power of minus this has room in double precision.
 _STRONGEST = 16.0

@@ -35,6 +35,7 @@ class Discrete(Distribution):
     """
 
     is_discrete = True
+    unfitted_reason = "its values are given, and counting them needs no fit"
 
     values: tuple[float, ...] = quantity_list()
     weights: tuple[float, ...] = numbers(minimum=0, default=())

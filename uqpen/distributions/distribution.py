@@ -32,7 +32,15 @@ class Distribution(ABC):
     is_discrete: ClassVar[bool] = False
     """True if it has probabilities of single values, and no density."""
 
+    is_positive: ClassVar[bool] = False
+    """True if all values are above 0, whatever its parameters."""
+
+    unfitted_reason: ClassVar[str] = "its parameters have no estimate by maximum likelihood here"
+    """Reason why it is not fitted to measurements; empty for a subclass that has `fit`."""
+
     def __init_subclass__(cls) -> None:
+        if "fit" in vars(cls):
+            cls.unfitted_reason = ""
         # Far out, the formulas overflow on their way to 0, to 1 or to an end of the support.
         for name in ("ppf", "isf", "cdf", "sf"):
             if name in vars(cls):
@@ -73,6 +81,29 @@ class Distribution(ABC):
         """
         deviation = value - self.median
         return deviation, deviation * deviation
+
+    def logarithm(self) -> Distribution | None:
+        """Return the distribution of the logarithm if it is simpler; None otherwise."""
+        return None
+
+    @classmethod
+    def fit(cls, x: FloatArray, size: float) -> Distribution:
+        """Return the distribution under which measurements are the likeliest.
+
+        Parameters
+        ----------
+        x : ndarray, shape (measurement,)
+            The measurements divided by `size`, so that their powers neither overflow nor vanish.
+            They are not all the same, and above 0 if the distribution `is_positive`.
+        size : float
+            A power of two near the largest of them, in SI units.
+
+        Raises
+        ------
+        ArithmeticError, ValueError, RuntimeError
+            If the equations have no solution within double precision.
+        """
+        raise NotImplementedError(cls.unfitted_reason)
 
     def atoms(self) -> tuple[FloatArray, FloatArray] | None:
         """Return the values and probabilities of a discrete distribution; None if not known."""

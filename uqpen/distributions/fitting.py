@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
-from uqpen.distributions.continuous import (
-    Gamma,
-    Gumbel,
-    Lognormal,
-    LogUniform,
-    Normal,
-    Uniform,
-    Weibull,
-)
+from uqpen.core.lookup import resolve
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
-__all__ = ["FAMILIES", "LOWEST_P_VALUE", "NOT_FITTABLE", "DistributionFit", "fit_distribution"]
+__all__ = ["LOWEST_P_VALUE", "DistributionFit", "fit_distribution", "fitted_families"]
 
 
 # Bootstrap samples: enough to distinguish a probability of 0.05 from 0.03 and 0.07.
@@ -34,12 +25,6 @@ _FEWEST_SAMPLES = 99
 
 # A fit is rejected if a smaller share than this of samples of the fitted distribution fits worse.
 LOWEST_P_VALUE = 0.05
-
-NOT_FITTABLE = {
-    "triangular": "the likelihood of its three corners has no single maximum",
-    "discrete": "its values are given, and counting them needs no fit",
-    "beta": "the likelihood of its ends has no bound",
-}
 
 
 @dataclass(frozen=True)
@@ -68,6 +53,11 @@ class DistributionFit:
         return self.p_value < LOWEST_P_VALUE
 
 
+def fitted_families() -> list[str]:
+    """Return the names of the distributions that are fitted to measurements."""
+    return [name for name, each in DISTRIBUTIONS.items() if not resolve(each).unfitted_reason]
+
+
 def fit_distribution(
     family: str, measurements: FloatArray, rng: np.random.Generator, *, samples: int | None = None
 ) -> DistributionFit:
@@ -76,7 +66,7 @@ def fit_distribution(
     Parameters
     ----------
     family : str
-        One of `FAMILIES`.
+        One of `fitted_families`.
     measurements : ndarray, shape (measurement,)
         In SI units.
     rng : Generator
@@ -105,7 +95,8 @@ def fit_distribution(
 
 
 def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
-    if family in _POSITIVE and not (measurements > 0).all():
+    cls: type[Distribution] = resolve(DISTRIBUTIONS[family])
+    if cls.is_positive and not (measurements > 0).all():
         found = f"a measurement of {measurements.min():g}"
         expected = f"values above 0, as those of a {family} distribution are"
         raise SettingsError([Problem((), found, expected)])
@@ -113,7 +104,7 @@ def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
     size = math.ldexp(1.0, math.frexp(float(np.abs(measurements).max()))[1] - 1)
     try:
         with np.errstate(all="ignore"):
-            distribution = FAMILIES[family](measurements / size, size)
+            distribution = cls.fit(measurements / size, size)
             if distribution.is_finite:
                 return distribution
     except (ArithmeticError, ValueError, RuntimeError):
@@ -126,80 +117,3 @@ def _distance(distribution: Distribution, measurements: FloatArray) -> float:
     probabilities = distribution.cdf(np.sort(measurements))
     steps = np.arange(len(measurements) + 1) / len(measurements)
     return float(max((steps[1:] - probabilities).max(), (probabilities - steps[:-1]).max()))
-
-
-def _lognormal(x: FloatArray, size: float) -> Lognormal:
-    logarithms = np.log(x)
-    variance = float(logarithms.var())
-    mean = math.exp(float(logarithms.mean()) + variance / 2) * size
-    return Lognormal(mean, mean * math.sqrt(math.expm1(variance)))
-
-
-def _ends(x: FloatArray, size: float) -> tuple[float, float]:
-    return float(x.min() * size), float(x.max() * size)
-
-
-def _gamma(x: FloatArray, size: float) -> Gamma:
-    mean = float(x.mean())
-    departures = x / mean - 1
-    excess = float(np.mean(departures - np.log1p(departures)))  # ln E x - E ln x
-    shape = _root(lambda shape: _gamma_excess(shape) - excess, 0.5, 1.0, excess)
-    return Gamma(mean * size, mean * size / math.sqrt(shape))
-
-
-def _gamma_excess(shape: float) -> float:
-    """Return ln E x - E ln x of a gamma distribution, between 1 / (2 shape) and 1 / shape."""
-    if shape > 1e4:  # where the difference would cancel
-        return 1 / (2 * shape) + 1 / (12 * shape**2)
-    return math.log(shape) - float(special.digamma(shape))
-
-
-def _weibull(x: FloatArray, size: float) -> Weibull:
-    logarithms = np.log(x)
-    middle, scatter = float(logarithms.mean()), float(logarithms.std())
-
-    def slope(shape: float) -> float:
-        weights = np.exp(shape * (logarithms - logarithms.max()))
-        return float(weights @ logarithms / weights.sum()) - 1 / shape - middle
-
-    shape = _root(slope, 0.1, 10.0, scatter)
-    greatest = float(x.max())
-    mean_power = float(np.mean((x / greatest) ** shape))
-    return Weibull(shape, greatest * mean_power ** (1 / shape) * size)
-
-
-def _gumbel(x: FloatArray, size: float) -> Gumbel:
-    mean, lowest = float(x.mean()), float(x.min())
-
-    def slope(rate: float) -> float:
-        weights = np.exp(-rate * (x - lowest))
-        return mean - float(weights @ x / weights.sum()) - 1 / rate
-
-    scale = 1 / _root(slope, 0.1, 10.0, float(x.std()))
-    location = lowest - scale * math.log(float(np.exp((lowest - x) / scale).mean()))
-    std = scale * math.pi / math.sqrt(6)
-    return Gumbel((location + np.euler_gamma * scale) * size, std * size)
-
-
-def _root(slope: Callable[[float], float], low: float, high: float, scatter: float) -> float:
-    """Find the zero of a monotonic function of a rate; it is of the order of 1 / scatter."""
-    low, high = low / scatter, high / scatter
-    rising = slope(high) > slope(low)
-    for _ in range(60):
-        if (slope(low) < 0) == rising and (slope(high) > 0) == rising:
-            return float(optimize.brentq(slope, low, high, rtol=1e-12))
-        low, high = low / 2, high * 2
-    raise ArithmeticError("no sign change")
-
-
-FAMILIES: dict[str, Callable[[FloatArray, float], Distribution]] = {
-    "normal": lambda x, size: Normal(float(x.mean()) * size, float(x.std()) * size),
-    "lognormal": _lognormal,
-    "uniform": lambda x, size: Uniform(*_ends(x, size)),
-    "log-uniform": lambda x, size: LogUniform(*_ends(x, size)),
-    "gamma": _gamma,
-    "weibull": _weibull,
-    "gumbel": _gumbel,
-}
-
-_POSITIVE = frozenset({"lognormal", "log-uniform", "gamma", "weibull"})

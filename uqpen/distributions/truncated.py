@@ -43,6 +43,13 @@ class Truncated(Distribution):
             found = f"{self.lower:g} to {self.upper:g}, where the distribution has no probability"
             yield Problem((), found, "limits that leave some of the distribution")
 
+    def logarithm(self) -> Truncated | None:
+        parent = self.parent.logarithm()
+        if parent is None:
+            return None
+        lower = math.log(self.lower) if self.lower > 0 else -math.inf
+        return Truncated(parent, lower, math.log(self.upper))
+
     def ppf(self, probability: FloatArray) -> FloatArray:
         return self._inverse(probability, 1 - probability)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from uqpen.core.lazy_attributes import lazy_attributes
 
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "EXECUTORS",
     "EvaluationOptions",
     "Evaluator",
+    "Executor",
+    "ExecutorDetail",
     "FailurePolicy",
     "Map",
     "Progress",
@@ -36,6 +39,80 @@ __all__ = [
     "status_counts",
     "worst_status_runs",
 ]
+
+
+class ExecutorDetail(NamedTuple):
+    """Further option of the command line, which an executor takes as a text; empty by default."""
+
+    name: str
+    metavar: str
+    help: str
+
+
+class Executor(NamedTuple):
+    """Way to make runs, which an option of the command line asks for.
+
+    Parameters
+    ----------
+    function : str
+        Reference. It takes the value of the option, then the text of its `detail` if it has one,
+        then a function that shows a message if it `reports`. It returns a context manager with a
+        `Map` for the runs.
+    metavar, help : str
+        Of the option.
+    step : str
+        Preparation before the first run in words, with braces for the value.
+    is_count : bool
+        True if the value is a whole number, 1 or more; a text otherwise.
+    in_this_process : int, optional
+        The value with which this process makes the runs itself.
+    detail : ExecutorDetail, optional
+        A further option.
+    reports : bool
+        True if it shows messages.
+    """
+
+    function: str
+    metavar: str
+    help: str
+    step: str
+    is_count: bool = False
+    in_this_process: int | None = None
+    detail: ExecutorDetail | None = None
+    reports: bool = False
+
+
+# By the names of their options, of which a command takes one.
+EXECUTORS = {
+    "workers": Executor(
+        "uqpen.execution.processes:processes",
+        "N",
+        "Make the runs on N processes; the archive is the same.  [default: 1]",
+        "starting {} worker processes",
+        is_count=True,
+        in_this_process=1,
+    ),
+    "scheduler": Executor(
+        "uqpen.execution.cluster:cluster",
+        "ADDRESS|FILE",
+        "Make the runs on the Dask cluster with this scheduler; the archive is the same.",
+        "connecting to the Dask cluster",
+        reports=True,
+    ),
+    "slurm": Executor(
+        "uqpen.execution.slurm:slurm",
+        "JOBS",
+        "Make the runs in this number of jobs of SLURM at a time; the archive is the same.",
+        "submitting {} jobs to SLURM",
+        is_count=True,
+        detail=ExecutorDetail(
+            "sbatch",
+            "OPTIONS",
+            'Options of these jobs, such as "--time=2:00:00 --cpus-per-task=4".',
+        ),
+        reports=True,
+    ),
+}
 
 # Imported when they are asked for: a worker process makes runs without datasets.
 _HOMES = {

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, reference_attributes
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, with_half_width
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import join_names
 
@@ -228,7 +228,8 @@ def _slope_text(estimate: float, lower: float, upper: float) -> str:
     if math.isnan(estimate):
         return NOTHING
     half = (upper - lower) / 2
-    return f"{estimate:.2f}" if math.isnan(half) else f"{estimate:.2f} ± {half:.2f}"
+    shown = f"{estimate:.2f}"
+    return shown if math.isnan(half) else with_half_width(shown, f"{half:.2f}")
 
 
 def _list_budgets(budgets: list[int]) -> str:

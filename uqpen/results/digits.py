@@ -1,9 +1,10 @@
-"""Numbers with as many digits as their intervals justify."""
+"""Form of numbers and units: as many digits as intervals justify, powers, signs and ranges."""
 
 from __future__ import annotations
 
 import math
-from decimal import ROUND_CEILING, Decimal
+import re
+from decimal import ROUND_CEILING, Decimal, InvalidOperation
 
 __all__ = [
     "MINUS",
@@ -14,13 +15,23 @@ __all__ = [
     "lower_tolerance_limit_text",
     "number_text",
     "percent_text",
+    "percent_texts",
+    "range_text",
     "tolerance_interval_texts",
     "tolerance_limit_text",
     "typeset_minus",
+    "typeset_unit",
+    "with_half_width",
 ]
 
 MINUS = "−"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}
+
+# Powers in a unit, and the signs of temperatures.
+_POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
+_SYMBOLS = {"degC": "°C", "degF": "°F"}
+_DEGREES = re.compile(r"\bdeg[CF]\b")
 
 # Digits of an estimate without an interval.
 _DIGITS = 4
@@ -32,6 +43,8 @@ _ROUNDING = 1e-12
 _UNGROUPED = 4
 # Digits of each number by itself where an interval spans a tenfold of a logarithmic scale.
 _OF_TENFOLDS = 2
+# Below it, in per cent, a number is easier to read with its power of ten.
+_LEAST_PERCENT = Decimal("0.00001")
 
 
 def estimate_text(
@@ -73,15 +86,15 @@ def estimate_text(
         middle, *between = (
             number_text(each, _OF_TENFOLDS, is_short=False) for each in (estimate, lower, upper)
         )
-        return f"{middle} ({' … '.join(between)})"
+        return f"{middle} ({range_text(*between)})"
     sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
     if not 0 < half < math.inf:
         return _text_without_interval(estimate, is_short=is_short or half == 0)
     number_format = _NumberFormat(estimate, half)
     if len(sides) == 2 and number_format.is_same(*sides):
-        return number_format.write(f"{number_format(estimate)} ± {number_format(half)}")
-    ends = " … ".join(number_format.ends(estimate, lower, upper))
+        return number_format.write(with_half_width(number_format(estimate), number_format(half)))
+    ends = range_text(*number_format.ends(estimate, lower, upper))
     if number_format.exponent:
         return number_format.write(f"{number_format(estimate)}, {ends}")
     return f"{number_format(estimate)} ({ends})"
@@ -178,6 +191,39 @@ def percent_text(probability: float) -> str:
     return f"{100 * probability:.10g} %"
 
 
+def percent_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+    """A probability, the ends of its interval, and others, in the same digits as the tables.
+
+    A hundred times the number would be rounded anew, and differ where it ends in a five.
+
+    >>> percent_texts(0.2075, 0.1825, 0.2325)
+    ('20.7 %', '18.2 %', '23.3 %')
+    """
+    return tuple(
+        f"{_times_hundred(text)} %" for text in estimate_texts(estimate, lower, upper, *others)
+    )
+
+
+def with_half_width(estimate: str, half: str) -> str:
+    """A number with the half-width of its interval."""
+    return f"{estimate} ± {half}"
+
+
+def range_text(lower: str, upper: str) -> str:
+    """The ends of an interval or of a range."""
+    return f"{lower} … {upper}"
+
+
+def typeset_unit(unit: str) -> str:
+    """Return a unit with raised powers, and with the signs of temperatures.
+
+    >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3"), typeset_unit("degC")
+    ('kg m⁻³', 'g/cm³', '°C')
+    """
+    symbols = _DEGREES.sub(lambda match: _SYMBOLS[match[0]], unit)
+    return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), symbols)
+
+
 def _sides(estimate: float, lower: float, upper: float) -> list[float]:
     """Return the lengths of an interval below and above its estimate, where there are bounds."""
     sides = [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
@@ -225,6 +271,20 @@ def _typeset(text: str) -> str:
     if len(digits) > _UNGROUPED:
         whole = whole.replace(digits, grouped_number(int(digits)))
     return f"{whole}{point}{part}"
+
+
+def _times_hundred(text: str) -> str:
+    """Move the point of a number two places, in its text."""
+    plain = text.replace(MINUS, "-").replace("\u202f", "")
+    mantissa, times, power = plain.partition("×10")
+    exponent = int(power.translate(_PLAIN)) if times else 0
+    try:
+        moved = Decimal(mantissa).scaleb(exponent + 2)
+    except InvalidOperation:  # a dash or a question mark stands for no number
+        return text
+    if 0 < moved < _LEAST_PERCENT and times:
+        return f"{mantissa}×10{str(exponent + 2).translate(SUPERSCRIPTS)}"
+    return typeset_minus(f"{moved:f}")
 
 
 class _NumberFormat:

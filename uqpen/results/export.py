@@ -9,12 +9,14 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from uqpen.core.errors import ExportError
+from uqpen.core.lookup import resolve
 from uqpen.core.units import NUMBER
+from uqpen.results import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORMATS", "table_content"]
+__all__ = ["csv_content", "json_content", "parquet_content", "table_content"]
 
 
 # A spreadsheet takes a text that begins so as a formula, which may start programs.
@@ -23,29 +25,30 @@ _QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")
 
 
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
-    """Yield a table as the content of a file of one of the `FORMATS`, part after part.
-
-    Numbers have all their digits. In CSV an apostrophe stands before a text that begins as a
-    formula of a spreadsheet does, so that it is shown. JSON is a list with an object for each row,
-    null for a missing value.
+    """Yield a table as the content of a file, part after part; numbers have all their digits.
 
     Parameters
     ----------
     parts : iterable of DataFrame
         Consecutive rows of the table, with the same columns.
     kind : str
-        The format.
+        The format, one of `TABLE_FORMATS`.
 
     Raises
     ------
     ExportError
-        If it is Parquet, and no package that writes it is installed; nothing of the table is then
-        made.
+        If no package that writes the format is installed; nothing of the table is then made.
     """
-    return _WRITERS[kind](parts)
+    content: Iterator[bytes] = resolve(TABLE_FORMATS[kind].function)(parts)
+    return content
 
 
-def _csv(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+def csv_content(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """Yield a table as CSV.
+
+    An apostrophe stands before a text that begins as a formula of a spreadsheet does, so that it is
+    shown.
+    """
     for number, part in enumerate(parts):
         texts = part.select_dtypes(exclude=["number", "bool"])
         plain = part.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
@@ -58,7 +61,8 @@ def _no_formula(value: Any) -> Any:
     return f"'{value}" if is_formula and not _QUANTITY.fullmatch(value) else value
 
 
-def _json(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+def json_content(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """Yield a table as a list with an object for each row, null for a missing value."""
     before = "["
     for part in parts:
         as_objects = part.astype(object).where(part.notna(), None)
@@ -69,8 +73,8 @@ def _json(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
     yield b"[]\n" if before == "[" else b"\n]\n"
 
 
-def _parquet(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
-    """Yield a row group for each part."""
+def parquet_content(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """Yield a table as Parquet, with a row group for each part."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -111,7 +115,3 @@ class _Written(io.RawIOBase):
         found = b"".join(self._parts)
         self._parts.clear()
         return found
-
-
-_WRITERS = {"csv": _csv, "parquet": _parquet, "json": _json}
-FORMATS = tuple(_WRITERS)

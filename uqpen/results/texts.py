@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.digits import SUPERSCRIPTS
+from uqpen.results.digits import typeset_unit
 
 __all__ = [
     "capitalized",
@@ -15,16 +15,12 @@ __all__ = [
     "title_with_name",
     "title_with_unit",
     "typeset_quantity",
-    "typeset_unit",
     "unit_suffix",
 ]
 
 _LONGEST = 80
 
 _WORD = re.compile(r"\w+")
-_POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
-_SYMBOLS = {"degC": "°C", "degF": "°F"}
-_DEGREES = re.compile(r"\bdeg[CF]\b")
 
 
 def capitalized(text: str) -> str:
@@ -54,16 +50,6 @@ def plain_text(text: str, longest: int = _LONGEST) -> str:
         for character in text.replace("\u202f", " ")
     )
     return shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
-
-
-def typeset_unit(unit: str) -> str:
-    """Return a unit with raised powers, and with the signs of temperatures.
-
-    >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3"), typeset_unit("degC")
-    ('kg m⁻³', 'g/cm³', '°C')
-    """
-    symbols = _DEGREES.sub(lambda match: _SYMBOLS[match[0]], unit)
-    return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), symbols)
 
 
 def typeset_quantity(text: str) -> str:

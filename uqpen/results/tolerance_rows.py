@@ -13,6 +13,7 @@ from uqpen.core.units import Scale
 from uqpen.results.digits import (
     lower_tolerance_limit_text,
     percent_text,
+    range_text,
     tolerance_interval_texts,
     tolerance_limit_text,
 )
@@ -49,7 +50,7 @@ def tolerance_cell(
 
 
 def _interval_text(lower: float, upper: float) -> str:
-    return NOTHING if math.isnan(lower) else " … ".join(tolerance_interval_texts(lower, upper))
+    return NOTHING if math.isnan(lower) else range_text(*tolerance_interval_texts(lower, upper))
 
 
 def _marks(table: OutputTable, note: str, array: xr.DataArray) -> Iterator[str]:

@@ -13,16 +13,9 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import (
-    ABSENT,
-    CORRECTION_WEIGHT,
-    EQUIVALENT_RUNS,
-    SAMPLING,
-    SEARCH_START,
-    STATUS,
-    SURROGATE_ESTIMATE,
-)
+from uqpen.core.labels import ABSENT, SAMPLING, STATUS
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import EVENT
 from uqpen.core.status import Status
@@ -36,10 +29,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.joint_event import JointEvent
-from uqpen.statistics.rare_events.design_point_arrays import design_point_arrays
-from uqpen.statistics.rare_events.form_probability import design_points
-from uqpen.statistics.rare_events.learned_probability import learned_probability
-from uqpen.statistics.rare_events.rare_event_probability import rare_event, rare_event_probability
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, rare_event
 from uqpen.statistics.run_samples import samples_of
 from uqpen.statistics.sample import Sample
 
@@ -72,9 +62,9 @@ def joint_probabilities(
     Returns
     -------
     dict of str to DataArray
-        ``joint_probability`` along ``event`` and ``bound``; from FORM, the arrays of
-        `design_point_arrays` as well. Empty without an event, or for a design that is no sample of
-        the inputs.
+        ``joint_probability`` along ``event`` and ``bound``; from a design for a rare event, further
+        statistics of its method as well. Empty without an event, or for a design that is no sample
+        of the inputs.
     """
     handle = LoadedDataset.of(runs)
     if Sampling(handle.attrs[SAMPLING]) is Sampling.TOWARDS_EVENT:
@@ -102,27 +92,19 @@ def _of_rare_event(
 
     It has the name of the requested event with the same condition, or its condition as a name.
     """
-    event = rare_event(runs)
-    if event is None:
+    rare = rare_event(runs)
+    if rare is None:
         return {}
-    condition = str(event)
+    condition = str(rare.event)
     same = [each for each in events if each.condition == condition][:1]
     name = same[0].name if same else condition
-    estimate = EstimateVector.of(rare_event_probability(runs, event, level))
-    absent = [name for name in event.outputs if ABSENT in runs[name].attrs]
+    made: RareEventProbability = resolve(rare.method.probability)(runs, rare.event, level)
+    estimate = EstimateVector.of(made.estimate)
+    absent = [name for name in rare.event.outputs if ABSENT in runs[name].attrs]
     array = _array([_noted(estimate, has_all=not absent)], [(name, condition)], same, level)
-    if CORRECTION_WEIGHT in runs.coords:
-        learned = learned_probability(runs, event.outcomes(runs), level)
-        companions = {
-            SURROGATE_ESTIMATE: learned.surrogate,
-            EQUIVALENT_RUNS: learned.equivalent_runs,
-        }
-        array = array.assign_coords({key: (EVENT, [each]) for key, each in companions.items()})
+    array = array.assign_coords({key: (EVENT, [each]) for key, each in made.companions.items()})
     counts = run_counts(LoadedDataset.of(runs))
-    found = {"joint_probability": array}
-    is_search = SEARCH_START in runs.coords
-    if is_search and (points := design_points(runs, event, event.outcomes(runs))):
-        found |= dict(design_point_arrays(points, runs))
+    found = {"joint_probability": array, **made.statistics}
     return {name: each.assign_attrs(counts) for name, each in found.items()}
 
 

@@ -15,8 +15,9 @@ from uqpen.core.model import Input, Model
 from uqpen.core.quantities import Quantity, parse_quantity, parse_spread
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.constraints import Constraint, parse_constraint
-from uqpen.distributions.continuous import DISTRIBUTIONS, Normal
+from uqpen.distributions.continuous import Normal
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import LIBRARIES
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput

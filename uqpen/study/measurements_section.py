@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import SettingsError, TableError, toml_text
-from uqpen.core.lookup import choices
+from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Input
 from uqpen.core.setting_fields import declared_settings
 from uqpen.core.settings import file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
-from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.empirical import Empirical
 from uqpen.distributions.joint_distribution import RandomInput
@@ -101,13 +101,14 @@ def read_measured(table: TableReader, variable: Input, stream: Stream) -> Random
 
 
 def _check_family(table: TableReader, family: str) -> None:
-    from uqpen.distributions.fitting import FAMILIES, NOT_FITTABLE
+    from uqpen.distributions.fitting import fitted_families
 
     if family not in DISTRIBUTIONS:
-        table.add_wrong("family", family, f"a distribution; {choices(family, FAMILIES)}")
-    elif family in NOT_FITTABLE:
-        found = f"{toml_text(family)}, which is not fitted: {NOT_FITTABLE[family]}"
-        expected = f"one of {', '.join(FAMILIES)}, or no family for the measurements themselves"
+        table.add_wrong("family", family, f"a distribution; {choices(family, fitted_families())}")
+    elif reason := resolve(DISTRIBUTIONS[family]).unfitted_reason:
+        found = f"{toml_text(family)}, which is not fitted: {reason}"
+        known = ", ".join(fitted_families())
+        expected = f"one of {known}, or no family for the measurements themselves"
         table.add_problem("family", found, expected)
 
 

@@ -19,8 +19,7 @@ from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.stopping.precision import Precision
-from uqpen.distributions.continuous import DISTRIBUTIONS
-from uqpen.distributions.copulas import COPULAS
+from uqpen.distributions import COPULAS, DISTRIBUTIONS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.elliptical_copulas import EllipticalCopula

@@ -23,7 +23,7 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.term_selection import FitPoints, Terms
-from uqpen.surrogates.univariate_basis import UnivariateBasis, logarithm_distribution
+from uqpen.surrogates.univariate_basis import UnivariateBasis
 
 __all__ = ["ChaospyExpansion", "input_problems"]
 
@@ -154,7 +154,7 @@ def _positions(expansion: Any, indices: tuple[tuple[int, ...], ...]) -> list[int
 
 def _standard(distribution: Distribution, *, logarithms: bool) -> _Standard:
     """Return the standard form of a distribution; KeyError where there is none."""
-    of_logarithm = logarithm_distribution(distribution) if logarithms else None
+    of_logarithm = distribution.logarithm() if logarithms else None
     family = of_logarithm or distribution
     form: _Form = _FORMS[type(family)](family)
     return _Standard(*form, of_logarithm is not None)

@@ -10,7 +10,6 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.distributions.distribution import Distribution
-from uqpen.surrogates.univariate_basis import logarithm_distribution
 
 __all__ = ["StandardisedInputs"]
 
@@ -42,7 +41,7 @@ class StandardisedInputs:
         points : ndarray, shape (run, input)
             In SI units.
         """
-        simpler = [logarithm_distribution(each) is not None for each in distributions]
+        simpler = [each.logarithm() is not None for each in distributions]
         count = len(simpler)
         found = cls(np.array(simpler, dtype=np.int64), np.zeros(count), np.ones(count))
         raw = found.coordinates(points)

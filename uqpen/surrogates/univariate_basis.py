@@ -8,7 +8,6 @@ has polynomials of its own.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,16 +15,14 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Input
-from uqpen.distributions.continuous import Lognormal, LogUniform, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 from uqpen.surrogates.storage import describe
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["UnivariateBasis", "logarithm_distribution", "univariate_basis"]
+__all__ = ["UnivariateBasis", "univariate_basis"]
 
 
 _LINEAR, _LOGARITHM = "linear", "logarithm"
@@ -124,7 +121,7 @@ def univariate_basis(
     logarithms : bool
         Whether an input is replaced by its logarithm where that has a simpler distribution.
     """
-    of_logarithm = logarithm_distribution(distribution) if logarithms else None
+    of_logarithm = distribution.logarithm() if logarithms else None
     found = recurrence(of_logarithm or distribution, degree)
     is_usable = np.isfinite(found.alpha) & np.isfinite(found.beta) & (found.beta > 0)
     usable = len(is_usable) if is_usable.all() else int(is_usable.argmin())
@@ -136,17 +133,3 @@ def univariate_basis(
         centres=found.alpha[:usable],
         ratios=found.beta[:usable],
     )
-
-
-def logarithm_distribution(distribution: Distribution) -> Distribution | None:
-    """Return the distribution of the logarithm if it is simpler, with the same truncation."""
-    if isinstance(distribution, LogUniform):
-        return Uniform(math.log(distribution.lower), math.log(distribution.upper))
-    if isinstance(distribution, Lognormal):
-        variance = math.log1p((distribution.std / distribution.mean) ** 2)
-        return Normal(math.log(distribution.mean) - variance / 2, math.sqrt(variance))
-    if isinstance(distribution, Truncated):
-        parent = logarithm_distribution(distribution.parent)
-        lower = math.log(distribution.lower) if distribution.lower > 0 else -math.inf
-        return parent and Truncated(parent, lower, math.log(distribution.upper))
-    return None

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from functools import partial
 
 from uqpen.core.errors import Problem
+from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD
+from uqpen.core.lookup import family_name
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
+from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.rare_events.limit_state import LimitState, limit_state, parse_limit_state
 from uqpen.designs.rare_events.replicates import Replicate, advance_together
@@ -32,6 +35,11 @@ class RareEventDesign(Design):
     sampling = Sampling.TOWARDS_EVENT
 
     event: str = limit_state()
+
+    @property
+    def method(self) -> str:
+        """Name of the method whose statistics its runs allow; empty for none."""
+        return family_name(DESIGNS, self)
 
     @abstractmethod
     def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
@@ -65,4 +73,5 @@ class RareEventDesign(Design):
             numbers = range(self.replicate_count)
             streams = [stream.child("replicate", number) for number in numbers]
         replicates = [partial(self.replicate, joint, event, each) for each in streams]
-        yield from advance_together(joint, event, replicates)
+        described = {RARE_EVENT: str(event), RARE_EVENT_METHOD: self.method}
+        yield from advance_together(joint, event, replicates, described)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.labels import RARE_EVENT, REPLICATE
+from uqpen.core.labels import REPLICATE
 from uqpen.designs.design import Rounds
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -54,8 +54,9 @@ def advance_together(
     joint: JointDistribution,
     event: LimitState,
     replicates: Sequence[Callable[[], Replicate]],
+    described: Mapping[str, str],
 ) -> Rounds:
-    """Yield rounds with the points of all replicates that go on.
+    """Yield rounds with the points of all replicates that go on, `described` by attributes.
 
     Standard normal points become inputs by the inputs' own transformation, so that every
     dependence and truncation of the study is kept.
@@ -64,7 +65,7 @@ def advance_together(
     wanted = {number: next(replicate) for number, replicate in going.items()}
     first = 0
     while wanted:
-        feedback = yield _points(joint, event, wanted)
+        feedback = yield _points(joint, wanted).assign_attrs(described)
         outcomes = event.outcomes(next(iter(feedback.runs.values())))
         following = {}
         start = 0
@@ -78,9 +79,7 @@ def advance_together(
         wanted = following
 
 
-def _points(
-    joint: JointDistribution, event: LimitState, wanted: dict[int, RequestedPoints]
-) -> xr.Dataset:
+def _points(joint: JointDistribution, wanted: dict[int, RequestedPoints]) -> xr.Dataset:
     sizes = [len(each.points) for each in wanted.values()]
     names = next(iter(wanted.values())).coordinates
     coordinates = {
@@ -91,4 +90,4 @@ def _points(
         },
     }
     unit = ndtr(np.concatenate([each.points for each in wanted.values()]))
-    return joint.points(unit, coordinates).assign_attrs({RARE_EVENT: str(event)})
+    return joint.points(unit, coordinates)

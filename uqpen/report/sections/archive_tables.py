@@ -19,7 +19,7 @@ from uqpen.core.status import Status
 from uqpen.execution import replicate_count, run_count, status_counts
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, number_text
+from uqpen.results.digits import grouped_number, number_text, range_text
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
@@ -83,7 +83,7 @@ def _spread(values: FloatArray) -> list[str]:
         return [number_text(float(values), 6) if values.size else NOTHING, NOTHING]
     return [
         number_text(float(np.median(values))),
-        f"{number_text(values.min())} … {number_text(values.max())}",
+        range_text(number_text(values.min()), number_text(values.max())),
     ]
 
 

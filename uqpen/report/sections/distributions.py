@@ -41,7 +41,7 @@ from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import number_text, percent_text
+from uqpen.results.digits import number_text, percent_text, range_text
 from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
@@ -152,7 +152,7 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
     ranks = np.unique(np.round(_SHOWN * (curve.values.size - 1)).astype(np.int64))
     for rank in ranks.tolist():
         estimate, lower, upper = curve.band[rank]
-        ends = f"{lower:.4f} … {upper:.4f}" if curve.has_band else "–"
+        ends = range_text(f"{lower:.4f}", f"{upper:.4f}") if curve.has_band else "–"
         cells = [number_text(curve.values[rank]), f"{estimate:.4f}", ends]
         table.rows.append((percent_text(round(rank / (curve.values.size - 1), 6)), cells))
     if not curve.has_band:

@@ -18,7 +18,6 @@ from uqpen.figures.failure_panels import (
     failed_run_counts,
 )
 from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.counting import percent_texts
 from uqpen.report.marks import Trace, dot_trace, key_marker, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.drivers import input_label
@@ -29,7 +28,7 @@ from uqpen.report.sections.view_statistics import (
 )
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text, grouped_number, number_text
+from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_texts
 from uqpen.results.table import OutputTable, identity
 
 __all__ = ["failure_association_chart", "failure_probability_chart"]

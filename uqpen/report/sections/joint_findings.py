@@ -9,12 +9,11 @@ import xarray as xr
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.sampling import Sampling
 from uqpen.report.blocks import Finding
-from uqpen.report.counting import percent_texts
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break
 from uqpen.report.sections.sentences import acceptance_sentence
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import percent_text, percent_texts
 from uqpen.results.disagreements import disagreements
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text

@@ -10,7 +10,6 @@ import xarray as xr
 
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.report.blocks import Finding
-from uqpen.report.counting import percent_texts
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     no_break,
@@ -20,6 +19,7 @@ from uqpen.report.sections.quoted_statistics import (
 from uqpen.report.sections.sentences import EVENTS
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import percent_texts
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity
 

@@ -22,7 +22,7 @@ from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text, number_text
+from uqpen.results.digits import estimate_text, number_text, range_text
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
 
@@ -205,7 +205,7 @@ def _range(cloud: PlottedRuns, name: str, which: BoolArray) -> str:
     values = values[np.isfinite(values)]
     if not values.size:
         return NOTHING
-    return f"{number_text(values.min())} … {number_text(values.max())}"
+    return range_text(number_text(values.min()), number_text(values.max()))
 
 
 def _table(cloud: PlottedRuns, output: str) -> OutputTable:

@@ -8,8 +8,9 @@ from functools import partial
 import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import SAMPLING, SUBSET_LEVEL
+from uqpen.core.labels import SAMPLING
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics import texts
@@ -24,11 +25,11 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.event_sensitivity.sample_sensitivity import sample_sensitivities
 from uqpen.statistics.event_sensitivity.sensitivity_arrays import (
+    EventScores,
     ScoredInputs,
     event_coordinates,
     sensitivity_arrays,
 )
-from uqpen.statistics.event_sensitivity.subset_sensitivity import SubsetScores
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.rare_events.rare_event_probability import rare_event
 from uqpen.statistics.run_samples import samples_of
@@ -102,12 +103,13 @@ def _of_rare_event(
     runs: xr.Dataset, events: Sequence[JointEvent], joint: JointDistribution, level: float
 ) -> OutputStatistics:
     """Estimate the same of the event that a design was made for, from the states that show it."""
-    event = rare_event(runs)
-    same = [each for each in events if event and each.condition == str(event)][:1]
-    if event is None or not same or SUBSET_LEVEL not in runs:
+    rare = rare_event(runs)
+    same = [each for each in events if rare and each.condition == str(rare.event)][:1]
+    if rare is None or not same or not rare.method.sensitivities:
         return {}
-    inputs, subset = ScoredInputs.of(joint), SubsetScores.of(runs, event, level)
-    rows = [inputs.estimates(subset.sensitivities)]
+    scores: EventScores = resolve(rare.method.sensitivities)(runs, rare.event, level)
+    inputs = ScoredInputs.of(joint)
+    rows = [inputs.estimates(scores.sensitivities)]
     found = dict(sensitivity_arrays(same, rows, inputs, level))
     return _with_counts(found, LoadedDataset(runs))
 

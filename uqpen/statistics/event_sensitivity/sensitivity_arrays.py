@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
@@ -19,10 +19,17 @@ from uqpen.statistics.event_sensitivity.sensitivity_estimates import Sensitivity
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sensitivity.input_measures import event_array
 
-__all__ = ["ScoredInputs", "event_coordinates", "sensitivity_arrays"]
+__all__ = ["EventScores", "ScoredInputs", "event_coordinates", "sensitivity_arrays"]
 
 # Estimates the sensitivities to an input, by its name and its scores.
 Estimator = Callable[[str, InputScores], SensitivityEstimates]
+
+
+class EventScores(Protocol):
+    """Runs of a design for a rare event, in which inputs have scores."""
+
+    def sensitivities(self, name: str, scores: InputScores) -> SensitivityEstimates:
+        """Estimate the sensitivities to the distribution of an input."""
 
 
 @dataclass(frozen=True, eq=False)

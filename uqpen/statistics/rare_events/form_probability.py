@@ -1,4 +1,4 @@
-"""Probability of a rare event by planes at its design points (FORM)."""
+"""Probability of a rare event by planes at its design points (FORM), and what is known of them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.special import ndtr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import (
+    INPUT,
     MOVED_AXIS,
     NORMAL_DISTANCE,
     ROLE,
@@ -19,14 +20,17 @@ from uqpen.core.labels import (
     SEARCH_ORIGIN,
     SEARCH_START,
 )
+from uqpen.core.statistic_dimensions import DESIGN_POINT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.rare_events.curvature import CURVATURE_AXIS, principal_curvatures
 from uqpen.designs.rare_events.design_point_search import DIFFERENCE, distinct_points
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
+from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
-__all__ = ["DesignPoint", "design_points", "form_estimate"]
+__all__ = ["DesignPoint", "design_points", "form_probability"]
 
 # Nodes of Gauss's rule for the probability beyond two planes; the integrand is smooth.
 _NODES = 32
@@ -140,8 +144,10 @@ def _with_curvatures(
     return DesignPoint(point.run, point.reliability_index, point.direction, curvatures)
 
 
-def form_estimate(runs: xr.Dataset, event: LimitState, outcomes: EventOutcomes) -> Estimate:
+def form_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareEventProbability:
     """Return the probability beyond the tangent planes at all design points, without an interval.
+
+    What is known of each design point follows as further statistics.
 
     Parameters
     ----------
@@ -149,17 +155,19 @@ def form_estimate(runs: xr.Dataset, event: LimitState, outcomes: EventOutcomes) 
         All runs of the design.
     event : LimitState
         The event.
-    outcomes : EventOutcomes
-        Of all runs.
+    level : float
+        Unused, as nothing has an interval.
     """
+    outcomes = event.outcomes(runs)
     points = design_points(runs, event, outcomes)
     if not points:
-        return Estimate.without_bounds(math.nan, texts.NO_DESIGN_POINT)
+        return RareEventProbability(Estimate.without_bounds(math.nan, texts.NO_DESIGN_POINT))
     probability = _of_union(points)
     notes = [texts.FORM_HAS_NO_INTERVAL, *_described(points, runs)]
     if (failed := int(outcomes.missing.sum())) > 0:
         notes.append(texts.FORM_PAST_FAILED.format(runs=failed))
-    return Estimate.without_bounds(probability, *notes)
+    estimate = Estimate.without_bounds(probability, *notes)
+    return RareEventProbability(estimate, statistics=dict(_design_point_arrays(points, runs)))
 
 
 def _of_union(points: Sequence[DesignPoint]) -> float:
@@ -209,3 +217,75 @@ def _described(points: Sequence[DesignPoint], runs: xr.Dataset) -> Iterator[str]
             if math.isfinite(point.second_order)
             else texts.NO_SECOND_ORDER
         )
+
+
+def _design_point_arrays(
+    points: Sequence[DesignPoint], runs: xr.Dataset
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield what is known of design points. Nothing measures its error, so it has no bounds.
+
+    Parameters
+    ----------
+    points : sequence of DesignPoint
+        At least one, the nearest first.
+    runs : Dataset
+        All runs of the design.
+
+    Yields
+    ------
+    name : str
+        ``reliability_index``, ``first_order_probability`` and ``second_order_probability`` of each
+        point; ``importance_factor`` of each point and input.
+    estimate : DataArray
+        Along ``design_point``, ``input`` if it is of inputs, and ``bound``. The coordinate
+        ``design_point_run`` has the number of the run at each point.
+    """
+    numbers = runs[RUN].values[[each.run for each in points]]
+    along = {
+        DESIGN_POINT: (DESIGN_POINT, np.arange(1, len(points) + 1), {"long_name": "design point"}),
+        f"{DESIGN_POINT}_run": (DESIGN_POINT, numbers, {"long_name": "run at the design point"}),
+    }
+    of_points = {
+        "reliability_index": ("distance from the median", [p.reliability_index for p in points]),
+        "first_order_probability": (
+            "probability beyond the tangent plane",
+            [p.first_order for p in points],
+        ),
+        "second_order_probability": (
+            "probability beyond a paraboloid",
+            [p.second_order for p in points],
+        ),
+    }
+    for name, (long_name, values) in of_points.items():
+        estimates = [_without_bounds(value) for value in values]
+        yield (
+            name,
+            Estimate.array(
+                estimates,
+                {DESIGN_POINT: len(points)},
+                units="1",
+                long_name=long_name,
+                coordinates=along,
+            ),
+        )
+    inputs = [
+        str(name)
+        for name, each in runs.data_vars.items()
+        if each.attrs.get(ROLE) == INPUT and each.ndim
+    ]
+    factors = [[_without_bounds(factor) for factor in p.direction**2] for p in points]
+    yield (
+        "importance_factor",
+        Estimate.table(
+            factors,
+            (DESIGN_POINT, INPUT),
+            units="1",
+            long_name="share of an input in the direction to a design point",
+            coordinates={**along, **input_coordinate(inputs)},
+        ),
+    )
+
+
+def _without_bounds(value: float) -> Estimate:
+    reason = texts.NO_SECOND_ORDER if np.isnan(value) else texts.FORM_HAS_NO_INTERVAL
+    return Estimate.without_bounds(float(value), reason)

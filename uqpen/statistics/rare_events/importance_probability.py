@@ -22,13 +22,14 @@ from uqpen.core.labels import (
 )
 from uqpen.designs.rare_events.event_components import effective_size
 from uqpen.designs.rare_events.gaussian_mixture import INFLATED, inflation
-from uqpen.designs.rare_events.limit_state import EventOutcomes
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
 from uqpen.statistics.rare_events.replicate_interval import replicate_interval
 from uqpen.statistics.rare_events.replicate_probability import ReplicateProbability
 
-__all__ = ["importance_estimate"]
+__all__ = ["importance_probability"]
 
 # Fewer effective draws in a replicate hardly say how much it scatters.
 _FEW_EFFECTIVE = 10
@@ -58,32 +59,36 @@ class _Replicate(NamedTuple):
     effective_size: float
 
 
-def importance_estimate(runs: xr.Dataset, outcomes: EventOutcomes, level: float) -> Estimate:
+def importance_probability(
+    runs: xr.Dataset, event: LimitState, level: float
+) -> RareEventProbability:
     """Estimate the probability of an event from all replicates.
 
     Parameters
     ----------
     runs : Dataset
         All runs of the design.
-    outcomes : EventOutcomes
-        Of all runs.
+    event : LimitState
+        The event.
     level : float
         Confidence level of the interval.
     """
-    replicate = runs[REPLICATE].values
+    outcomes, replicate = event.outcomes(runs), runs[REPLICATE].values
     found = []
     for number in np.unique(replicate):
         each = _replicate(runs, outcomes, np.flatnonzero(replicate == number))
         if each is None:
-            return Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
+            nothing = Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
+            return RareEventProbability(nothing)
         found.append(each)
     estimate = replicate_interval([each.probability for each in found], level)
     unmet = _unmet(runs, outcomes)
     if estimate.label == "none":
-        return estimate.with_note(estimate.note, unmet)
+        return RareEventProbability(estimate.with_note(estimate.note, unmet))
     few = texts.FEW_RUNS_IN_REPLICATES.format(runs=_ENOUGH_RUNS, few=_FEW_RUNS)
     is_few = len(replicate) < _ENOUGH_RUNS * len(found)
-    return estimate.with_note(*_warnings(found), few if is_few else "", unmet)
+    noted = estimate.with_note(*_warnings(found), few if is_few else "", unmet)
+    return RareEventProbability(noted)
 
 
 def _replicate(runs: xr.Dataset, outcomes: EventOutcomes, members: IntArray) -> _Replicate | None:

@@ -12,36 +12,22 @@ from scipy.special import ndtri
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import (
     CORRECTION_WEIGHT,
+    EQUIVALENT_RUNS,
     PREDICTED_EVENT,
     PREDICTION_ERROR,
     RUN,
     SEARCH_WEIGHT,
+    SURROGATE_ESTIMATE,
     SURROGATE_PROBABILITY,
     SURROGATE_PROBABILITY_ERROR,
 )
-from uqpen.designs.rare_events.limit_state import EventOutcomes
+from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
 from uqpen.statistics.rare_events.weighted_count import WeightedCount
 
-__all__ = ["LearnedProbability", "learned_probability"]
-
-
-class LearnedProbability(NamedTuple):
-    """Corrected probability of an event, and what the surrogate says alone.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    surrogate : float
-        By the surrogate alone; NaN where there is none.
-    equivalent_runs : float
-        Number of plain runs whose interval would be as narrow; NaN without an interval.
-    """
-
-    estimate: Estimate
-    surrogate: float
-    equivalent_runs: float
+__all__ = ["learned_probability"]
 
 
 class _Correction(NamedTuple):
@@ -93,21 +79,20 @@ class _Correction(NamedTuple):
         return max(value, 0.0), max(lower, min(shown, value)), min(max(upper, 0.0), 1.0)
 
 
-def learned_probability(
-    runs: xr.Dataset, outcomes: EventOutcomes, level: float
-) -> LearnedProbability:
+def learned_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareEventProbability:
     """Estimate the probability of an event from the runs that correct a surrogate.
 
     It is what the surrogate predicts, less the weights of runs that show no event where it predicts
     one, and with those of runs that show one where it predicts none. So it is without bias for any
-    surrogate.
+    surrogate. What the surrogate says alone, and how many plain runs would have an interval as
+    narrow, stand beside it.
 
     Parameters
     ----------
     runs : Dataset
         All runs of the design.
-    outcomes : EventOutcomes
-        Of all runs.
+    event : LimitState
+        The event.
     level : float
         Confidence level of the interval.
 
@@ -118,13 +103,10 @@ def learned_probability(
     """
     used = np.flatnonzero(runs[CORRECTION_WEIGHT].values > 0)
     correction = _correction(runs.isel({RUN: used}), level)
-    own = outcomes.of(used)
-    if not own.belongs.any():
-        nothing = Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
-        return LearnedProbability(nothing, correction.surrogate, math.nan)
+    own = event.outcomes(runs).of(used)
     if not (own.occurs | own.missing).any():
-        nothing = Estimate.without_bounds(math.nan, texts.EVENT_NEVER_SEEN)
-        return LearnedProbability(nothing, correction.surrogate, math.nan)
+        reason = texts.EVENT_NEVER_SEEN if own.belongs.any() else texts.NO_ADMISSIBLE_REPLICATE
+        return _with_companions(Estimate.without_bounds(math.nan, reason), correction, math.nan)
     value, lower, upper = correction.probability(own.occurs)
     method = texts.CORRECTED_COUNTS
     missing = float(correction.weights[own.missing].sum())
@@ -145,7 +127,14 @@ def learned_probability(
         texts.SURROGATE_ALONE.format(probability=correction.surrogate) * correction.is_fitted,
         _worth(equivalent),
     )
-    return LearnedProbability(estimate.with_note(*notes), correction.surrogate, equivalent)
+    return _with_companions(estimate.with_note(*notes), correction, equivalent)
+
+
+def _with_companions(
+    estimate: Estimate, correction: _Correction, equivalent: float
+) -> RareEventProbability:
+    companions = {SURROGATE_ESTIMATE: correction.surrogate, EQUIVALENT_RUNS: equivalent}
+    return RareEventProbability(estimate, companions)
 
 
 def _equivalent_runs(value: float, width: float, level: float) -> float:

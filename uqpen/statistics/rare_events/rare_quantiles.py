@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import SUBSET_LEVEL
+from uqpen.core.lookup import resolve
 from uqpen.core.statistic_dimensions import CONTENT_LEVEL, LOWER_CONTENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -39,17 +39,19 @@ def rare_quantiles(
     estimate : DataArray
         As of a sample.
     """
-    event = rare_event(runs)
-    is_concerned = event is not None and quantity.output.name in event.outputs
-    if event is None or not is_concerned or SUBSET_LEVEL not in runs:
+    rare = rare_event(runs)
+    if rare is None or not rare.method.quantiles or quantity.output.name not in rare.event.outputs:
         return
-    is_above = event.limits[0].is_above
+    limits = rare.event.limits
+    is_above = limits[0].is_above
     contents = quantity.tolerance_contents if is_above else quantity.lower_tolerance_contents
     if quantity.quantiles == DEFAULT_QUANTILES and not contents:
         return
-    reason, tail = texts.SEVERAL_LIMITS, None
-    if len(event.limits) == 1:
-        reason, tail = texts.NO_ADMISSIBLE_REPLICATE, TailFunction.of(runs, event)
+    reason = texts.SEVERAL_LIMITS
+    tail: TailFunction | None = None
+    if len(limits) == 1:
+        tail = resolve(rare.method.quantiles)(runs, rare.event)
+        reason = texts.NO_ADMISSIBLE_REPLICATE
     level, title = quantity.confidence_level, quantity.output.title
     if quantity.quantiles != DEFAULT_QUANTILES:
         estimate = partial(_quantile, tail, reason, is_above, level)

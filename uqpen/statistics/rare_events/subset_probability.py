@@ -1,4 +1,4 @@
-"""Probability of a rare event from a replicate of subset simulation."""
+"""Probability of a rare event from replicates of subset simulation."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import IntArray
-from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, RUN, SUBSET_LEVEL
+from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, REPLICATE, RUN, SUBSET_LEVEL
 from uqpen.designs.rare_events.chain_states import STEPS, ChainStates
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
+from uqpen.statistics.rare_events.replicate_interval import replicate_interval
 from uqpen.statistics.rare_events.replicate_probability import ReplicateProbability
 
-__all__ = ["Level", "last_level", "subset_levels", "subset_probability"]
+__all__ = ["Level", "subset_levels", "subset_probability"]
 
 
-def subset_probability(
-    runs: xr.Dataset, outcomes: EventOutcomes, event: LimitState, members: IntArray
-) -> ReplicateProbability | None:
-    """Return the product of the conditional probabilities of all levels.
+def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareEventProbability:
+    """Estimate the probability of an event: of a replicate, the product over all levels.
 
     A failed run counts as nearest to the event, so all of them are among the states of the last
     level, and their probability follows as that of the event does.
@@ -29,25 +31,29 @@ def subset_probability(
     ----------
     runs : Dataset
         All runs of the design.
-    outcomes : EventOutcomes
-        Of all runs.
     event : LimitState
         The event.
-    members : ndarray of int, shape (run,)
-        Positions of the runs of one replicate.
-
-    Returns
-    -------
-    ReplicateProbability or None
-        None where no draw counts.
+    level : float
+        Confidence level of the interval.
     """
-    last = last_level(runs, outcomes, event, members)
-    if last is None:
-        return None
-    return ReplicateProbability(
-        last.probability * float(last.states.occurs.mean()),
-        last.probability * float(last.states.missing.mean()),
-    )
+    outcomes, replicate = event.outcomes(runs), runs[REPLICATE].values
+    found = []
+    for number in np.unique(replicate):
+        members = np.flatnonzero(replicate == number)
+        if not (levels := subset_levels(runs, outcomes, event, members)):
+            nothing = Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
+            return RareEventProbability(nothing)
+        probability, states = levels[-1].probability, levels[-1].states
+        found.append(
+            ReplicateProbability(
+                probability * float(states.occurs.mean()),
+                probability * float(states.missing.mean()),
+            )
+        )
+    plain = 3 / runs.sizes[RUN]  # the rule of three
+    unmet = texts.UNMET_PART.format(probability=plain)
+    estimate = replicate_interval(found, level)
+    return RareEventProbability(estimate.with_note(estimate.note, unmet))
 
 
 class Level(NamedTuple):
@@ -68,19 +74,21 @@ class Level(NamedTuple):
     states: ChainStates
 
 
-def last_level(
-    runs: xr.Dataset, outcomes: EventOutcomes, event: LimitState, members: IntArray
-) -> Level | None:
-    """Return the last level of a replicate; None where no draw counts."""
-    return next(iter(reversed(subset_levels(runs, outcomes, event, members))), None)
-
-
 def subset_levels(
     runs: xr.Dataset, outcomes: EventOutcomes, event: LimitState, members: IntArray
 ) -> list[Level]:
     """Return the levels of a replicate, the independent draws first; none where no draw counts.
 
-    Parameters are those of `subset_probability`.
+    Parameters
+    ----------
+    runs : Dataset
+        All runs of the design.
+    outcomes : EventOutcomes
+        Of all runs.
+    event : LimitState
+        The event.
+    members : ndarray of int, shape (run,)
+        Positions of the runs of the replicate.
     """
     levels = runs[SUBSET_LEVEL].values[members]
     drawn = members[levels == 0]
