@@ -59,11 +59,12 @@ class StatisticsRows:
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
-        shown = [each for each in SHOWN if each.name not in self._left_out()]
+        left_out = {*self._left_out()}
+        shown = [each for each in SHOWN if each.name not in left_out]
         if self.is_logarithmic:
-            # A mean over tenfolds is that of few runs.
-            is_moment = CATALOGUE["mean"].shown.row.__le__
-            shown.sort(key=lambda each: PROBABILITY not in each.dims and is_moment(each.shown.row))
+            # A mean over tenfolds is that of few runs, so quantiles come before the moments.
+            moments = CATALOGUE["mean"].shown.row
+            shown.sort(key=lambda each: each.shown.row >= moments and PROBABILITY not in each.dims)
         for statistic in shown:
             for label, arrays in labelled_entries(statistic, self._arrays(statistic.name)):
                 self._add_row(label, statistic, arrays)
