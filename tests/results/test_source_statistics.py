@@ -14,7 +14,9 @@ import xarray as xr
 import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
+from uqpen.core.catalogue import REQUESTED
 from uqpen.report.page import report_page
+from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import ValidatedStudy
 
@@ -124,3 +126,54 @@ def test_a_page_takes_each_threshold_out_of_its_array_once(
         report_page(uqpen.run(asked))
     # Of the probability and of the indices of an event.
     assert taken[30] - taken[10] <= 20 * 2
+
+
+REQUESTS = """
+[outputs.y]
+exceeds = [0.5]
+below = [0.2]
+hold = [0.9]
+hold_above = [0.9]
+hold_between = [0.9]
+expected_shortfall = [0.9]
+return_periods = [50]
+[designs.mc]
+kind = "monte-carlo"
+runs = 600
+[designs.blocks]
+kind = "saltelli"
+base = 64
+[designs.rule]
+kind = "quadrature"
+order = 2
+[designs.paths]
+kind = "morris"
+trajectories = 4
+[designs.steps]
+kind = "one-at-a-time"
+[designs.rare]
+kind = "subset-simulation"
+event = "y > 1.9"
+samples = 100
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "mc"
+order = 2
+"""
+
+
+def test_each_source_has_what_a_study_asks_for_or_says_why_not(study_of: MakeStudy) -> None:
+    tree = uqpen.run(study_of("a + b", REQUESTS, a=(0.0, 1.0), b=(0.0, 1.0)))
+    statistics, told = SourceStatistics(tree), archive_json(tree)
+    sources = {**told["designs"], **told["surrogates"]}
+    assert sources.keys() == {*statistics.sources}
+    for source, found in sources.items():
+        output = found["outputs"]["y"]
+        for statistic in REQUESTED:
+            key = statistic.shown.json
+            reason = output.get("not_estimated", {}).get(key, "")
+            assert (key in output) != ("not estimated" in reason), (source, key)
+            if key in output:
+                for entry in output[key].values():
+                    known = entry["estimate"], entry["lower"], entry["upper"]
+                    assert any(each is not None for each in known) or entry["note"], key

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import (
     AGREEMENT,
     CAVEAT,
@@ -283,6 +283,14 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
     for key, name in _FAMILIES.items():
         if name in arrays:
             found[key] = _family_json(arrays[name], along)
+    missing = (each for each in REQUESTED if each.name not in arrays)
+    reason = statistics.reason_without(source)
+    if lacking := {
+        each.shown.json: reason
+        for each in missing
+        if reason and statistics.by_source(str(array.name), each.name)
+    }:
+        found["not_estimated"] = lacking
     found |= sensitivity_json(arrays, field=along)
     if other := user_defined_json(arrays, field=along):
         found["other"] = other

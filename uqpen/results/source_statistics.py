@@ -25,11 +25,14 @@ from uqpen.core.labels import (
     LOGARITHMIC,
     MISSING,
     MODEL_FORM,
+    RUNS,
     RUNS_ABSENT,
+    SAMPLING,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
 )
+from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names, scalar_output_names
@@ -113,6 +116,16 @@ class SourceStatistics:
         if self.is_difference:
             return "difference" if self.minus(source) else "model form"
         return str(self._dataset(source).attrs.get(SOURCE_KIND, "design"))
+
+    def reason_without(self, source: str) -> str:
+        """Return why a source lacks a statistic that the study asks for; empty if none is known."""
+        kind = self.kind(source)
+        if kind in ("surrogate", "difference"):
+            return f"not estimated for a {kind}"
+        sampling = read_group(self.tree, RUNS, source).attrs.get(SAMPLING)
+        if kind == "design" and sampling is not None and not Sampling(sampling).is_sample:
+            return f"not estimated: these runs ({sampling}) are no sample of the inputs"
+        return ""
 
     def decision(self, source: str) -> StatedDecision | None:
         """Return the decision of a design on its claim; None without one."""

@@ -103,6 +103,10 @@ class StatisticsRows:
             convert = conversion(statistic.name, self.measure, is_difference=is_difference)
             has_logarithm = self.is_logarithmic and statistic.unit is UnitRule.VALUE
             cells = self.table.cells(arrays, convert, is_logarithmic=has_logarithm)
+        if statistic.asked.key and arrays:
+            for place, source in enumerate(self.table.columns):
+                if source not in arrays:
+                    cells[place] += self.table.note_mark(self.statistics.reason_without(source))
         if statistic.shown.ends or any(cell != NOTHING for cell in cells):
             self.table.rows.append((label, cells))
         if statistic.shown.has_verdict:
