@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.figures.curves import Curve, draw_band, draw_curve
 from uqpen.figures.panel import Axes, Panel
 from uqpen.figures.value_axis import CUT, ValueAxis
@@ -18,6 +17,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.source_style import GREY, source_style
+from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.texts import plain_text
 
 __all__ = [
@@ -137,11 +137,11 @@ class StudyLimit(NamedTuple):
 def study_limits(view: ArchiveView, output: str) -> list[StudyLimit]:
     """Return the limits of a study on an output; first those that it has a verdict about."""
     found: dict[str, StudyLimit] = {}
-    for statistic, dimension in (("exceedance", THRESHOLD), ("below", LOWER_THRESHOLD)):
-        source = next(iter(view.estimates(output, statistic)), None)
-        entries = {} if source is None else view.statistics.entries(source, output, statistic)
+    for statistic in THRESHOLD_PROBABILITIES:
+        source = next(iter(view.estimates(output, statistic.name)), None)
+        entries = {} if source is None else view.statistics.entries(source, output, statistic.name)
         for label, entry in entries.items():
-            in_si = float(entry.coords.variables[f"{dimension}_value"].values)
+            in_si = float(entry.coords.variables[f"{statistic.dims[0]}_value"].values)
             text, value = str(label), float(view.scale(output).from_si(in_si))
             limit = StudyLimit(text, value, in_si, Acceptance.from_array(entry))
             if text not in found or found[text].acceptance is None:

@@ -14,10 +14,10 @@ from uqpen.archive.estimates import unpack
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import EXCEEDANCE, NOTE, REFERENCE
+from uqpen.core.labels import NOTE, REFERENCE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
-from uqpen.results.table import conversion, exceedance_label, quantile_label
+from uqpen.results.table import conversion, entry_label
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 
@@ -83,11 +83,7 @@ class BenchmarkEntry:
     @property
     def label(self) -> str:
         """The statistic as a table of a study calls it."""
-        if self.statistic == "quantile":
-            return quantile_label(float(self.entry_name))
-        if self.statistic == EXCEEDANCE:
-            return exceedance_label(str(self.entry_name))
-        return {"std": "sd"}.get(self.statistic, self.statistic)
+        return entry_label(CATALOGUE[self.statistic], self.entry_name)
 
     @property
     def units(self) -> str:

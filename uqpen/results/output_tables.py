@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees
+from uqpen.core.catalogue import REQUESTED
 from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.correction_tables import correction_tables
@@ -160,8 +161,8 @@ def _designs_of_tails(
     statistics: SourceStatistics, output: str, others: Collection[str]
 ) -> list[str]:
     """Return the designs that have values far out of an output, and no mean."""
-    names = ("quantile", "tolerance_limit", "lower_tolerance_limit")
-    found = {source for name in names for source in statistics.by_source(output, name)}
+    asked = (statistics.by_source(output, each.name) for each in REQUESTED)
+    found = {source for arrays in asked for source in arrays}
     return [
         source
         for source in statistics.sources

@@ -8,18 +8,17 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import EQUAL, STATED
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_text
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
-    below_label,
     conversion,
-    exceedance_label,
     label_with_unit,
-    quantile_label,
 )
+from uqpen.results.table import entry_label as statistic_label
 from uqpen.statistics.estimate import LEVEL
 
 __all__ = ["coverage_tables", "entry_label", "rehearsal_heading", "width_tables"]
@@ -30,7 +29,6 @@ _NEARLY_ALL = 0.995
 _COARSE = 0.2
 
 _INDICES = ("first_order", "total_order")
-_LABELS = {"mean": "mean", "std": "sd", "half_spread": "half 16–84 % range"}
 _SHORT = "holds less often than stated"
 _BEST = "* narrowest of those that hold as stated, or within 5 % of that"
 
@@ -81,13 +79,11 @@ def width_tables(findings: xr.Dataset) -> Iterator[OutputTable]:
 def entry_label(entry: xr.Dataset) -> str:
     """Return the label of an entry of a statistic in a table."""
     statistic, label = str(entry["statistic"].item()), str(entry["label"].item())
-    if statistic == "quantile":
-        return quantile_label(float(label))
-    if statistic == "exceedance":
-        return exceedance_label(label)
-    if statistic == "below":
-        return below_label(label)
-    return _LABELS.get(statistic) or f"{label}, {statistic.replace('_', ' ')}"
+    record = CATALOGUE[statistic]
+    if not record.shown.label:
+        return f"{label}, {statistic.replace('_', ' ')}"
+    is_number = record.own is not None and record.own.kind == "number"
+    return statistic_label(record, float(label) if is_number else label)
 
 
 def _coverage_cell(table: OutputTable, found: xr.Dataset) -> str:

@@ -11,7 +11,7 @@ from uqpen.core.statistic import Statistic
 from uqpen.results.source_statistics import source_entries
 from uqpen.results.table import entry_label
 
-__all__ = ["COMPARED", "SHOWN", "labelled_entries"]
+__all__ = ["COMPARED", "SHOWN", "THRESHOLD_PROBABILITIES", "labelled_entries"]
 
 # The statistics that tables show, in the order of their rows.
 SHOWN = sorted(
@@ -20,6 +20,9 @@ SHOWN = sorted(
 
 # Those by which sources, models and archives are compared, in the order of the catalogue.
 COMPARED = [each for each in CATALOGUE.values() if each.shown.is_compared]
+
+# Probabilities of lying beyond a value that the study asks for.
+THRESHOLD_PROBABILITIES = [each for each in COMPARED if each.shown.has_verdict]
 
 
 def labelled_entries(

@@ -27,7 +27,8 @@ from uqpen.report.sections.curve_lines import (
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import grouped_number, number_text, percent_text
-from uqpen.results.table import below_label, exceedance_label, quantile_label
+from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
+from uqpen.results.table import entry_label, quantile_label
 from uqpen.results.texts import capitalized, join_names
 
 __all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart", "tolerance_chart"]
@@ -179,11 +180,14 @@ def probability_charts(curve: CurveEstimates) -> Iterator[Chart]:
     reached = curve.bounds("reached")
     if reached is not None:
         yield _probability_chart(curve, "Runs that get this far", {"reached": reached}, "reached")
-    for statistic, label in (("exceedance", exceedance_label), ("below", below_label)):
-        entries = {label(str(text)): bounds for text, bounds in curve.entries(statistic).items()}
+    for statistic in THRESHOLD_PROBABILITIES:
+        entries = {
+            entry_label(statistic, text): bounds
+            for text, bounds in curve.entries(statistic.name).items()
+        }
         if entries:
             title = f"{', '.join(entries)} at each place"
-            yield _probability_chart(curve, title, entries, statistic)
+            yield _probability_chart(curve, title, entries, statistic.name)
 
 
 def _probability_chart(

@@ -13,7 +13,8 @@ from uqpen.report.place_selection import PlaceColumn, PlaceReadout
 from uqpen.report.sections.leading_design import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, number_text
-from uqpen.results.table import below_label, exceedance_label, quantile_label
+from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
+from uqpen.results.table import entry_label, quantile_label
 from uqpen.results.texts import unit_suffix
 
 __all__ = ["place_readout"]
@@ -49,10 +50,10 @@ def _columns(curve: CurveEstimates) -> Iterator[PlaceColumn]:
             yield _column(label, unit, bounds, _notes(curve, statistic))
     for number, (p, bounds) in enumerate(curve.entries("quantile").items()):
         yield _column(quantile_label(p), unit, bounds, _notes(curve, "quantile", number))
-    for statistic, written in (("exceedance", exceedance_label), ("below", below_label)):
-        for number, (text, bounds) in enumerate(curve.entries(statistic).items()):
-            label = f"{written(str(text))} ="
-            yield _column(label, "", bounds, _notes(curve, statistic, number))
+    for probability in THRESHOLD_PROBABILITIES:
+        for number, (text, bounds) in enumerate(curve.entries(probability.name).items()):
+            label = f"{entry_label(probability, text)} ="
+            yield _column(label, "", bounds, _notes(curve, probability.name, number))
     if (bounds := curve.bounds("reached")) is not None:
         yield _column("share of runs that get this far", "", bounds, _notes(curve, "reached"))
 

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.figures.source_comparison import ComparedStatistic
@@ -28,13 +27,13 @@ from uqpen.report.marks import (
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
-    below_label,
+    entry_label,
     estimate_remark,
-    exceedance_label,
     identity,
     quantile_label,
 )
@@ -98,8 +97,9 @@ def main_statistics(
     """Return mean, median, and the first probabilities among statistics."""
     by_label = {each.label: each for each in found}
     thresholds = [
-        *map(exceedance_label, _entries(view, output, "exceedance", THRESHOLD)),
-        *map(below_label, _entries(view, output, "below", LOWER_THRESHOLD)),
+        entry_label(statistic, entry)
+        for statistic in THRESHOLD_PROBABILITIES
+        for entry in _entries(view, output, statistic.name, statistic.dims[0])
     ]
     shares = map(share_label, _entries(view, output, "share", "category_label"))
     first = [label for label in thresholds if label in by_label][:1]
