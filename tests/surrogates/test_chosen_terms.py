@@ -210,12 +210,3 @@ def test_an_archive_states_the_truncation_of_each_output(fitted: PolynomialChaos
     for name, expansion in fitted.expansions.items():
         assert tree[name].attrs["truncation"] == expansion.truncation
         assert restored.expansions[name].truncation == expansion.truncation
-
-
-def test_an_older_archive_has_one_truncation(fitted: PolynomialChaosModel) -> None:
-    tree = fitted.to_tree()
-    tree.attrs["truncation"] = 0.8
-    for name in fitted.expansions:
-        del tree[name].attrs["truncation"]
-    restored = PolynomialChaosModel.from_tree(tree, "pce", None)
-    assert {each.truncation for each in restored.expansions.values()} == {0.8}

@@ -142,7 +142,7 @@ def damage(how: str) -> None:
 
 
 def without_files(archive: str) -> None:
-    """An archive as one of schema 1 is: it does not keep the files that its study names."""
+    """Take the files that its study names out of an archive."""
     tree = package.open_archive(archive)
     del tree["files"]
     package.write(tree, Path(archive))
@@ -263,24 +263,26 @@ class TestVerify:
         assert "/failures/monte_carlo is missing" in done.out
         assert "/statistics/monte_carlo/y: attribute note is missing of mean" in done.said
 
-    def test_an_archive_without_hashes_is_opened_and_checked(self, uqpen: Command) -> None:
+    def test_hashes_that_were_taken_out_are_told(self, uqpen: Command) -> None:
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.delncattr("content_sha256")
         assert uqpen("show", "plain.nc").code == 0
         done = uqpen("verify", "plain.nc")
-        assert done.code == 0
-        assert "none: written by a uqpen without hashes" in done.said
+        assert done.code == 4
+        assert "hashes no longer recorded in the archive" in done.said
 
-    def test_files_that_were_not_kept_are_looked_for(self, uqpen: Command, made: Path) -> None:
+    def test_files_that_were_taken_out_are_told(self, uqpen: Command, made: Path) -> None:
         without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("verify", "own.nc", "--trust")
         assert done.code == 2
         assert 'there is no file "own.py"' in done.said
         assert "--folder" in done.out
-        assert uqpen("verify", "own.nc", "--trust", "--folder", str(made)).code == 0
+        done = uqpen("verify", "own.nc", "--trust", "--folder", str(made))
+        assert done.code == 4
+        assert "expected none, as the archive has no such file" in done.said
 
-    def test_another_source_than_that_which_was_not_kept_is_told(self, uqpen: Command) -> None:
+    def test_another_source_than_that_which_was_taken_out_is_told(self, uqpen: Command) -> None:
         without_files("own.nc")
         Path("own.py").write_text(f"{SOURCE}# the same, but for this\n")
         done = uqpen("verify", "own.nc", "--trust")

@@ -35,11 +35,11 @@ def hash_record(tree: xr.DataTree) -> dict[str, str]:
     return {CONTENT: "\n".join(lines)}
 
 
-def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:
-    """Return the hashes that an archive was written with; None for an archive without any."""
+def recorded_hashes(tree: xr.DataTree) -> dict[str, str]:
+    """Return the hashes that an archive was written with; none for a tree that was not."""
     record = tree.attrs.get(CONTENT)
     if not isinstance(record, str):
-        return None
+        return {}
     pairs = (line.partition("  ") for line in record.split("\n"))
     return {path: digest for digest, _, path in pairs}
 

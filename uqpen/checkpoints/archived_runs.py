@@ -57,7 +57,7 @@ def open_intact(path: Path) -> xr.DataTree:
         If it cannot be read, has been changed, or is no archive of a study.
     """
     tree = read_tree(path)
-    if recorded_hashes(tree) not in (None, group_hashes(tree)):
+    if recorded_hashes(tree) != group_hashes(tree):
         raise ArchiveError(f"{path}: has been changed since it was written")
     if fault := next(find_faults(tree), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -220,10 +219,8 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             *(Input(key, *description(each.attrs, "of_")) for key, each in recurrences.items()),
             *(Input(key, *description(each.attrs)) for key, each in fixed.items()),
         ]
-        # Older archives have one truncation for all outputs.
-        of_all = float(attributes.get("truncation", math.nan))
         expansions = {
-            output: Expansion.from_dataset(output, read_group(tree, output), of_all)
+            output: Expansion.from_dataset(output, read_group(tree, output))
             for output in str(attributes["outputs"]).split()
         }
         basis = ProductBasis(

@@ -164,11 +164,8 @@ class Expansion:
         )
 
     @classmethod
-    def from_dataset(cls, name: str, dataset: xr.Dataset, truncation: float) -> Expansion:
-        """Restore the expansion of an output from `to_dataset`.
-
-        The truncation is that of an older archive, whose outputs do not state theirs.
-        """
+    def from_dataset(cls, name: str, dataset: xr.Dataset) -> Expansion:
+        """Restore the expansion of an output from `to_dataset`."""
         attributes = dataset.attrs
         first = np.asarray(dataset["fit_noise"].values, dtype=np.float64)
         return cls(
@@ -177,7 +174,7 @@ class Expansion:
             coefficients=np.asarray(dataset["coefficient"].values, dtype=np.float64),
             is_logarithm=attributes["transform"] == _LOGARITHM,
             order=int(attributes["order"]),
-            truncation=float(attributes.get("truncation", truncation)),
+            truncation=float(attributes["truncation"]),
             method=str(attributes["method"]),
             leave_one_out=float(attributes["leave_one_out_error"]),
             cross_validation=float(attributes["cross_validation_error"]),

@@ -12,7 +12,7 @@ from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
 from uqpen.core.blocks import block_ranges
-from uqpen.core.labels import CONTENT, MODEL_FORM, MODELS, RECIPE, RUN, RUNS
+from uqpen.core.labels import CONTENT, MODELS, RECIPE, RUN, RUNS
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, points_in_memory
@@ -193,9 +193,6 @@ def repeated_statistics(
         model: {design: runs[model][design] for design in study.designs} for model in study.models
     }
     again = analyse_runs(study, in_order, progress)
-    if MODEL_FORM not in tree.children and MODEL_FORM in again.children:
-        # An archive of an earlier uqpen: had it been taken out, the hashes would show it.
-        again = again.drop_nodes(MODEL_FORM)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
     found = list(missing_keys(archived_groups, repeated_groups))
     uncompared = other_recipe(tree)

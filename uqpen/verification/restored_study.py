@@ -46,7 +46,7 @@ def restored_study(
         An archive without faults.
     folder : Path or None
         Folder with the files that the study names; None for the archived files. Files that the
-        archive has only as hashes, or not at all, are then taken from the current folder.
+        archive has only as hashes are then taken from the current folder.
     trust, objects
         As for `archived_study`.
 
@@ -100,7 +100,7 @@ def _different_files(
     differing = {name: f"{name}: is not there" for name, found in beside.items() if not found}
     for name, found in sorted({**read, **beside}.items()):
         # An absolute path can have been another on the machine that made the archive.
-        if kept and found and found != kept.get(name) and found not in kept.values():
+        if found and found != kept.get(name) and found not in kept.values():
             expected = kept.get(name, "none, as the archive has no such file")
             differing[name] = f"{name}: found the SHA-256 {found}, expected {expected}"
     return differing

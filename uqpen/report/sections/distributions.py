@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
+from uqpen.core.statistic_dimensions import PERCENT
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import (
     StudyLimit,
@@ -197,11 +197,10 @@ def _first_threshold(
 
 
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
-    """Percentiles and their intervals; in an archive without them, the requested quantiles."""
+    """Percentiles and their intervals."""
     convert = view.scale(output).from_si
-    statistics = view.statistics.statistics(design, output)
-    array = statistics.get("percentile", statistics["quantile"])
-    probabilities = array[PERCENT] / 100 if PERCENT in array.dims else array[PROBABILITY]
+    array = view.statistics.statistics(design, output)["percentile"]
+    probabilities = array[PERCENT] / 100
     level = array.attrs.get(INTERVAL_LEVEL)
     with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
     table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
