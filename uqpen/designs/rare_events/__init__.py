@@ -4,6 +4,26 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from uqpen.core.labels import (
+    CHAIN_PARENT,
+    CORRECTION_WEIGHT,
+    DENSITY_RATIO,
+    LEVEL_THRESHOLD,
+    MIXTURE_COMPONENT,
+    MOVED_AXIS,
+    NORMAL_DISTANCE,
+    PREDICTED_EVENT,
+    PREDICTION_ERROR,
+    REPLICATE,
+    SAMPLING_STAGE,
+    SEARCH_ORIGIN,
+    SEARCH_START,
+    SEARCH_WEIGHT,
+    SUBSET_LEVEL,
+    SURROGATE_PROBABILITY,
+    SURROGATE_PROBABILITY_ERROR,
+)
+
 __all__ = ["RARE_EVENT_METHODS", "RareEventMethod"]
 
 
@@ -14,6 +34,8 @@ class RareEventMethod(NamedTuple):
     ----------
     design : str
         The `RareEventDesign`.
+    coordinates : tuple of str
+        Coordinates of its runs, which the functions below read.
     probability : str
         Takes the runs, the `LimitState` and a confidence level, and returns a
         `RareEventProbability`.
@@ -24,6 +46,7 @@ class RareEventMethod(NamedTuple):
     """
 
     design: str
+    coordinates: tuple[str, ...]
     probability: str
     quantiles: str = ""
     sensitivities: str = ""
@@ -33,20 +56,32 @@ class RareEventMethod(NamedTuple):
 RARE_EVENT_METHODS = {
     "subset-simulation": RareEventMethod(
         "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
+        (REPLICATE, SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD),
         "uqpen.statistics.rare_events.subset_probability:subset_probability",
         "uqpen.statistics.rare_events.tail_function:TailFunction.of",
         "uqpen.statistics.event_sensitivity.subset_sensitivity:SubsetScores.of",
     ),
     "active-learning": RareEventMethod(
         "uqpen.surrogates.active_learning.active_learning:ActiveLearning",
+        (
+            REPLICATE,
+            CORRECTION_WEIGHT,
+            SEARCH_WEIGHT,
+            PREDICTED_EVENT,
+            PREDICTION_ERROR,
+            SURROGATE_PROBABILITY,
+            SURROGATE_PROBABILITY_ERROR,
+        ),
         "uqpen.statistics.rare_events.learned_probability:learned_probability",
     ),
     "form": RareEventMethod(
         "uqpen.designs.rare_events.form:Form",
+        (REPLICATE, SEARCH_START, SEARCH_ORIGIN, MOVED_AXIS, NORMAL_DISTANCE),
         "uqpen.statistics.rare_events.form_probability:form_probability",
     ),
     "importance-sampling": RareEventMethod(
         "uqpen.designs.rare_events.importance_sampling:ImportanceSampling",
+        (REPLICATE, SAMPLING_STAGE, MIXTURE_COMPONENT, DENSITY_RATIO, NORMAL_DISTANCE),
         "uqpen.statistics.rare_events.importance_probability:importance_probability",
     ),
 }

@@ -49,13 +49,13 @@ def rare_event(runs: xr.Dataset) -> RareEvent | None:
     """Return the event that a design was made for; None for any other design.
 
     A file of any origin may have a text that is no event, or of outputs that it lacks, and the name
-    of an unknown method.
+    of an unknown method, or of one whose coordinates it lacks.
     """
     method = RARE_EVENT_METHODS.get(str(runs.attrs.get(RARE_EVENT_METHOD, "")))
     try:
         event = parse_limit_state(str(runs.attrs.get(RARE_EVENT, "")))
     except QuantityError:
         return None
-    if method is None or not event.outputs <= set(map(str, runs.data_vars)):
+    if method is None or not {*event.outputs, *method.coordinates} <= set(map(str, runs.variables)):
         return None
     return RareEvent(event, method)
