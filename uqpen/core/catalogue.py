@@ -1,7 +1,8 @@
 """Catalogue of statistics: the meaning of each number of an archive.
 
-An entry gives the dimensions of a statistic, its unit and its name for display. All code that
-writes, checks or shows a statistic reads its entry here; nobody parses a name. A statistic that is
+A record gives the dimensions of a statistic, its unit, how a study asks for it, the functions that
+estimate it, and its words and place where it is shown. All code that reads, estimates, writes,
+checks or shows a statistic takes its record from here; nobody parses a name. A statistic that is
 not in the catalogue is described by its own variable, and shown from that.
 """
 
@@ -13,14 +14,19 @@ from types import MappingProxyType
 
 from uqpen.core.labels import (
     BOUNDS,
+    EXCEEDANCE,
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
+    MOMENTS,
     NOTE,
     PAIR,
+    QUANTILES,
     RANK,
     RESERVED,
+    SHARES,
     STATUS,
+    TAILS,
 )
 from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule
 from uqpen.core.statistic_dimensions import (
@@ -104,7 +110,7 @@ _STATISTICS = [
         "mean",
         unit=UnitRule.VALUE,
         shown=Shown("mean", 30, is_compared=True),
-        group="moments",
+        group=MOMENTS,
         by={"sample": f"{_MOMENTS}:sample_moments", "field": f"{_PLACES}:moments_at_places"},
         is_of_surrogates=True,
     ),
@@ -132,7 +138,7 @@ _STATISTICS = [
         own=EntryDimension(PROBABILITY),
         asked=Request("quantiles", always=(0.05, 0.5, 0.95)),
         shown=Shown("{entry}", 40, "quantiles", "quantile", rank=22, is_compared=True),
-        group="quantiles",
+        group=QUANTILES,
         by={
             "sample": f"{_CDF}.quantiles:quantile_estimates",
             "field": f"{_PLACES}:quantiles_at_places",
@@ -205,7 +211,7 @@ _STATISTICS = [
             sentence="Beyond its {entry}, the mean of {output} is {estimate}.",
             is_compared=True,
         ),
-        group="tails",
+        group=TAILS,
         by={"sample": f"{_CDF}.expected_shortfall:expected_shortfalls"},
         is_of_surrogates=True,
     ),
@@ -231,7 +237,7 @@ _STATISTICS = [
             sentence="Once in {entry}\u00a0cases on average, {output} exceeds {estimate}.",
             is_compared=True,
         ),
-        group="tails",
+        group=TAILS,
         by={"sample": f"{_CDF}.return_levels:return_levels"},
     ),
     Statistic(
@@ -259,7 +265,7 @@ _STATISTICS = [
             is_compared=True,
             has_verdict=True,
         ),
-        group="exceedance",
+        group=EXCEEDANCE,
         by={
             "sample": f"{_CDF}.probabilities:exceedance_probabilities",
             "field": f"{_PLACES}:probabilities_at_places",
@@ -281,7 +287,7 @@ _STATISTICS = [
             is_compared=True,
             has_verdict=True,
         ),
-        group="exceedance",
+        group=EXCEEDANCE,
         by={"sample": f"{_CDF}.probabilities:below_probabilities"},
         is_of_surrogates=True,
     ),
@@ -298,7 +304,7 @@ _STATISTICS = [
             axis="share",
             is_compared=True,
         ),
-        group="shares",
+        group=SHARES,
         by={"sample": f"{_CDF}.probabilities:category_probabilities"},
     ),
     Statistic(

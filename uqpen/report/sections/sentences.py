@@ -134,7 +134,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     sentence = shown.sentence
     if (quantity.statistic, quantity.entry) == ("quantile", 0.5):
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
-    # By themselves, as a name may have braces.
+    # All in one pass, as the name of an output may have braces itself.
     words = {
         "{entry}": entry_text(shown, quantity.entry),
         "{label}": quantity.label,
