@@ -135,12 +135,45 @@ class TestMany:
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
 
 
-def test_the_largest_run_is_said_of_each_output_by_its_name(study_of: Callable[..., Any]) -> None:
-    text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
-    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
-    largest = number_text(float(tree["runs/some"]["y"].values.max()))
-    page = figure(tree, "cdf")
-    assert f"y, largest of 400 runs: {largest}" in page.legends[0].get_title().get_text()
+def _three(x: float) -> dict[str, float]:
+    return {"y": float(np.exp(5 * x)), "z": float(np.exp(6 * x)), "w": x}
+
+
+class TestSeveralOutputs:
+    @pytest.fixture
+    def tree(self) -> uqpen.Archive:
+        study = uqpen.Study(
+            seed=1,
+            model=uqpen.PythonModel(
+                _three,
+                inputs={"x": "1"},
+                outputs={"y": "1", "z": "1", "w": "1"},
+            ),
+            inputs={"x": "0 ± 0.4"},
+            designs={"some": uqpen.MonteCarlo(runs=400)},
+        )
+        return uqpen.run(study)
+
+    def test_the_largest_run_is_said_of_each_by_its_name(self, tree: xr.DataTree) -> None:
+        notes = figure(tree, "cdf").legends[0].get_title().get_text()
+        for name in "yz":
+            largest = number_text(float(tree[f"runs/some/{name}"].values.max()))
+            assert f"{name}: Axes end where all but 1 % lies inside." in notes
+            assert f"The largest of 400 runs is {largest}." in notes
+
+    def test_a_legend_names_that_of_which_a_text_is(self, tree: xr.DataTree) -> None:
+        page = figure(tree, "histogram")
+        labels = [each.get_text() for each in page.legends[0].get_texts()]
+        assert labels[0] == "runs", "of all"
+        assert [each.split()[:2] for each in labels[1:]] == [
+            [f"{name}:", word] for name in "yzw" for word in ("mean", "5", "median", "95")
+        ]
+        alone = figure(tree, "histogram", output="z").legends[0].get_texts()
+        assert alone[1].get_text().startswith("mean ")
+
+    def test_panels_of_one_output_each_fill_the_rows(self, tree: xr.DataTree) -> None:
+        first, second, third = (each.get_position() for each in figure(tree, "cdf").axes)
+        assert first.y0 == second.y0 > third.y0
 
 
 class TestFiles:

@@ -89,31 +89,35 @@ def counted(tree: xr.DataTree) -> tuple[float, float]:
 
 class TestDistributions:
     def test_the_function_and_its_band_are_those_of_the_archive(self, archives: Archives) -> None:
-        told = archives["beam"]["statistics/only/deflection"]
+        runs = archives["beam"]["runs/only"]
+        values = 1e3 * runs["deflection"].values[runs["status"].values == 0]
         (axes,) = drawn(archives["beam"], "cdf")
-        shown = line(axes, "only")
-        # A point at each end takes the function to where the axis ends.
-        np.testing.assert_allclose(shown.get_xdata()[1:-1], 1e3 * told["cdf_value"], rtol=1e-12)
-        np.testing.assert_array_equal(shown.get_ydata()[1:-1], told["cdf_band"][:, 0])
+        at, share = line(axes, "_only").get_data()
+        first, last = axes.get_xlim()
+        assert 0 < at[0] - first < 0.01 * (last - first)
+        assert 0 < last - at[-1] < 0.01 * (last - first)
+        np.testing.assert_allclose(share, [np.mean(values <= each) for each in at], rtol=1e-12)
         (band,) = axes.collections
         corners = band.get_paths()[0].vertices[:, 1]
         kept, half = counted(archives["beam"])
-        share = told["cdf_band"].values[:, 0]
         for end in (kept * share - half, kept * share + 1 - kept + half):
             assert set(np.clip(end, 0, 1).round(12)) <= set(corners.round(12))
         assert axes.get_xlabel() == "deflection [mm]"
+        legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
+        assert legend == ["simultaneous 95 % band of only", "only", "limit 2 mm"]
 
     def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "cdf")
         kept, half = counted(archives["beam"])
         (band,) = axes.collections
         right = band.get_paths()[0].vertices
-        at_end = right[np.isclose(right[:, 0], axes.get_xlim()[1]), 1]
+        at_end = right[np.isclose(right[:, 0], right[:, 0].max()), 1]
         assert (at_end.min(), at_end.max()) == pytest.approx((kept - half, 1))
 
-    def test_thresholds_are_where_they_were_written(self, archives: Archives) -> None:
+    def test_limits_are_where_they_were_written(self, archives: Archives) -> None:
         (axes,) = drawn(archives["rods"], "exceedance", output="penetration_depth")
-        marked = [each.get_xdata()[0] for each in axes.lines if each.get_linestyle() == "--"]
+        dotted = [each for each in axes.lines if each.is_dashed()]
+        marked = [each.get_xdata()[0] for each in dotted if len(each.get_xdata())]
         assert marked == pytest.approx([60, 90])
         assert [each.get_text() for each in axes.texts] == ["60 cm", "90 cm"]
 
@@ -122,8 +126,11 @@ class TestDistributions:
         page = uqpen.figure(uqpen.run(study_of("x", text, x=(0, 1))), "exceedance")
         assert page.axes[0].get_xlim()[1] < 2
         assert [each.get_text() for each in page.axes[0].texts] == ["0.5"], "no room for 0.501"
-        notes = page.legends[0].get_title().get_text().splitlines()
-        assert notes[0] == "asked for beyond the axis of y: 1000"
+        *_, requested, beyond = page.legends[0].get_title().get_text().splitlines()
+        assert "P(> 1000): 0.00 (0.00 … 0.31)." in requested
+        assert beyond == "Limits of the study beyond the axis: 1000."
+        legend = [each.get_text() for each in page.legends[0].get_texts()]
+        assert legend[-1] == "limits 0.5, 0.501"
 
     def test_what_is_asked_for_has_its_interval(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "exceedance")
@@ -138,6 +145,18 @@ class TestDistributions:
 
         notes = panel.draw_on_axes(Figure().add_subplot())
         assert notes[0].startswith("no band of chaos: ")
+
+    def test_the_tail_of_a_surrogate_is_that_of_its_function(self, archives: Archives) -> None:
+        tree = archives["schema_1"]
+        (axes,) = drawn(tree, "exceedance", source="chaos")
+        at, share = line(axes, "_chaos").get_data()
+        told = tree["statistics/chaos/y/cdf_value"].values
+        expected = [np.mean(told > each) for each in at[:-1]]
+        np.testing.assert_allclose(share[:-1], expected, atol=2e-3)
+        assert at[-1] == pytest.approx(told.max())
+        notes = axes.figure.legends[0].get_title().get_text()
+        assert notes.startswith("no band of chaos: ")
+        assert "run" not in notes, "a surrogate has none"
 
 
 class TestEstimates:
@@ -197,10 +216,13 @@ class TestRuns:
         counted = axes.patches[0].get_data().values.sum()
         assert counted == (archives["beam"]["runs/only"]["status"].values == 0).sum()
         told = archives["beam"]["statistics/only/deflection"]
-        mean = 1e3 * told["mean"].values[0]
-        assert line(axes, "mean").get_xdata()[0] == pytest.approx(mean)
-        median = 1e3 * told["quantile"].values[1, 0]
-        assert line(axes, "median").get_xdata()[0] == pytest.approx(median)
+        upright = [each.get_xdata()[0] for each in axes.lines if len(each.get_xdata())]
+        marked = [told["mean"].values[0], *told["quantile"].values[:, 0]]
+        np.testing.assert_allclose(upright[:4], 1e3 * np.array(marked), rtol=1e-12)
+        legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
+        assert legend[0] == "runs"
+        assert legend[3] == "median 3.66 (3.52 … 3.91) mm"
+        assert axes.get_title(loc="left") == "deflection: 98 runs of only"
 
     def test_runs_are_thinned_the_same_each_time(self) -> None:
         runs = xr.Dataset({"x": ("run", np.arange(10_000))})
@@ -225,10 +247,12 @@ class TestSeveralModels:
         (axes,) = drawn(tree, "models", output="penetration_depth")
         assert len(axes.collections) == 3
         for name in ("original", "smoothed", "rigid"):
-            told = (
-                100 * tree[f"models/{name}/statistics/latin/penetration_depth"]["cdf_value"].values
-            )
-            np.testing.assert_allclose(line(axes, name).get_xdata()[1 : len(told) + 1], told)
+            runs = 100 * tree[f"models/{name}/runs/latin"]["penetration_depth"].values
+            at, share = line(axes, f"_{name}").get_data()
+            np.testing.assert_allclose(share, [np.mean(runs <= each) for each in at], atol=0.01)
+        title = axes.get_title(loc="left").replace("\n", " ")
+        assert title.endswith("depth of penetration is at most x, by latin")
+        assert not title.startswith("original"), "it is of all models"
 
     def test_their_courses_stand_together(self, archives: Archives) -> None:
         tree = archives["rods"]
@@ -261,12 +285,14 @@ def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:
     tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.2)"))
     values = np.sort(tree["runs/some"]["y"].values)
     (axes,) = drawn(tree, "exceedance")
-    shown = line(axes, "some")
+    shown = line(axes, "_some")
     # No run exceeds the largest, so the function is that of the run before it up to there.
     np.testing.assert_allclose(shown.get_xdata()[-2:], values[-2:], rtol=1e-12)
     np.testing.assert_allclose(shown.get_ydata()[-2:], 1 / 1000)
-    end = line(axes, f"y, largest of 1 000 runs: {values[-1]:.4g}".replace(" 000", "\u202f000"))
+    (end,) = [each for each in axes.lines if each.get_marker() == "|" and len(each.get_xdata())]
     assert (end.get_xdata()[0], end.get_ydata()[0]) == pytest.approx((values[-1], 1 / 1000))
+    legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
+    assert f"largest of 1 000 runs: {values[-1]:.4g}" in legend
     assert axes.get_yscale() == "log"
     assert axes.get_xlim()[1] > values[-1]
     assert axes.get_ylim()[0] < 1 / 1000

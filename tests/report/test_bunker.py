@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.distributions import model_chart
 from uqpen.report.plotly import shapes
-from uqpen.report.sections.model_comparison import model_chart
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.report.sections.histograms import histogram
+from uqpen.charts.distributions import LargestRun, distribution_curves, exceedance_tail
+from uqpen.charts.histograms import histogram
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.exceedance_tail import ExceedanceTail, LargestRun
-from uqpen.results.simultaneous_band import SimultaneousBand
 
 RUNS, SHOWN = 4_000, 300
 
@@ -65,10 +64,10 @@ def test_the_largest_run_is_that_of_all_runs(view: ArchiveView, completed: np.nd
 
 
 def test_a_tail_is_that_of_all_runs(view: ArchiveView, completed: np.ndarray) -> None:
-    limits = SimultaneousBand.from_estimates(view.estimates("y", "cdf_band")["draws"])
-    tail = ExceedanceTail.of_design(view, "draws", "y", limits)
-    beyond = [np.mean(100 * completed > value) for value in tail.values[:-1]]
-    estimate, lower, upper = tail.band[:-1].T
+    (curve,) = distribution_curves(view, "y")
+    values, band = exceedance_tail(curve)
+    beyond = [np.mean(100 * completed > value) for value in values[:-1]]
+    estimate, lower, upper = band[:-1].T
     np.testing.assert_allclose(estimate, beyond, atol=1.5e-3)
     assert ((lower <= beyond) & (beyond <= upper)).all()
-    assert tail.values[-1] == pytest.approx(100 * completed.max())
+    assert values[-1] == pytest.approx(100 * completed.max())

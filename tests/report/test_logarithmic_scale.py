@@ -11,12 +11,12 @@ import xarray as xr
 from playwright.sync_api import Page
 
 import uqpen
+from uqpen.charts.histograms import histogram
 from uqpen.core.errors import StudyError
 from uqpen.report.blocks import Alerts, Findings, find_charts, flattened
 from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.scatter import scatter
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView

@@ -9,15 +9,15 @@ from __future__ import annotations
 __all__ = ["BENCHMARK_FIGURES", "FIGURES"]
 
 FIGURES = {
-    "cdf": "uqpen.figures.distributions:cdf",
-    "exceedance": "uqpen.figures.exceedance:exceedance",
-    "histogram": "uqpen.figures.histogram:histogram",
+    "cdf": "uqpen.charts.distributions:cdf_charts",
+    "exceedance": "uqpen.charts.distributions:exceedance_charts",
+    "histogram": "uqpen.charts.histograms:histogram_charts",
     "scatter": "uqpen.figures.scatter:scatter_panels",
     "methods": "uqpen.charts.source_comparison:source_charts",
     "sensitivity": "uqpen.figures.sensitivity:sensitivity_panels",
     "responses": "uqpen.figures.sensitivity:response_panels",
     "surrogate": "uqpen.figures.surrogate:surrogate_panels",
-    "models": "uqpen.figures.distributions:model_panels",
+    "models": "uqpen.charts.distributions:model_charts",
     "fan": "uqpen.figures.field_curves:fan_panels",
     "model-curves": "uqpen.figures.field_curves:model_curve_panels",
     "sensitivity-along": "uqpen.figures.field_sensitivity:sensitivity_along_panels",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 import numpy as np
 
+from uqpen.charts.axes import logarithmic_ticks
 from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.marks import (
     CROSS,
@@ -78,7 +80,12 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
     title_of : callable
         From a title to that which names the model too, if there are several.
     """
-    of = f"{chart.of}: " if chart.of not in chart.title else ""
+    unnamed = [
+        each
+        for each in (chart.of, chart.source)
+        if not re.search(rf"\b{re.escape(each)}\b", chart.title, re.IGNORECASE)
+    ]
+    title = f"{', '.join(unnamed)}: {chart.title}" if unnamed else chart.title
     height = _FRAME + chart.height / _ROW_PIXELS if chart.y.rows else _HEIGHT
 
     def draw(axes: Axes) -> Iterator[str]:
@@ -92,7 +99,8 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
             _draw_key(axes, key)
         yield from chart.notes
 
-    return Panel(title_of(f"{of}{chart.title}"), draw, height, chart.y.rows, chart.of)
+    shown = title if chart.is_of_all_models else title_of(title)
+    return Panel(shown, draw, height, chart.y.rows, chart.of)
 
 
 def _draw_axis(axes: Axes, axis: Axis, along: Literal["x", "y"]) -> None:
@@ -102,22 +110,27 @@ def _draw_axis(axes: Axes, axis: Axis, along: Literal["x", "y"]) -> None:
     axes.set(**{f"{along}label": axis.title})
     if axis.is_logarithmic:
         axes.set(**{f"{along}scale": "log"})
-    if axis.ticks:
-        places, texts = zip(*axis.ticks, strict=True)
+    # Matplotlib's own texts of powers are formulas.
+    of_powers = axis.ends if axis.is_logarithmic and axis.ends is not None else None
+    ticks = axis.ticks or (tuple(logarithmic_ticks(*of_powers)) if of_powers else ())
+    if ticks:
+        places, texts = zip(*ticks, strict=True)
         getattr(axes, f"set_{along}ticks")(places, texts)
         getattr(axes, f"{along}axis").set_minor_formatter("")
         axes.tick_params(axis=along, which="minor", length=0)
     if axis.ends is not None:
         lower, upper = axis.ends
         ends = (10.0**lower, 10.0**upper) if axis.is_logarithmic else (lower, upper)
-        axes.set(**{f"{along}lim": ends})
+        if lower < upper:
+            axes.set(**{f"{along}lim": ends})
 
 
 def _draw_mark(axes: Axes, mark: Mark) -> None:
     match mark:
         case Line():
             style = "steps-post" if mark.is_stepped else "default"
-            axes.plot(mark.x, mark.y, **_stroke(mark), drawstyle=style)
+            # A label with a line before it is not in the legend.
+            axes.plot(mark.x, mark.y, **_stroke(mark), drawstyle=style, label=f"_{mark.name}")
         case Band():
             axes.fill_between(
                 mark.x,
@@ -133,9 +146,8 @@ def _draw_mark(axes: Axes, mark: Mark) -> None:
         case Dots():
             _draw_dots(axes, mark)
         case Bars():
-            edges = np.asarray(mark.edges, dtype=np.float64)
-            colour = _colour(mark.series)
-            axes.bar(edges[:-1], mark.counts, np.diff(edges), align="edge", color=colour, alpha=0.5)
+            # One area: between bars of their own a vector file shows gaps.
+            axes.stairs(mark.counts, mark.edges, fill=True, color=_colour(mark.series), alpha=0.5)
         case HeatMap():
             # As a picture: a vector file of ten thousand cells would be large.
             mesh = axes.pcolormesh(
@@ -157,6 +169,7 @@ def _draw_mark(axes: Axes, mark: Mark) -> None:
 def _draw_points(axes: Axes, points: Points) -> None:
     """Draw points, in groups of one marker and one size."""
     x, y = (np.asarray(each, dtype=np.float64) for each in (points.x, points.y))
+    outline = _POINTS * points.outline if isinstance(points.outline, float) else 1.0
     markers = np.broadcast_to(np.asarray(points.marker), x.shape)
     sizes = np.broadcast_to(np.asarray(points.size, dtype=np.float64), x.shape)
     for marker, size in dict.fromkeys(zip(markers.tolist(), sizes.tolist(), strict=True)):
@@ -168,7 +181,7 @@ def _draw_points(axes: Axes, points: Points) -> None:
             markersize=_MARKER_POINTS * size,
             linestyle="none",
             alpha=points.opacity,
-            markeredgewidth=1 if marker.endswith("-open") or marker == CROSS else 0,
+            markeredgewidth=outline if marker.endswith("-open") or marker == CROSS else 0,
             rasterized=x.size > _MOST_POINTS,
         )
 
@@ -224,11 +237,13 @@ def _draw_rule(axes: Axes, rule: Rule) -> None:
 def _draw_key(axes: Axes, key: LegendKey) -> None:
     """Add an entry of the legend, without anything on the axes."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+    from matplotlib.patches import Rectangle
 
     label = plain_text(key.text, 80)
     if key.mark in ("band", "bar"):
-        axes.add_patch(Patch(color=_colour(key.series), alpha=0.35, linewidth=0, label=label))
+        patch = Rectangle((0, 0), 0, 0, color=_colour(key.series), alpha=0.35, linewidth=0)
+        patch.set_label(label)
+        axes.add_patch(patch)
         return
     if key.mark == "line":
         style = {"color": _colour(key.series), "linestyle": _DASHES[key.dash]}

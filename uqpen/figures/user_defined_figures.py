@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +40,8 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
         If a user-defined function cannot be loaded, fails, or yields something else.
     """
     if isinstance(named, str) and named in FIGURES:
-        return list(_panels(FIGURE.find(named, Path()).function(view), view))
+        charts = _name_outputs(list(FIGURE.find(named, Path()).function(view)))
+        return list(_panels(charts, view))
     function = FIGURE.find(named, Path.cwd())
     with function.in_context():
         found = list(function.function(view))
@@ -50,6 +51,31 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
             raise function.failure(text)
     panels = _panels(found, view)
     return [replace(panel, draw=_guarded(panel, function)) for panel in panels]
+
+
+def _name_outputs(drawn: Sequence[Block | Panel]) -> Iterator[Block | Panel]:
+    """Yield charts whose legends and notes name one or two outputs that a text is of, among more.
+
+    All panels of a figure have one legend and one set of notes.
+    """
+    owners: dict[str, dict[str, None]] = {}
+    charts = [each for each in drawn if isinstance(each, Chart)]
+    for chart in charts:
+        for text in (*chart.notes, *(key.text for key in chart.keys)):
+            owners.setdefault(text, {})[chart.of] = None
+    outputs = {chart.of for chart in charts}
+
+    def named(text: str) -> str:
+        head = f"{', '.join(owners[text])}: "
+        is_own = len(owners[text]) < min(3, len(outputs)) and not text.startswith(head)
+        return f"{head}{text}" if is_own else text
+
+    for each in drawn:
+        if isinstance(each, Chart):
+            keys = (replace(key, text=named(key.text)) for key in each.keys)
+            yield replace(each, keys=tuple(keys), notes=tuple(map(named, each.notes)))
+        else:
+            yield each
 
 
 def _panels(drawn: Iterable[Block | Panel], view: ArchiveView) -> Iterator[Panel]:

@@ -2,42 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from uqpen.charts.axes import CUT, output_axis
-from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey, ThresholdReadout
-from uqpen.charts.marks import Mark, series_dash
+from uqpen.charts.chart import Block, Chart, Charts, RunsBeyondAxis, ThresholdReadout
+from uqpen.charts.distributions import (
+    Curve,
+    LargestRun,
+    cdf_chart,
+    distribution_curves,
+    empirical_cdf,
+    exceedance_chart,
+)
+from uqpen.charts.histograms import histogram, shares
+from uqpen.charts.marks import Line, Rule
+from uqpen.charts.study_limits import study_limits
+from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PERCENT
-from uqpen.figures.curves import Curve
-from uqpen.figures.distributions import (
-    StudyLimit,
-    distribution_curves,
-    output_span,
-    scale_notes,
-    study_limits,
-)
 from uqpen.report.blocks import Fold, Table
-from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
-from uqpen.report.sections.exceedance import exceedance
-from uqpen.report.sections.histograms import histogram, shares
-from uqpen.report.sections.leading_design import leading_design, missing_runs_note
-from uqpen.report.sections.limit_marks import limit_marks
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
-from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text, percent_text, range_text
-from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
-from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
+from uqpen.results.texts import unit_suffix
 
 __all__ = ["distributions"]
 
 
 # Probabilities at which the numbers behind a distribution function are shown.
 _SHOWN = np.linspace(0, 1, 21)
+# Runs beyond either end of an axis at the most, so that a page does not grow with their number.
+_MOST_BEYOND = 40
 
 
 def distributions(view: ArchiveView) -> Iterator[Block]:
@@ -66,11 +66,11 @@ def _numeric_blocks(
 ) -> Iterator[Block]:
     # The function of the leading design comes first.
     found = distribution_curves(view, output)
-    curves = sorted(found, key=lambda curve: curve.name != design)
+    curves = sorted(found, key=lambda curve: curve.source != design)
     if not curves:
         return
     bins = () if is_pictured else (histogram(view, output, design),)
-    tail = exceedance(view, output, curves[0])
+    tail = exceedance_chart(view, output, curves[0])
     yield Charts((_cdf(view, output, curves[:1]), *bins, *tail))
     yield Table(_quantile_table(view, output, design), is_folded=True)
     if len(curves) > 1:
@@ -78,57 +78,11 @@ def _numeric_blocks(
 
 
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
-    is_all = len(curves) > 1
-    span = output_span(view, output, [curves[0].values])
-    marks = limit_marks(view, output, span, at_foot=True)
-    values = span.thresholds(curves[0].values, [limit.value for limit in marks.limits])
-    drawn = [curve_at(view, output, curve, values, marks.limits) for curve in curves]
-    traces: list[Mark] = []
-    keys: list[LegendKey] = []
-    for curve, shown in zip(curves, drawn, strict=True):
-        series, is_first = view.series(curve.name), curve is curves[0]
-        dash, width = ("solid", 2.5) if is_first else (series_dash(series), 1.5)
-        traces += curve_traces(
-            shown, series, dash, is_stepped=curve.is_stepped, width=width, has_band=is_first
-        )
-        if is_first and curve.has_band:
-            text = f"simultaneous {percent_text(curve.level)} band of {curve.name}"
-            keys.append(LegendKey(text, series, "band"))
-        keys.append(LegendKey(curve.name, series, "line", dash))
-    return Chart(
-        title=f"Probability that {output_title(view, output)} is at most x",
-        summary=_summary(view, output, curves[0]),
-        x=output_axis(view, output, span),
-        y=Axis("P(at most x)", (0.0, 1.0)),
-        marks=(*traces, *marks.rules),
-        keys=(*keys, *marks.keys),
-        notes=(
-            *missing_runs_note(view, curves[0].name),
-            *marks.notes,
-            *(f"{capitalized(each)}." for each in scale_notes(view, output, span, curves)),
-            *(
-                [f"{capitalized(CUT)}. {_largest_run_sentence(view, output, curves[0])}"]
-                * span.is_cut
-            ),
-        ),
-        tables=(_cdf_table(view, output, curves[0]),),
-        height=380,
-        is_compared=True,
-        reading=None if is_all else _threshold_readout(view, output, drawn[0], marks.limits),
-    )
-
-
-def _largest_run_sentence(view: ArchiveView, output: str, curve: Curve) -> str:
-    return LargestRun.of_design(view, curve.name, output).sentence
-
-
-def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
-    low, middle, high = (number_text(curve_quantile(curve, p)) for p in (0.05, 0.5, 0.95))
-    unit_text = unit_suffix(view.unit(output))
-    return (
-        f"By {curve.name} it rises from 5 % at {low}{unit_text} through one half at "
-        f"{middle}{unit_text} to 95 % at {high}{unit_text}. The table below has the numbers."
-    )
+    """Return a chart of functions with the numbers of the first; of one alone with a threshold."""
+    chart = replace(cdf_chart(view, output, curves), tables=(_cdf_table(view, output, curves[0]),))
+    if len(curves) > 1:
+        return chart
+    return replace(chart, reading=_threshold_readout(view, output, curves[0], chart))
 
 
 def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
@@ -147,39 +101,69 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
 
 
 def _threshold_readout(
-    view: ArchiveView, output: str, curve: Curve, limits: Sequence[StudyLimit]
+    view: ArchiveView, output: str, curve: Curve, chart: Chart
 ) -> ThresholdReadout:
+    (thresholds,) = (mark.x for mark in chart.marks if isinstance(mark, Line))
+    drawn = [mark.at for mark in chart.marks if isinstance(mark, Rule)]
+    curve = curve.at(np.asarray(thresholds))
+    limits = study_limits(view, output)
+    # First the limit that the study has a verdict about, wherever it lies; else the first limit on
+    # the axis, or any; and without limits, a quantile.
+    decided = [limit.value for limit in limits if limit.acceptance is not None]
+    place = min(int(np.searchsorted(curve.band[:, 0], 0.95)), curve.values.size - 1)
+    quantile = float(curve.values[place])
     return ThresholdReadout(
         output=output_title(view, output),
         unit=unit_suffix(view.unit(output)).lstrip(),
-        source=curve.name,
+        source=curve.source,
         level=curve.level,
         note=curve.note,
         values=curve.values.tolist(),
-        limits=tuple(
-            (limit.value, typeset_quantity(plain_text(limit.text, 20)))
-            for limit in study_limits(view, output)
-        ),
-        start=_first_threshold(view, output, curve, limits),
-        bounds=listed_bounds(curve.band),
-        beyond=runs_beyond_axis(view, output, curve),
+        limits=tuple((limit.value, limit.text) for limit in limits),
+        start=[*decided, *drawn, *(limit.value for limit in limits), quantile][0],
+        bounds=_listed_bounds(curve.band),
+        beyond=_runs_beyond_axis(view, output, curve),
     )
 
 
-def _first_threshold(
-    view: ArchiveView, output: str, curve: Curve, limits: Sequence[StudyLimit]
-) -> float:
-    """Return the threshold that is shown first.
+def _runs_beyond_axis(view: ArchiveView, output: str, curve: Curve) -> RunsBeyondAxis | None:
+    """Return the runs beyond the thresholds of a function, for those that a reader types."""
+    if not view.design(curve.source).keeps_runs:
+        return None
+    values = np.sort(view.design(curve.source).completed_values(output))
+    shown = view.scale(output).from_si(values)
+    first, last = float(curve.values[0]), float(curve.values[-1])
 
-    It is the limit that the study has a verdict about, wherever it lies; else the first limit on
-    the axis, or any; and without limits, a quantile.
-    """
-    every = study_limits(view, output)
-    decided = [limit for limit in every if limit.acceptance is not None]
-    if first := next(iter((*decided, *limits, *every)), None):
-        return first.value
-    place = int(np.searchsorted(curve.band[:, 0], 0.95))
-    return float(curve.values[min(place, curve.values.size - 1)])
+    def listed(which: FloatArray) -> list[list[float | None]]:
+        chosen = np.unique(which[evenly_spread(which.size, _MOST_BEYOND)]) if which.size else which
+        bounds = _listed_bounds(curve.limits.around(empirical_cdf(values, chosen)))
+        return [
+            [_exact(value), *row]
+            for value, row in zip(view.scale(output).from_si(chosen).tolist(), bounds, strict=True)
+        ]
+
+    (nothing,) = _listed_bounds(curve.limits.around(np.zeros(1)))
+    return RunsBeyondAxis(
+        runs=int(values.size),
+        smallest=_exact(float(shown[0])),
+        largest=_exact(float(shown[-1])),
+        nothing=nothing,
+        below=listed(values[shown < first]),
+        above=listed(values[shown > last]),
+    )
+
+
+def _listed_bounds(band: FloatArray) -> list[list[float | None]]:
+    """Return a function with its band as rows of numbers; None in place of NaN."""
+    return [
+        [round(value, 9) if math.isfinite(value) else None for value in row]
+        for row in band.tolist()
+    ]
+
+
+def _exact(value: float) -> float:
+    """Return a value in more digits than anybody types."""
+    return float(f"{value:.12g}")
 
 
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:

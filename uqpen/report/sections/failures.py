@@ -14,7 +14,6 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count
 from uqpen.figures.failure_panels import failed_run_counts
 from uqpen.report.blocks import Fold, Table, Text
-from uqpen.report.counting import count_text
 from uqpen.report.sections.failure_charts import (
     failure_association_chart,
     failure_probability_chart,
@@ -22,7 +21,7 @@ from uqpen.report.sections.failure_charts import (
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.view_statistics import status_probability
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, percent_text, percent_texts
+from uqpen.results.digits import count_text, grouped_number, percent_text, percent_texts
 from uqpen.results.failed_runs import failed_runs as losses_of
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.table import NOTHING, OutputTable

@@ -1,12 +1,10 @@
-"""Basis of the page's main results: a design, and its runs as a sample."""
+"""Basis of the page's main results: a design."""
 
 from __future__ import annotations
 
-from uqpen.core.labels import MISSING
-from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["leading_design", "missing_runs_note"]
+__all__ = ["leading_design"]
 
 
 def leading_design(view: ArchiveView) -> str | None:
@@ -18,14 +16,3 @@ def leading_design(view: ArchiveView) -> str | None:
     found = [name for name in view.sample_designs if view.design(name).has_completed_runs]
     plain = [name for name in found if view.is_sample_design(name)]
     return next(iter((*plain, *found)), None)
-
-
-def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
-    """Return a note on the runs that a distribution function leaves out, if any."""
-    missing = sample_account(view, design).get(MISSING)
-    if not missing:
-        return []
-    return [
-        f"The curve uses the completed runs; {missing} failed. A band includes every result that "
-        "they could have had."
-    ]

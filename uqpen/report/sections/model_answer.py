@@ -8,6 +8,7 @@ import numpy as np
 
 from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block
+from uqpen.charts.distributions import model_chart
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
@@ -17,7 +18,6 @@ from uqpen.report.sections.curve_overview import first_curves
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences
-from uqpen.report.sections.model_comparison import model_chart
 from uqpen.report.sections.model_verdicts import (
     caveat_text,
     model_form_findings,

@@ -1,31 +1,51 @@
-"""Runs of one design: in bins, by category, with their statistics."""
+"""Values of an output by one design: in bins, by category, with their statistics."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.read import group_names
 from uqpen.charts.axes import ValueAxis, output_axis
 from uqpen.charts.chart import Axis, Chart, LegendKey
-from uqpen.charts.marks import Bars, Dots, Rule, Shade
-from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.figures.distributions import output_span, scale_notes
-from uqpen.figures.histogram import marked_estimates
-from uqpen.report.counting import count_text
-from uqpen.report.sections.limit_marks import limit_marks
-from uqpen.report.sections.quoted_statistics import QuotedStatistic
+from uqpen.charts.distributions import scale_notes
+from uqpen.charts.marks import Bars, Dots, Rule, Shade, interval_notes
+from uqpen.charts.source_comparison import hollow_keys
+from uqpen.charts.study_limits import limit_marks, output_span
+from uqpen.core.labels import INTERVAL_LEVEL, SURROGATES
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, number_text, percent_text
+from uqpen.results.correction_tables import is_corrected
+from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
 from uqpen.results.statistics_rows import add_shares
-from uqpen.results.table import OutputTable
+from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
 
-__all__ = ["histogram", "shares"]
+__all__ = ["histogram", "histogram_charts", "shares"]
 
 # Dashes of the lines at marked estimates, and in turn of those at other quantiles.
 _DASHES = {"mean": "dash", "median": "solid"}
 _OTHER_DASHES = ("dot", "dashdot", "2px,5px", "longdash")
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y}"
+
+
+def histogram_charts(view: ArchiveView) -> Iterator[Chart]:
+    """Runs of one design, with mean and quantiles."""
+    design = next((name for name in view.sample_designs if view.design(name).has_shown_runs), None)
+    if design is None:
+        return
+    for output in view.numeric_outputs:
+        if view.shown_values(design, output).size:
+            yield histogram(view, output, design)
+    for output in view.categorical_outputs:
+        probabilities = view.statistics.get(design, output, "share")
+        if probabilities is not None and np.isfinite(probabilities.values[:, 0]).any():
+            chart = shares(view, output, design, probabilities)
+            notes = tuple(interval_notes([probabilities]))
+            yield replace(chart, keys=hollow_keys(probabilities), notes=notes)
 
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:
@@ -38,7 +58,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     limits = limit_marks(view, output, span)
     counts, edges = span.bins(values)
     outside = values.size - int(counts.sum())
-    marked = list(marked_estimates(view, output, design))
+    marked = _marked_estimates(view, output, design)
     drawn, keys, lacks = _estimate_marks(view, output, span, marked)
     notes = []
     if outside:
@@ -49,7 +69,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         # Sentences quote a corrected surrogate where there is one.
         whose = ", of these runs alone" * _is_quoted_of_surrogate(view, output)
         notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates{whose}.")
-    notes += [f"{capitalized(each)}." for each in scale_notes(view, output, span, ())]
+    notes += scale_notes(view, output, span, ())
     if lacks:
         notes.append(f"No two-sided interval, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
@@ -65,7 +85,18 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         keys=(LegendKey(f"{unit}s", series, "bar"), *keys, *limits.keys),
         notes=(*notes, *limits.notes),
         height=280,
+        of=output,
     )
+
+
+def _marked_estimates(
+    view: ArchiveView, output: str, design: str
+) -> list[tuple[str, xr.DataArray]]:
+    """Return the marked estimates along ``bound``, in SI units, each with its name."""
+    statistics = view.statistics.statistics(design, output)
+    mean = [("mean", statistics["mean"])] if "mean" in statistics else []
+    quantiles = statistics.get("quantile", ())
+    return [*mean, *((quantile_label(each[PROBABILITY].item()), each) for each in quantiles)]
 
 
 def _estimate_marks(
@@ -95,8 +126,12 @@ def _estimate_marks(
 
 
 def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
-    usual = [QuotedStatistic(view, output, "quantile", 0.5), QuotedStatistic(view, output, "mean")]
-    return any(each.leading_surrogate is not None for each in usual)
+    """Return whether sentences state a mean or median that a surrogate has from real runs."""
+    return any(
+        is_corrected(view.statistics.get(each, output, "mean"))
+        or is_corrected(view.statistics.entries(each, output, "quantile").get(0.5))
+        for each in group_names(view.tree, SURROGATES)
+    )
 
 
 def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:
@@ -115,4 +150,5 @@ def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataAr
         marks=(Dots(probabilities.values, places, series, hovers=texts, name=design),),
         tables=(table,),
         height=90 + 34 * len(labels),
+        of=output,
     )
