@@ -15,7 +15,7 @@ from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statis
 from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
-from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic import Shown, Statistic, UnitRule, derived
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -64,6 +64,33 @@ def test_a_record_names_what_there_is(statistic: Statistic) -> None:
     if statistic.asked.key:
         assert statistic.shown.label, "what is asked for is shown"
         assert hasattr(LENGTH, statistic.asked.attribute)
+
+
+@pytest.mark.parametrize(
+    "statistic", [each for each in CATALOGUE.values() if each.of], ids=lambda each: each.name
+)
+def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic: Statistic) -> None:
+    of = CATALOGUE[statistic.of]
+    assert statistic.name == statistic.prefix + of.name
+    assert of.title in statistic.title
+    assert statistic.dims[len(statistic.dims) - len(of.dims) :] == of.dims
+    assert (statistic.unit, statistic.recipe) == (of.unit, of.recipe)
+    assert not statistic.asked.key
+
+
+def test_a_derived_record_differs_only_as_stated() -> None:
+    shown = Shown("error of the {entry}")
+    error = derived(
+        CATALOGUE["quantile"], "error_", "error of the {title}", ("budget",), shown=shown
+    )
+    assert (error.name, error.title, error.of) == (
+        "error_quantile",
+        "error of the quantile",
+        "quantile",
+    )
+    assert error.dims == ("budget", "probability")
+    assert error.shown == shown
+    assert error.unit is UnitRule.VALUE
 
 
 def has_dims_of(array: xr.DataArray, entry: Statistic) -> bool:

@@ -14,12 +14,17 @@ from types import MappingProxyType
 
 from uqpen.core.labels import (
     BOUNDS,
+    BY_RUNS,
     EXCEEDANCE,
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
     MOMENTS,
     NOTE,
+    OF_CATEGORY,
+    OF_EXCEEDANCE,
+    OF_FIELD,
+    OF_LOGARITHM,
     PAIR,
     QUANTILES,
     RANK,
@@ -28,7 +33,7 @@ from uqpen.core.labels import (
     STATUS,
     TAILS,
 )
-from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule
+from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule, derived
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -69,25 +74,6 @@ _MOMENTS = "uqpen.statistics.moments.sample_moments"
 _FIELDS = "uqpen.statistics.fields"
 _PLACES = f"{_FIELDS}.place_statistics"
 
-_INDICES = {
-    "first_order": "first-order Sobol' index",
-    "total_order": "total-order Sobol' index",
-    "shapley": "Shapley effect",
-}
-
-
-def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
-    """Return the three shares of a variance, of the output or of a function of it."""
-    return [
-        Statistic(
-            f"{prefix}{name}",
-            f"{title}{of}",
-            (*along, INPUT),
-            note_is_of_estimate=True,
-        )
-        for name, title in _INDICES.items()
-    ]
-
 
 def _contents(name: str) -> EntryDimension:
     """Return the dimension of the shares that tolerance limits hold."""
@@ -104,14 +90,18 @@ def _accepted(name: str) -> dict[str, str]:
     return {f"{name}_at_most": "number", f"{name}_at_least": "number"}
 
 
-_STATISTICS = [
+_OF_VALUES = [
     Statistic(
         "mean",
         "mean",
         unit=UnitRule.VALUE,
         shown=Shown("mean", 30, is_compared=True),
         group=MOMENTS,
-        by={"sample": f"{_MOMENTS}:sample_moments", "field": f"{_PLACES}:moments_at_places"},
+        by={
+            "sample": f"{_MOMENTS}:sample_moments",
+            "part": f"{_MOMENTS}:mean_estimate",
+            "field": f"{_PLACES}:moments_at_places",
+        },
         is_of_surrogates=True,
     ),
     Statistic(
@@ -141,6 +131,7 @@ _STATISTICS = [
         group=QUANTILES,
         by={
             "sample": f"{_CDF}.quantiles:quantile_estimates",
+            "part": f"{_CDF}.quantiles:requested_quantiles",
             "field": f"{_PLACES}:quantiles_at_places",
         },
         is_of_surrogates=True,
@@ -268,6 +259,7 @@ _STATISTICS = [
         group=EXCEEDANCE,
         by={
             "sample": f"{_CDF}.probabilities:exceedance_probabilities",
+            "part": f"{_CDF}.probabilities:requested_exceedances",
             "field": f"{_PLACES}:probabilities_at_places",
         },
         is_of_surrogates=True,
@@ -288,7 +280,10 @@ _STATISTICS = [
             has_verdict=True,
         ),
         group=EXCEEDANCE,
-        by={"sample": f"{_CDF}.probabilities:below_probabilities"},
+        by={
+            "sample": f"{_CDF}.probabilities:below_probabilities",
+            "part": f"{_CDF}.probabilities:requested_below",
+        },
         is_of_surrogates=True,
     ),
     Statistic(
@@ -305,7 +300,10 @@ _STATISTICS = [
             is_compared=True,
         ),
         group=SHARES,
-        by={"sample": f"{_CDF}.probabilities:category_probabilities"},
+        by={
+            "sample": f"{_CDF}.probabilities:category_probabilities",
+            "part": f"{_CDF}.probabilities:category_shares",
+        },
     ),
     Statistic(
         "cdf",
@@ -377,36 +375,35 @@ _STATISTICS = [
         own=EntryDimension(CURVE, "count", is_listed=False),
     ),
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
+]
+
+# The parts of the inputs in a variance.
+_INDICES = [
+    Statistic(name, title, (INPUT,), note_is_of_estimate=True)
+    for name, title in (
+        ("first_order", "first-order Sobol' index"),
+        ("total_order", "total-order Sobol' index"),
+        ("shapley", "Shapley effect"),
+    )
+]
+
+_STATISTICS = [
+    *_OF_VALUES,
     *(
-        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
-        for name, title, dims, unit in (
-            ("mean", "mean", (), UnitRule.VALUE),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
-            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
-        )
+        derived(each, BY_RUNS, "{title}, by the runs so far", (RUNS_SO_FAR,))
+        for each in _OF_VALUES
+        if "part" in each.by
     ),
-    *_indices("", ""),
-    Statistic(
-        "second_order",
-        "second-order Sobol' index",
-        (PAIR,),
-        note_is_of_estimate=True,
-    ),
+    *_INDICES,
+    Statistic("second_order", "second-order Sobol' index", (PAIR,), note_is_of_estimate=True),
     # Of a whole field: along its places, each input has one.
+    *(derived(each, OF_FIELD, "generalized {title}") for each in _INDICES[:2]),
+    *(derived(each, OF_LOGARITHM, "{title} of the logarithm") for each in _INDICES),
     *(
-        Statistic(
-            f"generalized_{name}",
-            f"generalized {_INDICES[name]}",
-            (INPUT,),
-            note_is_of_estimate=True,
-        )
-        for name in ("first_order", "total_order")
+        derived(each, OF_EXCEEDANCE, "{title} of exceeding a value", (THRESHOLD,))
+        for each in _INDICES
     ),
-    *_indices("log_", " of the logarithm"),
-    *_indices("exceedance_", " of exceeding a value", THRESHOLD),
-    *_indices("category_", " of a category", CATEGORY),
+    *(derived(each, OF_CATEGORY, "{title} of a category", (CATEGORY,)) for each in _INDICES),
     *(
         Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True)
         for name, title, unit in (
@@ -493,17 +490,24 @@ JOINT_STATISTICS = _by_name(
 )
 
 # Shares of the variance over several models, which count the same.
-_MODEL_FORM_SHARES = {
-    "model_form_share": "share of the variance between models",
-    "parameter_share": "share of the variance between inputs",
-    "interaction_share": "share of the variance of models and inputs together",
-}
+_MODEL_FORM_SHARES = [
+    Statistic(name, title, shown=Shown(label))
+    for name, title, label in (
+        ("model_form_share", "share of the variance between models", "model form"),
+        ("parameter_share", "share of the variance between inputs", "inputs"),
+        (
+            "interaction_share",
+            "share of the variance of models and inputs together",
+            "both together",
+        ),
+    )
+]
 MODEL_FORM_STATISTICS = _by_name(
     [
-        *(Statistic(name, title) for name, title in _MODEL_FORM_SHARES.items()),
+        *_MODEL_FORM_SHARES,
         *(
-            Statistic(f"exceedance_{name}", f"{title}, of exceeding a value", (THRESHOLD,))
-            for name, title in _MODEL_FORM_SHARES.items()
+            derived(each, OF_EXCEEDANCE, "{title}, of exceeding a value", (THRESHOLD,))
+            for each in _MODEL_FORM_SHARES
         ),
     ]
 )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = ["EntryDimension", "Request", "Shown", "Statistic", "UnitRule"]
+__all__ = ["EntryDimension", "Request", "Shown", "Statistic", "UnitRule", "derived"]
 
 
 @dataclass(frozen=True)
@@ -151,8 +152,9 @@ class Statistic:
     group : str
         Group of statistics that a study may leave out together.
     by : mapping of str to str
-        References to the functions that estimate it, by what they take: ``"sample"`` or
-        ``"field"``. One that estimates several statistics stands at the first of them.
+        References to the functions that estimate it, by what they take: ``"sample"``, ``"field"``,
+        or ``"part"`` of a sample, by which it is followed as runs are added. One that estimates
+        several statistics stands at the first of them.
     takes_all_values : bool
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
@@ -163,6 +165,10 @@ class Statistic:
         How a study asks for its entries; without a key where no study has to.
     shown : Shown
         Its place in tables and lists of single numbers; without a label where it has none.
+    prefix : str
+        Of a statistic that follows from another: the beginning of its name.
+    of : str
+        The name of that other.
     """
 
     name: str
@@ -179,8 +185,48 @@ class Statistic:
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()
+    prefix: str = ""
+    of: str = ""
 
     @property
     def is_function(self) -> bool:
         """True for a distribution function, which is checked and shown as a whole."""
         return RANK in self.dims
+
+
+def derived(
+    record: Statistic, prefix: str, title: str, dims: tuple[str, ...] = (), **changes: Any
+) -> Statistic:
+    """Return the record of a statistic that follows from another.
+
+    It has the unit and the recipe of the other. It is asked for, estimated and shown by itself only
+    as `changes` say.
+
+    Parameters
+    ----------
+    record : Statistic
+        Of the other.
+    prefix : str
+        Beginning of its name, before that of the other.
+    title : str
+        Its name for display, with ``{title}`` for that of the other.
+    dims : tuple of str
+        Its dimensions before those of the other.
+    **changes
+        Fields in which it differs.
+    """
+    own = {
+        "name": f"{prefix}{record.name}",
+        "title": title.replace("{title}", record.title),
+        "dims": (*dims, *record.dims),
+        "prefix": prefix,
+        "of": record.name,
+        "group": "",
+        "by": {},
+        "takes_all_values": False,
+        "is_of_surrogates": False,
+        "own": None,
+        "asked": Request(),
+        "shown": Shown(),
+    }
+    return replace(record, **{**own, **changes})

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from uqpen.core.catalogue import MODEL_FORM_STATISTICS
-from uqpen.core.labels import MODEL_FORM, MODELS
+from uqpen.core.labels import MODEL_FORM, MODELS, OF_EXCEEDANCE
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.results.estimate_json import entries_json
 from uqpen.results.source_statistics import SourceStatistics
@@ -16,12 +16,8 @@ from uqpen.results.table import OutputTable, exceedance_label
 
 __all__ = ["model_form_json", "model_form_tables"]
 
-_COLUMNS = {
-    "model_form_share": "model form",
-    "parameter_share": "inputs",
-    "interaction_share": "both together",
-}
-_OF_EVENTS = "exceedance_"
+_SHARES = [each for each in MODEL_FORM_STATISTICS.values() if not each.of]
+_OF_EVENTS = [each.name for each in MODEL_FORM_STATISTICS.values() if each.prefix == OF_EXCEEDANCE]
 _NOTE = (
     "models of equal weight, which are no sample of all models: the share of model form is of these"
 )
@@ -37,25 +33,18 @@ def model_form_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     for design in statistics.sources:
         for output in statistics.outputs:
             found = statistics.statistics(design, output)
-            if _OF_VALUE[0] in found:
+            if _SHARES[0].name in found:
                 title = f"{output} by {count} models: shares of its variance, {design}"
                 yield _table(title, dict(found.items()))
 
 
-_OF_VALUE = tuple(_COLUMNS)
-
-
 def _table(title: str, found: dict[str, xr.DataArray]) -> OutputTable:
-    table = OutputTable(title, list(_COLUMNS.values()))
+    table = OutputTable(title, [each.shown.label for each in _SHARES])
     mark = table.note_mark(_NOTE)
-    table.rows.append((f"value{mark}", [table.cell(found[name]) for name in _COLUMNS]))
-    events = {
-        name: found[f"{_OF_EVENTS}{name}"] for name in _COLUMNS if f"{_OF_EVENTS}{name}" in found
-    }
-    if events:
-        thresholds = next(iter(events.values()))[THRESHOLD].values.tolist()
-        for place, threshold in enumerate(thresholds):
-            cells = [table.cell(array[{THRESHOLD: place}]) for array in events.values()]
+    table.rows.append((f"value{mark}", [table.cell(found[each.name]) for each in _SHARES]))
+    if events := [found[name] for name in _OF_EVENTS if name in found]:
+        for place, threshold in enumerate(events[0][THRESHOLD].values.tolist()):
+            cells = [table.cell(array[{THRESHOLD: place}]) for array in events]
             table.rows.append((exceedance_label(str(threshold)), cells))
     return table
 

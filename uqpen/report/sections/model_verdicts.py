@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from uqpen.core.labels import OF_EXCEEDANCE
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.report.blocks import Finding
 from uqpen.report.sections.quoted_statistics import (
@@ -144,7 +145,7 @@ def model_form_findings(
 def _event_texts(arrays: Mapping[str, xr.DataArray]) -> Iterator[str]:
     """Yield the same of the events with acceptance limits."""
     form, inputs = (
-        arrays.get(f"exceedance_{name}") for name in ("model_form_share", "parameter_share")
+        arrays.get(f"{OF_EXCEEDANCE}{name}") for name in ("model_form_share", "parameter_share")
     )
     if form is None or inputs is None:
         return

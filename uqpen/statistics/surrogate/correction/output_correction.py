@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import OF_EXCEEDANCE, OF_LOGARITHM
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -35,7 +36,7 @@ _KNOWN = ("mean", "std", "half_spread", "exceedance", "below", "cdf", *_PERCENTI
 # The beginning of their names, and their kind.
 _INDICES = {
     f"{prefix}{kind}": (prefix, kind)
-    for prefix in ("", "log_", "exceedance_")
+    for prefix in ("", OF_LOGARITHM, OF_EXCEEDANCE)
     for kind in (FIRST_ORDER, TOTAL_ORDER)
 }
 
@@ -73,7 +74,7 @@ class OutputCorrection:
             The least share of the variance of the runs that it has to explain: of the logarithm
             for what is of that, and else of the output.
         """
-        of_logarithm = self.indexed.get("log_", ()) if name.startswith("log_") else ()
+        of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
         q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
         if q2 >= least:
             return ""
