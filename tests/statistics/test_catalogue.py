@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
-from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, JOINT_STATISTICS, MEASURES
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
 from uqpen.core.statistic import Shown, Statistic, UnitRule, derived
@@ -76,6 +76,22 @@ def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic:
     assert statistic.dims[len(statistic.dims) - len(of.dims) :] == of.dims
     assert (statistic.unit, statistic.recipe) == (of.unit, of.recipe)
     assert not statistic.asked.key
+
+
+def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_its_own() -> None:
+    every = (*CATALOGUE.values(), *JOINT_STATISTICS.values())
+    of_inputs = [each for each in every if of_input(each)]
+    assert [each.name for each in of_inputs if not each.measure.label] == []
+    assert sorted(each.name for each in of_inputs) == sorted(
+        each.name for table in MEASURES.values() for each in table if of_input(each)
+    )
+    for each in of_inputs:
+        if each.measure.reason:
+            assert each.measure.share or "{input}" in each.measure.sentence, each.name
+
+
+def of_input(statistic: Statistic) -> bool:
+    return not {"input", "pair"}.isdisjoint(statistic.dims)
 
 
 def test_a_derived_record_differs_only_as_stated() -> None:

@@ -8,8 +8,9 @@ not in the catalogue is described by its own variable, and shown from that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import chain
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, islice
 from types import MappingProxyType
 
 from uqpen.core.labels import (
@@ -33,7 +34,15 @@ from uqpen.core.labels import (
     STATUS,
     TAILS,
 )
-from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule, derived
+from uqpen.core.statistic import (
+    EntryDimension,
+    Measure,
+    Request,
+    Shown,
+    Statistic,
+    UnitRule,
+    derived,
+)
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -59,6 +68,7 @@ __all__ = [
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
+    "MEASURES",
     "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
     "REQUESTED",
@@ -379,13 +389,117 @@ _OF_VALUES = [
 
 # The parts of the inputs in a variance.
 _INDICES = [
-    Statistic(name, title, (INPUT,), note_is_of_estimate=True)
-    for name, title in (
-        ("first_order", "first-order Sobol' index"),
-        ("total_order", "total-order Sobol' index"),
-        ("shapley", "Shapley effect"),
+    Statistic(name, title, (INPUT,), note_is_of_estimate=True, measure=measure)
+    for name, title, measure in (
+        (
+            "first_order",
+            "first-order Sobol' index",
+            Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
+        ),
+        (
+            "total_order",
+            "total-order Sobol' index",
+            Measure("total order", "shares", 2, "s", share="total"),
+        ),
+        (
+            "shapley",
+            "Shapley effect",
+            Measure(
+                "Shapley effect",
+                "shares",
+                3,
+                "D",
+                share="divided",
+                reason="the largest Shapley effects",
+            ),
+        ),
     )
 ]
+
+
+def _indices_of(
+    prefix: str, title: str, table: str, *along: str, json: str = ""
+) -> Iterator[Statistic]:
+    """Yield the parts in the variance of something else than the output."""
+    for each in _INDICES:
+        measure = replace(each.measure, table=table, json=json)
+        yield derived(each, prefix, title, along, measure=measure)
+
+
+_ASSOCIATIONS = {
+    "pearson": ("Pearson correlation", Measure("Pearson", "associations", 41)),
+    "spearman": (
+        "Spearman rank correlation",
+        Measure(
+            "Spearman",
+            "associations",
+            40,
+            reason="the strongest rank correlations",
+            sentence="{input} has the strongest rank correlation with {output} ({estimate}).",
+        ),
+    ),
+    "partial": ("partial correlation", Measure("partial", "associations", 43)),
+    "partial_rank": ("partial rank correlation", Measure("partial, ranks", "associations", 42)),
+    "delta": ("moment-independent delta", Measure("delta", "associations", 44)),
+}
+
+# Of moves of one input at a time. Effects of both signs cancel in their mean.
+_EFFECTS = {
+    "mu": ("mean elementary effect", Measure("mean effect", "effects", 21, "")),
+    "mu_star": (
+        "mean absolute elementary effect",
+        Measure(
+            "mean |effect|",
+            "effects",
+            20,
+            reason="the largest mean elementary effects",
+            sentence="{input} changes {output} most (by its mean elementary effect).",
+        ),
+    ),
+    "sigma": (
+        "standard deviation of the elementary effects",
+        Measure("sd of effects", "effects", 22, "^"),
+    ),
+}
+_RESPONSES = {
+    "response": (
+        "relative response",
+        Measure(
+            "response [%]",
+            "responses",
+            30,
+            chart="response",
+            axis="|response|",
+            relative_to=("output", "input"),
+        ),
+    ),
+    "contribution": (
+        "contribution to the relative uncertainty",
+        Measure(
+            "× uncertainty [%]",
+            "responses",
+            31,
+            reason="the largest response times uncertainty",
+            sentence="{input} changes {output} most "
+            "(by its response at the nominal point times its uncertainty).",
+            chart="response × uncertainty",
+            axis="|response × uncertainty|",
+            relative_to=("output",),
+        ),
+    ),
+}
+_CHANGES = {
+    "change_per_std": (
+        "change per standard deviation of an input",
+        Measure(
+            "change per sd",
+            "changes",
+            32,
+            chart="change per standard deviation of an input",
+            axis="|change| per standard deviation",
+        ),
+    ),
+}
 
 _STATISTICS = [
     *_OF_VALUES,
@@ -395,30 +509,35 @@ _STATISTICS = [
         if "part" in each.by
     ),
     *_INDICES,
-    Statistic("second_order", "second-order Sobol' index", (PAIR,), note_is_of_estimate=True),
-    # Of a whole field: along its places, each input has one.
-    *(derived(each, OF_FIELD, "generalized {title}") for each in _INDICES[:2]),
-    *(derived(each, OF_LOGARITHM, "{title} of the logarithm") for each in _INDICES),
-    *(
-        derived(each, OF_EXCEEDANCE, "{title} of exceeding a value", (THRESHOLD,))
-        for each in _INDICES
+    Statistic(
+        "second_order",
+        "second-order Sobol' index",
+        (PAIR,),
+        note_is_of_estimate=True,
+        measure=Measure("second order", "pairs", 4, json="sensitivity_of_pairs"),
     ),
-    *(derived(each, OF_CATEGORY, "{title} of a category", (CATEGORY,)) for each in _INDICES),
+    # Of a whole field: along its places, each input has one. Nobody estimates its Shapley effects.
+    *islice(_indices_of(OF_FIELD, "generalized {title}", "shares of the field"), 2),
+    *_indices_of(OF_LOGARITHM, "{title} of the logarithm", "shares of the logarithm"),
+    *_indices_of(
+        OF_EXCEEDANCE,
+        "{title} of exceeding a value",
+        "exceedance",
+        THRESHOLD,
+        json="sensitivity_of_exceedance",
+    ),
+    *_indices_of(
+        OF_CATEGORY, "{title} of a category", "categories", CATEGORY, json="sensitivity_of_shares"
+    ),
     *(
-        Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True)
-        for name, title, unit in (
-            ("pearson", "Pearson correlation", UnitRule.NONE),
-            ("spearman", "Spearman rank correlation", UnitRule.NONE),
-            ("partial", "partial correlation", UnitRule.NONE),
-            ("partial_rank", "partial rank correlation", UnitRule.NONE),
-            ("delta", "moment-independent delta", UnitRule.NONE),
-            ("mu", "mean elementary effect", UnitRule.DIFFERENCE),
-            ("mu_star", "mean absolute elementary effect", UnitRule.DIFFERENCE),
-            ("sigma", "standard deviation of the elementary effects", UnitRule.DIFFERENCE),
-            ("response", "relative response", UnitRule.NONE),
-            ("contribution", "contribution to the relative uncertainty", UnitRule.NONE),
-            ("change_per_std", "change per standard deviation of an input", UnitRule.DIFFERENCE),
+        Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True, measure=measure)
+        for measures, unit in (
+            (_ASSOCIATIONS, UnitRule.NONE),
+            (_EFFECTS, UnitRule.DIFFERENCE),
+            (_RESPONSES, UnitRule.NONE),
+            (_CHANGES, UnitRule.DIFFERENCE),
         )
+        for name, (title, measure) in measures.items()
     ),
 ]
 
@@ -440,6 +559,23 @@ CATALOGUE = _by_name(_STATISTICS)
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
+# How an event's probability changes with the inputs' distributions.
+_EVENT_SENSITIVITIES = {
+    "mean_sensitivity": ("change {of} with a mean", "mean, by one sd"),
+    "std_sensitivity": ("change {of} with a standard deviation", "sd, by itself"),
+    "mean_elasticity": ("elasticity {of} to a mean", "elasticity, mean"),
+    "std_elasticity": ("elasticity {of} to a standard deviation", "elasticity, sd"),
+    "sensitivity_effective_runs": ("effective number of runs with an event", "effective runs"),
+}
+_OF_DESIGN_POINTS = {
+    "reliability_index": ("distance of a design point from the median", "reliability index"),
+    "first_order_probability": ("probability beyond the plane {at}", "probability, first order"),
+    "second_order_probability": (
+        "probability beyond the paraboloid {at}",
+        "probability, second order",
+    ),
+}
+
 # Statistics of a design's runs that concern several outputs.
 JOINT_STATISTICS = _by_name(
     [
@@ -455,36 +591,35 @@ JOINT_STATISTICS = _by_name(
             (SENSITIVITY_EVENT, INPUT),
             note_is_of_estimate=True,
             own=EntryDimension(SENSITIVITY_EVENT, "text"),
-        ),
-        *(
-            Statistic(name, title, (SENSITIVITY_EVENT, INPUT), note_is_of_estimate=True)
-            for name, title in (
-                ("mean_sensitivity", "change of an event's probability with a mean"),
-                ("std_sensitivity", "change of an event's probability with a standard deviation"),
-                ("mean_elasticity", "elasticity of an event's probability to a mean"),
-                ("std_elasticity", "elasticity of an event's probability to a standard deviation"),
-                ("sensitivity_effective_runs", "effective number of runs with an event"),
-            )
+            measure=Measure("first order", "event", 65),
         ),
         *(
             Statistic(
                 name,
-                title,
+                title.replace("{of}", "of an event's probability"),
+                (SENSITIVITY_EVENT, INPUT),
+                note_is_of_estimate=True,
+                measure=Measure(label, "event", rank),
+            )
+            for rank, (name, (title, label)) in enumerate(_EVENT_SENSITIVITIES.items(), 60)
+        ),
+        *(
+            Statistic(
+                name,
+                title.replace("{at}", "at a design point"),
                 (DESIGN_POINT,),
                 note_is_of_estimate=True,
                 own=EntryDimension(DESIGN_POINT, "count", {"design_point_run": "count"}),
+                measure=Measure(label, "design points", rank),
             )
-            for name, title in (
-                ("reliability_index", "distance of a design point from the median"),
-                ("first_order_probability", "probability beyond the plane at a design point"),
-                ("second_order_probability", "probability beyond the paraboloid at a design point"),
-            )
+            for rank, (name, (title, label)) in enumerate(_OF_DESIGN_POINTS.items(), 70)
         ),
         Statistic(
             "importance_factor",
             "share of an input in the direction to a design point",
             (DESIGN_POINT, INPUT),
             note_is_of_estimate=True,
+            measure=Measure("importance", "design points", 73),
         ),
     ]
 )
@@ -525,6 +660,20 @@ REQUESTED = tuple(each for each in _ALL if each.asked.key)
 REQUESTED_DIMENSIONS = frozenset(
     {*chain(*(each.dims for each in REQUESTED)), BAND_CONTENT, CATEGORY}
 )
+
+
+def _by_table() -> Mapping[str, tuple[Statistic, ...]]:
+    found: dict[str, dict[int, Statistic]] = {}
+    for each in _ALL:
+        if each.measure.table:
+            found.setdefault(each.measure.table, {})[each.measure.rank] = each
+    return MappingProxyType(
+        {table: tuple(each for _, each in sorted(of.items())) for table, of in found.items()}
+    )
+
+
+# The measures of the inputs' part, by the tables that they are columns of.
+MEASURES = _by_table()
 
 # The dimensions of statistics by their names: those that one of them describes, and those of many.
 DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(

@@ -9,7 +9,7 @@ from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = ["EntryDimension", "Request", "Shown", "Statistic", "UnitRule", "derived"]
+__all__ = ["EntryDimension", "Measure", "Request", "Shown", "Statistic", "UnitRule", "derived"]
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,52 @@ class Shown:
     has_verdict: bool = False
 
 
+@dataclass(frozen=True)
+class Measure:
+    """Place and words of a measure of the inputs' part in an output or in an event.
+
+    Parameters
+    ----------
+    label : str
+        Its name in a table or a chart.
+    table : str
+        Name of the table that it is a column of.
+    rank : int
+        Its place among all measures. The first one that an archive has orders the inputs, of those
+        with a `reason`.
+    marker : str
+        Shape of its dots in a figure; empty for one that stands in tables alone.
+    share : str
+        Of a part of a variance: that of an input ``"alone"``, the ``"total"`` with its
+        interactions, or the one by which a variance is ``"divided"`` also where inputs depend on
+        each other.
+    reason : str
+        Words for an order of the inputs by it; empty where it orders none.
+    sentence : str
+        Sentence on the first of that order, with ``{input}``, ``{output}`` and ``{estimate}``; a
+        share has sentences of its own.
+    chart, axis : str
+        Title of a chart of it by itself, and the label of the axis there.
+    relative_to : tuple of str
+        ``"output"`` and ``"input"``, where it is in per cent of their values.
+    json : str
+        Key in JSON of one that lies along more than the inputs. It stands there under the name of
+        the statistic that it follows from.
+    """
+
+    label: str = ""
+    table: str = ""
+    rank: int = 99
+    marker: str = "o"
+    share: str = ""
+    reason: str = ""
+    sentence: str = ""
+    chart: str = ""
+    axis: str = ""
+    relative_to: tuple[str, ...] = ()
+    json: str = ""
+
+
 class UnitRule(Enum):
     """Relation of a statistic's unit to the unit of its output."""
 
@@ -165,6 +211,8 @@ class Statistic:
         How a study asks for its entries; without a key where no study has to.
     shown : Shown
         Its place in tables and lists of single numbers; without a label where it has none.
+    measure : Measure
+        The same of a measure of the inputs' part; without a label for another statistic.
     prefix : str
         Of a statistic that follows from another: the beginning of its name.
     of : str
@@ -185,6 +233,7 @@ class Statistic:
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()
+    measure: Measure = Measure()
     prefix: str = ""
     of: str = ""
 

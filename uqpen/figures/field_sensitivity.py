@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import MEASURES
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources
@@ -18,7 +19,7 @@ from uqpen.results.texts import plain_text
 
 __all__ = ["sensitivity_along_panels"]
 
-_FIRST, _TOTAL = "first_order", "total_order"
+_FIRST, _TOTAL = (each.name for each in MEASURES["shares"][:2])
 # Inputs that are shown: those with the largest indices.
 _MOST_INPUTS = 8
 _STACK, _INTERVAL = 0.75, 0.25

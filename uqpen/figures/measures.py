@@ -10,11 +10,11 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import INPUT
+from uqpen.core.statistic import Measure, Statistic
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.measure_labels import SHAPLEY
-from uqpen.results.relative_changes import without_arbitrary_zeros
+from uqpen.results.input_measures import without_arbitrary_zeros
 from uqpen.results.source_style import GREY, SourceStyle
 from uqpen.results.table import Conversion, estimate_remark
 
@@ -27,32 +27,29 @@ _ROW, _GAP, _FRAME = 0.12, 0.12, 0.75
 
 
 class MeasureSeries(NamedTuple):
-    """One sensitivity measure of all inputs by one source: an array along input and bound."""
+    """One sensitivity measure of all inputs by one source: an array along input and bound.
+
+    It has a label where a chart has several measures.
+    """
 
     source: str
     label: str
-    marker: str
+    measure: Measure
     array: xr.DataArray
 
 
 def measure_series(
-    view: ArchiveView, output: str, measures: Sequence[tuple[str, str, str]]
+    view: ArchiveView, output: str, measures: Sequence[Statistic]
 ) -> list[MeasureSeries]:
-    """Return some measures by all sources, without those that have no estimate.
-
-    Each is given as a `Measure`: the statistic, its name in a legend, and its marker.
-    """
+    """Return some measures by all sources, without those that have no estimate."""
     found = [
-        MeasureSeries(source, label, marker, array)
-        for name, label, marker in measures
-        for source, estimates in view.estimates(output, name).items()
-        if np.isfinite((array := _shown(view, output, name, estimates)).values[:, 0]).any()
+        MeasureSeries(source, each.measure.label if len(measures) > 1 else "", each.measure, array)
+        for each in measures
+        for source, estimates in view.estimates(output, each.name).items()
+        for array in [without_arbitrary_zeros(view.tree, output, each, estimates)]
+        if np.isfinite(array.values[:, 0]).any()
     ]
     return sorted(found, key=lambda each: view.sources.index(each.source))
-
-
-def _shown(view: ArchiveView, output: str, statistic: str, array: xr.DataArray) -> xr.DataArray:
-    return without_arbitrary_zeros(view.tree, output, statistic, array)
 
 
 def measures_panel(
@@ -118,7 +115,7 @@ def rank_inputs(found: Sequence[MeasureSeries]) -> RankedInputs:
 
     These divide a variance, also where inputs depend on each other.
     """
-    dividing = {id(each) for each in found if each.label == SHAPLEY}
+    dividing = {id(each) for each in found if each.measure.share == "divided"}
     largest: dict[str, float] = {}
     reasons: dict[str, str] = {}
     for each in found:
@@ -151,7 +148,9 @@ def _dots(
     for number, each in enumerate(found):
         known = each.array[INPUT].values.tolist()
         shown = view.look(each.source)
-        appearance = SourceStyle(shown.colour, each.marker if each.label else shown.marker, "-")
+        appearance = SourceStyle(
+            shown.colour, each.measure.marker if each.label else shown.marker, "-"
+        )
         label = ", ".join(filter(None, (each.label, each.source)))
         for row, name in enumerate(inputs):
             if name in known and np.isfinite(each.array.values[known.index(name), 0]):

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import MEASURES
+from uqpen.core.statistic import Statistic
 from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
-from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources as best_source_names
-from uqpen.results.index_titles import index_titles
-from uqpen.results.measure_labels import INDICES, LOGARITHM_INDICES, Measure
+from uqpen.results.input_measures import index_titles
 from uqpen.results.table import Conversion, identity
 from uqpen.results.texts import title_with_unit
 
 __all__ = [
     "EFFECTS",
-    "INDICES",
-    "ResponseMeasure",
     "best_sources",
     "index_series",
     "magnitudes",
@@ -31,53 +28,21 @@ __all__ = [
 ]
 
 
-# The mean effect stands in the tables alone: effects of both signs cancel in it.
-EFFECTS = tuple(each for each in measure_labels.EFFECTS if each.statistic != "mu")
+EFFECTS = tuple(each for each in MEASURES["effects"] if each.measure.marker)
 
 
-class ResponseMeasure(NamedTuple):
-    """A measure of the change of an output near the nominal point.
+def response_measures(
+    view: ArchiveView, output: str
+) -> Iterator[tuple[Statistic, list[MeasureSeries], Conversion, str]]:
+    """Yield the measures of an output's change near the nominal point, which are magnitudes.
 
-    Attributes
-    ----------
-    statistic : str
-        An entry of the catalogue.
-    label, axis : str
-        Its name in titles, and the label of its axis.
-    convert : callable
-        From an archive's bounds to magnitudes in the unit that is shown.
-    unit : str
-        That unit.
+    Each comes with its estimates, the conversion of bounds to the unit that is shown, and that
+    unit. Those relative to a quantity in a unit with an offset have no estimates.
     """
-
-    statistic: str
-    label: str
-    axis: str
-    convert: Conversion
-    unit: str
-
-
-def response_measures(view: ArchiveView, output: str) -> tuple[ResponseMeasure, ...]:
-    """Return the measures of an output's responses.
-
-    Those relative to a quantity in a unit with an offset have no estimates (`measure_series`).
-    """
-    unit = view.unit(output)
-    change = partial(magnitudes, convert=view.scale(output).difference_from_si)
-    axis = title_with_unit("|change| per standard deviation", unit)
-    return (
-        ResponseMeasure("response", "response", "|response| [%]", _percent, "%"),
-        ResponseMeasure(
-            "contribution",
-            "response × uncertainty",
-            "|response × uncertainty| [%]",
-            _percent,
-            "%",
-        ),
-        ResponseMeasure(
-            "change_per_std", "change per standard deviation of an input", axis, change, unit
-        ),
-    )
+    for each in (*MEASURES["responses"], *MEASURES["changes"]):
+        if found := measure_series(view, output, [each]):
+            convert = partial(magnitudes, convert=view.conversion(output, each.name))
+            yield each, found, convert, "%" if each.measure.relative_to else view.unit(output)
 
 
 def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -98,30 +63,31 @@ def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
 def response_panels(view: ArchiveView) -> Iterator[Panel]:
     """Relative responses to the inputs, and × uncertainty."""
     for output in view.numeric_outputs:
-        for each in response_measures(view, output):
-            if found := measure_series(view, output, ((each.statistic, "", "o"),)):
-                title = view.title(f"{output}: {each.label}")
-                yield measures_panel(view, title, each.axis, found, each.convert)
+        for each, found, convert, unit in response_measures(view, output):
+            title = view.title(f"{output}: {each.measure.chart}")
+            axis = title_with_unit(each.measure.axis, unit)
+            yield measures_panel(view, title, axis, found, convert)
 
 
-def shown_indices(view: ArchiveView, output: str) -> tuple[tuple[str, Sequence[Measure]], ...]:
+def shown_indices(view: ArchiveView, output: str) -> tuple[tuple[str, Sequence[Statistic]], ...]:
     """Return the indices of an output to show: of its logarithm first if that is shown."""
-    of_output = ("its variance", INDICES)
+    of_output = ("its variance", MEASURES["shares"])
     if not view.is_logarithmic(output):
         return (of_output,)
-    return (("its logarithm's variance", LOGARITHM_INDICES), of_output)
+    return (("its logarithm's variance", MEASURES["shares of the logarithm"]), of_output)
 
 
 def index_series(
-    view: ArchiveView, output: str, measures: Sequence[Measure] = INDICES
+    view: ArchiveView, output: str, measures: Sequence[Statistic]
 ) -> list[MeasureSeries]:
     """Return the indices of an output by all sources, in the order that they are shown."""
     shares = index_titles(view.tree)
-    found = measure_series(view, output, shares.ordered(measures))
+    ordered = shares.ordered(measures)
+    found = measure_series(view, output, ordered)
     if not shares.is_dependent:
         return found
-    labels = [each.label for each in shares.ordered(measures)]
-    return sorted(found, key=lambda each: labels.index(each.label))
+    ranks = [each.measure.rank for each in ordered]
+    return sorted(found, key=lambda each: ranks.index(each.measure.rank))
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
@@ -138,7 +104,3 @@ def magnitudes(bounds: FloatArray, convert: Conversion) -> FloatArray:
         bounds = -bounds[[0, 2, 1]]
     converted: FloatArray = convert(bounds)
     return converted
-
-
-def _percent(bounds: FloatArray) -> FloatArray:
-    return magnitudes(bounds, lambda values: 100 * values)

@@ -7,15 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import xarray as xr
 
 from uqpen.archive.read import group_names
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT, JOINT_GROUP
 from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.disagreements import disagreements
-from uqpen.results.measure_labels import (
-    DESIGN_POINT_MEASURES,
-    EVENT_INDICES,
-    EVENT_SENSITIVITIES,
-)
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -58,20 +54,22 @@ def _design_point_table(
     design: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[OutputTable]:
     """Yield the table of the design points that a design has found, if there are any."""
-    indices = statistics.get("reliability_index")
-    if indices is None:
+    known = [each for each in MEASURES["design points"] if each.name in statistics]
+    if not known:
         return
+    indices = statistics[known[0].name]
     runs = indices[f"{DESIGN_POINT}_run"].values.tolist()
     numbers = indices[DESIGN_POINT].values.tolist()
     columns = [f"point {number}, run {run}" for number, run in zip(numbers, runs, strict=True)]
     table = OutputTable(f"{design}: design points", columns)
-    for measure in DESIGN_POINT_MEASURES:
-        cells = [table.cell(entry) for entry in statistics[measure.statistic]]
-        table.rows.append((measure.label, cells))
-    factors = statistics["importance_factor"]
-    for position, name in enumerate(factors[INPUT].values.tolist()):
-        cells = [table.cell(entry[position]) for entry in factors]
-        table.rows.append((f"importance of {name}", cells))
+    for each in known:
+        array, label = statistics[each.name], each.measure.label
+        if INPUT not in each.dims:
+            table.rows.append((label, [table.cell(entry) for entry in array]))
+            continue
+        for position, name in enumerate(array[INPUT].values.tolist()):
+            cells = [table.cell(entry[position]) for entry in array]
+            table.rows.append((f"{label} of {name}", cells))
     yield table
 
 
@@ -87,13 +85,12 @@ def _sensitivity_tables(
                 found.setdefault(event, {}).setdefault(design, {})[name] = entry
     for event, of_designs in found.items():
         for design, entries in of_designs.items():
-            measures = (*EVENT_SENSITIVITIES, *EVENT_INDICES)
-            chosen = [each for each in measures if each.statistic in entries]
+            chosen = [each for each in MEASURES["event"] if each.name in entries]
             title = f"P({event}): changes with the inputs' mean and sd, {design}"
-            table = OutputTable(title, [each.label for each in chosen])
-            inputs = entries[chosen[0].statistic][INPUT].values.tolist()
+            table = OutputTable(title, [each.measure.label for each in chosen])
+            inputs = entries[chosen[0].name][INPUT].values.tolist()
             for position, name in enumerate(inputs):
-                cells = [table.cell(entries[each.statistic][position]) for each in chosen]
+                cells = [table.cell(entries[each.name][position]) for each in chosen]
                 table.rows.append((str(name), cells))
             yield table
 

@@ -37,8 +37,8 @@ from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
 from uqpen.results.field_json import field_json
+from uqpen.results.input_measures import sensitivity_json
 from uqpen.results.model_form_tables import model_form_json
-from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.surrogate_fits import (
     diagnostic_titles,

@@ -16,11 +16,11 @@ from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
+from uqpen.results.input_measures import generalized_table, named_tables
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.model_form_tables import model_form_tables
-from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,

@@ -156,10 +156,16 @@ def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> 
     With `is_difference`, it is a statistic of the difference of two models.
     """
     rule = CATALOGUE[statistic].unit
+    if CATALOGUE[statistic].measure.relative_to:
+        return _percent
     if rule is UnitRule.NONE:
         return identity
     is_value = rule is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
+
+
+def _percent(values: Any) -> Any:
+    return values * 100.0
 
 
 def label_with_unit(label: str, unit: str) -> str:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.figures.source_comparison import compared_statistics
 from uqpen.report.blocks import Block, Heading, Remarks, Table, Text
 from uqpen.report.revisions.pair import ArchivePair, ModelPair
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.results.digits import estimate_texts
-from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 from uqpen.results.texts import plain_text
 
@@ -129,13 +129,12 @@ def _paired_estimates(pair: ModelPair, output: str, source: str) -> Iterator[_Pa
             yield _PairedEstimate(
                 each.label, each.estimates[source], other.estimates[source], each.convert
             )
-    for measure in INDICES:
+    for index in MEASURES["shares"]:
         first, second = (
-            view.statistics.get(source, output, measure.statistic)
-            for view in (pair.first, pair.second)
+            view.statistics.get(source, output, index.name) for view in (pair.first, pair.second)
         )
         if first is not None and second is not None:
-            yield from _by_input(measure.label, first, second)
+            yield from _by_input(index.measure.label, first, second)
 
 
 def _by_input(label: str, first: xr.DataArray, second: xr.DataArray) -> Iterator[_PairedEstimate]:

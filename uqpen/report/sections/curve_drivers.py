@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, band_traces
@@ -14,8 +15,7 @@ from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.best_sources import best_sources
 from uqpen.results.curve_estimates import CurveEstimates
-from uqpen.results.index_titles import index_titles
-from uqpen.results.measure_labels import INDICES
+from uqpen.results.input_measures import index_titles
 
 __all__ = ["driver_areas", "driver_lines", "measures_along"]
 
@@ -26,15 +26,15 @@ _MOST_INPUTS = 8
 def measures_along(curve: CurveEstimates) -> list[tuple[str, str, xr.DataArray]]:
     """Return the indices along the places: label, source and array of each that is known."""
     found = []
-    for measure in index_titles(curve.view.tree).ordered(INDICES):
+    for each in index_titles(curve.view.tree).ordered(MEASURES["shares"]):
         arrays = {
             source: array
             for source in curve.view.sources
-            if (array := curve.array(measure.statistic, source)) is not None
+            if (array := curve.array(each.name, source)) is not None
         }
         best = best_sources(curve.view.tree, arrays.items())[:1]
         known = (source for source in best if np.isfinite(arrays[source].values[..., 0]).any())
-        found += [(measure.label, source, arrays[source]) for source in known]
+        found += [(each.measure.label, source, arrays[source]) for source in known]
     return found
 
 

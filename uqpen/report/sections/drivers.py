@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
+from uqpen.core.catalogue import CATALOGUE, MEASURES
+from uqpen.core.labels import BOUND, INPUT, OF_LOGARITHM
+from uqpen.core.statistic import Statistic
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
+from uqpen.results.input_measures import index_titles
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["Ranking", "driver_sentences", "input_label", "input_order", "input_ranking"]
 
-# Measures of the inputs' part, the most telling first.
-_MEASURES = ("first_order", "mu_star", "contribution", "spearman")
-_OF_DEPENDENT_INPUTS = ("shapley", *_MEASURES)
-# Before these, of an output that is shown by its logarithm.
-_OF_LOGARITHM = "log_"
-_REASONS = {
-    "first_order": "the largest first order",
-    "shapley": "the largest Shapley effects",
-    "mu_star": "the largest mean elementary effects",
-    "contribution": "the largest response times uncertainty",
-    "spearman": "the strongest rank correlations",
-}
+# Measures that the inputs can be ordered by, the most telling first.
+_MEASURES = sorted(
+    (each for each in CATALOGUE.values() if each.measure.reason),
+    key=lambda each: each.measure.rank,
+)
 _FRACTIONS = {
     0.1: "a tenth",
     0.2: "a fifth",
@@ -53,19 +49,14 @@ _NEXT = 2
 class Ranking(NamedTuple):
     """Estimates of one measure of all inputs by one source, the largest first."""
 
-    statistic: str
+    statistic: Statistic
     source: str
     estimates: Mapping[str, xr.DataArray]
 
     @property
-    def measure(self) -> str:
-        """The measure, be it of the output or of its logarithm."""
-        return self.statistic.removeprefix(_OF_LOGARITHM)
-
-    @property
     def is_of_logarithm(self) -> bool:
         """True if it is of the logarithm of the output."""
-        return self.measure != self.statistic
+        return self.statistic.prefix == OF_LOGARITHM
 
 
 class InputOrder(NamedTuple):
@@ -93,37 +84,39 @@ def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
     That is the source with the narrowest interval of its largest estimate. One without intervals is
     taken only where there is no other.
     """
-    measures = _OF_DEPENDENT_INPUTS if _dependence(view) else _MEASURES
-    if view.is_logarithmic(output):
-        indices = measures[: measures.index("first_order") + 1]
-        measures = (*(f"{_OF_LOGARITHM}{each}" for each in indices), *measures)
-    for statistic in measures:
-        if found := list(_rankings(view, output, statistic)):
-            return min(found, key=_width)
+    is_dependent = index_titles(view.tree).is_dependent
+    for prefix in (OF_LOGARITHM, "") if view.is_logarithmic(output) else ("",):
+        for statistic in index_titles(view.tree).ordered(_MEASURES):
+            # What divides a variance is no news where its parts add up anyway.
+            if statistic.prefix != prefix or (_divides(statistic) and not is_dependent):
+                continue
+            if found := list(_rankings(view, output, statistic)):
+                return min(found, key=_width)
     return None
+
+
+def _divides(statistic: Statistic) -> bool:
+    return statistic.measure.share == "divided"
 
 
 def input_order(view: ArchiveView, output: str) -> InputOrder:
     """Return the inputs in the order of their importance; without names if it is unknown."""
     if ranking := input_ranking(view, output):
         of = " of the logarithm" * ranking.is_of_logarithm
-        reason = f"{_REASONS[ranking.measure]}{of} by {ranking.source}"
+        reason = f"{ranking.statistic.measure.reason}{of} by {ranking.source}"
         return InputOrder(tuple(ranking.estimates), reason)
-    for source, array in view.estimates(output, "category_first_order").items():
+    of_category = MEASURES["categories"][0]
+    for source, array in view.estimates(output, of_category.name).items():
         largest = np.nan_to_num(array.isel({BOUND: 0})).max(axis=0)
         if largest.any():
             names = array[INPUT].values[np.argsort(-largest, kind="stable")]
-            return InputOrder(tuple(names.tolist()), f"{_REASONS['first_order']} by {source}")
+            return InputOrder(tuple(names.tolist()), f"{of_category.measure.reason} by {source}")
     return InputOrder()
 
 
-def _dependence(view: ArchiveView) -> bool:
-    return any(DEPENDENCE in read_group(view.tree, RUNS, name).attrs for name in view.designs)
-
-
-def _rankings(view: ArchiveView, output: str, statistic: str) -> Iterator[Ranking]:
-    for source in view.estimates(output, statistic):
-        entries = view.statistics.entries(source, output, statistic)
+def _rankings(view: ArchiveView, output: str, statistic: Statistic) -> Iterator[Ranking]:
+    for source in view.estimates(output, statistic.name):
+        entries = view.statistics.entries(source, output, statistic.name)
         known = {name: each for name, each in entries.items() if np.isfinite(each.values[0])}
         if not known or view.statistics.citation(source):
             continue
@@ -149,38 +142,32 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     if not has_interval(ranking.estimates[first].values):
         text = f"{text} by {ranking.source}, without an interval"
     start = capitalized(input_label(view, first))
-    if ranking.measure in ("first_order", "shapley"):
-        share = float(ranking.estimates[first].values[0])
-        if share < _LEAST:
-            yield f"No single input causes more than {text} of the variance of {name} by itself."
-        else:
-            part = f"about {_fraction(share)} of the variance of {name}"
-            yield f"{start} {_share_text(view, ranking, part, text)}"
-    elif ranking.statistic == "spearman":
-        yield f"{start} has the strongest rank correlation with {name} ({text})."
+    measure = ranking.statistic.measure
+    if not measure.share:
+        words = {"{input}": start, "{output}": name, "{estimate}": text}
+        # All in one pass, as a name may have braces itself.
+        yield re.sub(r"\{\w+\}", lambda found: words[found[0]], measure.sentence)
+    elif (share := float(ranking.estimates[first].values[0])) < _LEAST:
+        yield f"No single input causes more than {text} of the variance of {name} by itself."
     else:
-        yield f"{start} changes {name} most ({_MEASURE_TEXTS[ranking.statistic]})."
+        part = f"about {_fraction(share)} of the variance of {name}"
+        yield f"{start} {_share_text(view, ranking, part, text)}"
     if further := _next_inputs(view, ranking, others):
         yield f"Next: {further}."
     yield from _interactions(view, output, ranking)
 
 
-_MEASURE_TEXTS = {
-    "mu_star": "by its mean elementary effect",
-    "contribution": "by its response at the nominal point times its uncertainty",
-}
-
-
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
-    if ranking.measure == "shapley":
+    if _divides(ranking.statistic):
         return f"causes {part}: its Shapley effect is {text}."
-    if _dependence(view):
+    if index_titles(view.tree).is_dependent:
         return f"goes with {part} ({text}), which includes what dependent inputs share."
     return f"causes {part} by itself ({text})."
 
 
 def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
-    if ranking.statistic in ("mu_star", "contribution"):
+    measure = ranking.statistic.measure
+    if not measure.share and "{estimate}" not in measure.sentence:
         shown = others[:_NEXT]
         return " and ".join(input_label(view, each) for each in shown)
     shown = [each for each in others if abs(float(ranking.estimates[each].values[0])) >= _LEAST][
@@ -192,9 +179,16 @@ def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
 
 def _interactions(view: ArchiveView, output: str, ranking: Ranking) -> Iterator[str]:
     """Yield the inputs whose interactions count, by the best-known total order."""
-    prefix = _OF_LOGARITHM * ranking.is_of_logarithm
-    totals = list(_rankings(view, output, f"{prefix}total_order"))
-    if ranking.measure != "first_order" or not totals or _dependence(view):
+    measure = ranking.statistic.measure
+    if measure.share != "alone" or index_titles(view.tree).is_dependent:
+        return
+    totals = [
+        found
+        for each in MEASURES[measure.table]
+        if each.measure.share == "total"
+        for found in _rankings(view, output, each)
+    ]
+    if not totals:
         return
     total = min(totals, key=_width)
     shown = {

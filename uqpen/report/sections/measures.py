@@ -129,7 +129,7 @@ def _plotted_series(
         if np.isfinite(entry.values[0])
     ]
     if of.label:
-        name, marker = f"{of.label} by {of.source}", _MARKERS[of.marker]
+        name, marker = f"{of.label} by {of.source}", _MARKERS[of.measure.marker]
     else:
         name, marker = of.source, series_marker(position)
     return _PlottedSeries(of, name, position, marker, estimates)

@@ -8,12 +8,12 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.sensitivity import (
     EFFECTS,
-    INDICES,
     best_sources,
     index_series,
     response_measures,
@@ -24,19 +24,12 @@ from uqpen.report.sections.drivers import InputOrder, input_order, input_ranking
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.index_titles import VarianceTitles, index_titles
-from uqpen.results.sensitivity_tables import named_tables
+from uqpen.results.input_measures import VarianceTitles, index_titles, named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, title_with_unit
 
 __all__ = ["sensitivity"]
 
-# Indices of a categorical output being in a category: statistic, label and marker.
-_CATEGORY_INDICES = (
-    ("category_first_order", "first order", "o"),
-    ("category_total_order", "total order", "s"),
-    ("category_shapley", "Shapley effect", "D"),
-)
 # Categories of an output with a chart of their own.
 _MOST_CATEGORIES = 6
 
@@ -74,11 +67,11 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
                 notes=notes,
                 order=order,
             )
-            name = "shares" if measures is INDICES else "shares of the logarithm"
-            yield measures_chart(view, found, spec, tables.pop(name, ()))
+            yield measures_chart(view, found, spec, tables.pop(measures[0].measure.table, ()))
     if found := measure_series(view, output, EFFECTS):
         convert, unit = view.scale(output).difference_from_si, view.unit(output)
-        axis, labels = title_with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
+        axis = title_with_unit("effect", unit)
+        labels = tuple(each.measure.label for each in EFFECTS)
         spec = MeasureChartSpec("Elementary effects", axis, convert, labels, unit, order=order)
         yield measures_chart(view, found, spec, tables.pop("effects", ()))
     if charts := tuple(_responses(view, output, order)):
@@ -94,7 +87,7 @@ def _shown_series(
     """Return the indices of the best sources, and of the one that the main results quote."""
     shown = {each.source for each in best_sources(view, list(every))}
     ranking = input_ranking(view, output)
-    if ranking is not None and ranking.measure in ("first_order", "shapley"):
+    if ranking is not None and ranking.statistic.measure.share:
         shown.add(ranking.source)
     return [each for each in every if each.source in shown]
 
@@ -111,8 +104,11 @@ def _left_out_note(
 
 def _summary_order(shares: VarianceTitles) -> tuple[str, ...]:
     """Return the measures for the summary of a chart, which takes the first that exists."""
-    labels = ("total order", "first order", "Shapley effect")
-    return (labels[2], *labels[:2]) if shares.is_dependent else labels
+    kinds = ["total", "alone", "divided"]
+    if shares.is_dependent:
+        kinds = ["divided", "total", "alone"]
+    ordered = sorted(MEASURES["shares"], key=lambda each: kinds.index(each.measure.share))
+    return tuple(each.measure.label for each in ordered)
 
 
 def _has_estimates(table: OutputTable) -> bool:
@@ -120,13 +116,17 @@ def _has_estimates(table: OutputTable) -> bool:
 
 
 def _responses(view: ArchiveView, output: str, order: InputOrder) -> Iterator[Chart]:
-    for each in response_measures(view, output):
-        if found := measure_series(view, output, ((each.statistic, "", "o"),)):
-            title = f"{capitalized(each.label)}, near the nominal point"
-            spec = MeasureChartSpec(
-                title, each.axis, each.convert, (each.label,), each.unit, order=order
-            )
-            yield measures_chart(view, found, spec)
+    for each, found, convert, unit in response_measures(view, output):
+        measure = each.measure
+        spec = MeasureChartSpec(
+            f"{capitalized(measure.chart)}, near the nominal point",
+            title_with_unit(measure.axis, unit),
+            convert,
+            (measure.chart,),
+            unit,
+            order=order,
+        )
+        yield measures_chart(view, found, spec)
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
@@ -153,10 +153,11 @@ def _category_series(view: ArchiveView, output: str) -> dict[tuple[int, str], li
     found: dict[tuple[int, str], list[MeasureSeries]] = {}
     statistics = view.statistics
     for source in view.sources if view.source is None else [view.source]:
-        for statistic, words, marker in _CATEGORY_INDICES:
-            if (array := statistics.get(source, output, statistic)) is not None:
+        for each in MEASURES["categories"]:
+            if (array := statistics.get(source, output, each.name)) is not None:
                 for category in enumerate(map(str, array["category_label"].values.tolist())):
-                    series = MeasureSeries(source, words, marker, array[{CATEGORY: category[0]}])
+                    at, measure = array[{CATEGORY: category[0]}], each.measure
+                    series = MeasureSeries(source, measure.label, measure, at)
                     found.setdefault(category, []).append(series)
     return found
 
