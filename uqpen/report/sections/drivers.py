@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.labels import BOUND, INPUT, OF_LOGARITHM
 from uqpen.core.statistic import Statistic
-from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
