@@ -399,7 +399,7 @@ _INDICES = [
         (
             "total_order",
             "total-order Sobol' index",
-            Measure("total order", "shares", 2, "s", share="total"),
+            Measure("total order", "shares", 2, "square", share="total"),
         ),
         (
             "shapley",
@@ -408,7 +408,7 @@ _INDICES = [
                 "Shapley effect",
                 "shares",
                 3,
-                "D",
+                "diamond",
                 share="divided",
                 reason="the largest Shapley effects",
             ),
@@ -452,13 +452,14 @@ _EFFECTS = {
             "mean |effect|",
             "effects",
             20,
+            axis="effect",
             reason="the largest mean elementary effects",
             sentence="{input} changes {output} most (by its mean elementary effect).",
         ),
     ),
     "sigma": (
         "standard deviation of the elementary effects",
-        Measure("sd of effects", "effects", 22, "^"),
+        Measure("sd of effects", "effects", 22, "triangle-up", axis="effect"),
     ),
 }
 _RESPONSES = {

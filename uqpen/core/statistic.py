@@ -131,7 +131,7 @@ class Measure:
         Its place among all measures. The first one that an archive has orders the inputs, of those
         with a `reason`.
     marker : str
-        Shape of its dots in a figure; empty for one that stands in tables alone.
+        Shape of its dots in a chart; empty for one that stands in tables alone.
     share : str
         Of a part of a variance: that of an input ``"alone"``, the ``"total"`` with its
         interactions, or the one by which a variance is ``"divided"`` also where inputs depend on
@@ -141,8 +141,10 @@ class Measure:
     sentence : str
         Sentence on the first of that order, with ``{input}``, ``{output}`` and ``{estimate}``; a
         share has sentences of its own.
-    chart, axis : str
-        Title of a chart of it by itself, and the label of the axis there.
+    chart : str
+        Title of a chart of its magnitudes by itself; empty for one that shares a chart with others.
+    axis : str
+        Label of the axis of its chart; a share has one that depends on the inputs.
     relative_to : tuple of str
         ``"output"`` and ``"input"``, where it is in per cent of their values.
     json : str
@@ -153,7 +155,7 @@ class Measure:
     label: str = ""
     table: str = ""
     rank: int = 99
-    marker: str = "o"
+    marker: str = "circle"
     share: str = ""
     reason: str = ""
     sentence: str = ""

@@ -201,9 +201,11 @@ def _break_lines(text: str, width: int, most: int) -> str:
 def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     """Return the number of columns, and the panels of each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
+    if all(len(group) == 1 for group in groups):
+        groups = [list(shown)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
-    if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):
-        columns = max(2, most)
+    if len(groups) > 1 and (most := max(map(len, groups))) in (2, 4):
+        columns = most
     rows = [
         group[start : start + columns]
         for group in groups

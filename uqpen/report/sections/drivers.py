@@ -1,31 +1,23 @@
-"""Inputs by their importance for an output, in a sentence and as an order."""
+"""What drives an output, in sentences."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
 
-import numpy as np
 import xarray as xr
 
 from uqpen.charts.marks import has_interval
-from uqpen.core.catalogue import CATALOGUE, MEASURES
-from uqpen.core.labels import BOUND, INPUT, OF_LOGARITHM
-from uqpen.core.statistic import Statistic
+from uqpen.core.catalogue import MEASURES
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.input_measures import index_titles
-from uqpen.results.texts import capitalized, plain_text
+from uqpen.results.input_ranking import Ranking, best_ranking, input_label, input_ranking
+from uqpen.results.texts import capitalized
 
-__all__ = ["Ranking", "driver_sentences", "input_label", "input_order", "input_ranking"]
+__all__ = ["driver_sentences"]
 
-# Measures that the inputs can be ordered by, the most telling first.
-_MEASURES = sorted(
-    (each for each in CATALOGUE.values() if each.measure.reason),
-    key=lambda each: each.measure.rank,
-)
 _FRACTIONS = {
     0.1: "a tenth",
     0.2: "a fifth",
@@ -44,91 +36,6 @@ _FRACTIONS = {
 _LEAST, _INTERACTING = 0.05, 0.1
 # Inputs that are named after the first.
 _NEXT = 2
-
-
-class Ranking(NamedTuple):
-    """Estimates of one measure of all inputs by one source, the largest first."""
-
-    statistic: Statistic
-    source: str
-    estimates: Mapping[str, xr.DataArray]
-
-    @property
-    def is_of_logarithm(self) -> bool:
-        """True if it is of the logarithm of the output."""
-        return self.statistic.prefix == OF_LOGARITHM
-
-
-class InputOrder(NamedTuple):
-    """Names of inputs, the most important first, and the statistic that this goes by."""
-
-    names: tuple[str, ...] = ()
-    reason: str = ""
-
-    def sort(self, inputs: Sequence[str]) -> list[str]:
-        """Return some inputs in this order; those that it lacks come last."""
-        places = {name: place for place, name in enumerate(self.names)}
-        return sorted(inputs, key=lambda name: places.get(name, len(places)))
-
-
-def input_label(view: ArchiveView, name: str) -> str:
-    """Return the title of an input for a reader, which no other input of the model has."""
-    title = view.input_titles.get(name, name)
-    is_alone = list(view.input_titles.values()).count(title) < 2
-    return plain_text(title if is_alone else f"{title} ({name})", 50)
-
-
-def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
-    """Return the inputs by the first measure that the archive has, with its best-known source.
-
-    That is the source with the narrowest interval of its largest estimate. One without intervals is
-    taken only where there is no other.
-    """
-    is_dependent = index_titles(view.tree).is_dependent
-    for prefix in (OF_LOGARITHM, "") if view.is_logarithmic(output) else ("",):
-        for statistic in index_titles(view.tree).ordered(_MEASURES):
-            # What divides a variance is no news where its parts add up anyway.
-            if statistic.prefix != prefix or (_divides(statistic) and not is_dependent):
-                continue
-            if found := list(_rankings(view, output, statistic)):
-                return min(found, key=_width)
-    return None
-
-
-def _divides(statistic: Statistic) -> bool:
-    return statistic.measure.share == "divided"
-
-
-def input_order(view: ArchiveView, output: str) -> InputOrder:
-    """Return the inputs in the order of their importance; without names if it is unknown."""
-    if ranking := input_ranking(view, output):
-        of = " of the logarithm" * ranking.is_of_logarithm
-        reason = f"{ranking.statistic.measure.reason}{of} by {ranking.source}"
-        return InputOrder(tuple(ranking.estimates), reason)
-    of_category = MEASURES["categories"][0]
-    for source, array in view.estimates(output, of_category.name).items():
-        largest = np.nan_to_num(array.isel({BOUND: 0})).max(axis=0)
-        if largest.any():
-            names = array[INPUT].values[np.argsort(-largest, kind="stable")]
-            return InputOrder(tuple(names.tolist()), f"{of_category.measure.reason} by {source}")
-    return InputOrder()
-
-
-def _rankings(view: ArchiveView, output: str, statistic: Statistic) -> Iterator[Ranking]:
-    for source in view.estimates(output, statistic.name):
-        entries = view.statistics.entries(source, output, statistic.name)
-        known = {name: each for name, each in entries.items() if np.isfinite(each.values[0])}
-        if not known or view.statistics.citation(source):
-            continue
-        ordered = sorted(known, key=lambda name: -abs(float(known[name].values[0])))
-        yield Ranking(statistic, source, {str(name): known[name] for name in ordered})
-
-
-def _width(ranking: Ranking) -> tuple[bool, float]:
-    first = next(iter(ranking.estimates.values()))
-    _, lower, upper = first.values
-    is_known = bool(np.isfinite([lower, upper]).all())
-    return not is_known, float(upper - lower) if is_known else 0.0
 
 
 def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
@@ -158,7 +65,7 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
 
 
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
-    if _divides(ranking.statistic):
+    if ranking.divides:
         return f"causes {part}: its Shapley effect is {text}."
     if index_titles(view.tree).is_dependent:
         return f"goes with {part} ({text}), which includes what dependent inputs share."
@@ -182,15 +89,10 @@ def _interactions(view: ArchiveView, output: str, ranking: Ranking) -> Iterator[
     measure = ranking.statistic.measure
     if measure.share != "alone" or index_titles(view.tree).is_dependent:
         return
-    totals = [
-        found
-        for each in MEASURES[measure.table]
-        if each.measure.share == "total"
-        for found in _rankings(view, output, each)
-    ]
-    if not totals:
+    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
+    total = best_ranking(view, output, of_total)
+    if total is None:
         return
-    total = min(totals, key=_width)
     shown = {
         name: _estimate_text(array)
         for name, array in total.estimates.items()

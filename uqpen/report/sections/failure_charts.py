@@ -27,7 +27,6 @@ from uqpen.figures.failure_panels import (
     by_strength,
     failed_run_counts,
 )
-from uqpen.report.sections.drivers import input_label
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
     sample_account,
@@ -35,6 +34,7 @@ from uqpen.report.sections.view_statistics import (
 )
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_texts
+from uqpen.results.input_ranking import input_label
 from uqpen.results.table import OutputTable, identity
 
 __all__ = ["failure_association_chart", "failure_probability_chart"]

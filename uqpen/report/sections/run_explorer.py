@@ -11,9 +11,9 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import WEIGHT
 from uqpen.figures.scatter import category_labels, jitter
 from uqpen.report.blocks import RunColumn, RunExplorer
-from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.results.archive_view import output_title
+from uqpen.results.input_ranking import input_order
 from uqpen.results.texts import plain_text, unit_suffix
 
 __all__ = ["run_explorer", "run_heights"]

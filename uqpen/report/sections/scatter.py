@@ -16,13 +16,13 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.scatter import category_labels
 from uqpen.report.blocks import Text
 from uqpen.report.counting import count_text
-from uqpen.report.sections.drivers import input_label, input_order
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text, range_text
+from uqpen.results.input_ranking import input_label, input_order
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
 
