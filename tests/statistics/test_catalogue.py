@@ -59,6 +59,7 @@ kind = "one-at-a-time"
 def test_a_record_names_what_there_is(statistic: Statistic) -> None:
     for reference in filter(None, (*statistic.by.values(), statistic.asked.declared_by)):
         assert callable(resolve(reference))
+    assert bool(statistic.group) or not statistic.by, "what is estimated can be left out"
     if statistic.own:
         assert statistic.own.name in statistic.dims
     if statistic.asked.key:

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from uqpen.core.labels import (
     BOUNDS,
     BY_RUNS,
+    CONVERGENCE,
     EXCEEDANCE,
     INPUT,
     INTERVAL,
@@ -30,10 +31,12 @@ from uqpen.core.labels import (
     QUANTILES,
     RANK,
     RESERVED,
+    SENSITIVITY,
     SHARES,
     STATUS,
     TAILS,
 )
+from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import (
     EntryDimension,
     Measure,
@@ -42,6 +45,7 @@ from uqpen.core.statistic import (
     Statistic,
     UnitRule,
     derived,
+    of_field,
 )
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
@@ -83,6 +87,7 @@ _CDF = "uqpen.statistics.distribution_function"
 _MOMENTS = "uqpen.statistics.moments.sample_moments"
 _FIELDS = "uqpen.statistics.fields"
 _PLACES = f"{_FIELDS}.place_statistics"
+_SENSITIVITY = "uqpen.statistics.sensitivity"
 
 
 def _contents(name: str) -> EntryDimension:
@@ -111,7 +116,9 @@ _OF_VALUES = [
             "sample": f"{_MOMENTS}:sample_moments",
             "part": f"{_MOMENTS}:mean_estimate",
             "field": f"{_PLACES}:moments_at_places",
+            Sampling.QUADRATURE: "uqpen.statistics.moments.quadrature_moments:quadrature_moments",
         },
+        takes_weights=True,
         is_of_surrogates=True,
     ),
     Statistic(
@@ -143,7 +150,9 @@ _OF_VALUES = [
             "sample": f"{_CDF}.quantiles:quantile_estimates",
             "part": f"{_CDF}.quantiles:requested_quantiles",
             "field": f"{_PLACES}:quantiles_at_places",
+            Sampling.TOWARDS_EVENT: "uqpen.statistics.rare_events.rare_quantiles:rare_quantiles",
         },
+        takes_weights=True,
         is_of_surrogates=True,
     ),
     Statistic(
@@ -272,6 +281,7 @@ _OF_VALUES = [
             "part": f"{_CDF}.probabilities:requested_exceedances",
             "field": f"{_PLACES}:probabilities_at_places",
         },
+        takes_weights=True,
         is_of_surrogates=True,
     ),
     Statistic(
@@ -294,6 +304,7 @@ _OF_VALUES = [
             "sample": f"{_CDF}.probabilities:below_probabilities",
             "part": f"{_CDF}.probabilities:requested_below",
         },
+        takes_weights=True,
         is_of_surrogates=True,
     ),
     Statistic(
@@ -314,6 +325,7 @@ _OF_VALUES = [
             "sample": f"{_CDF}.probabilities:category_probabilities",
             "part": f"{_CDF}.probabilities:category_shares",
         },
+        takes_weights=True,
     ),
     Statistic(
         "cdf",
@@ -322,6 +334,7 @@ _OF_VALUES = [
         own=EntryDimension(RANK, is_listed=False),
         group="cdfs",
         by={"sample": f"{_CDF}.cdfs:cdf"},
+        takes_weights=True,
         is_of_surrogates=True,
     ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
@@ -334,6 +347,7 @@ _OF_VALUES = [
         own=EntryDimension(PERCENT, is_listed=False),
         group="percentiles",
         by={"sample": f"{_CDF}.quantiles:percentiles"},
+        takes_weights=True,
     ),
     Statistic(
         "reached",
@@ -341,6 +355,7 @@ _OF_VALUES = [
         shown=Shown("P(reached)", 10),
         group="reached",
         by={"field": f"{_PLACES}:reached"},
+        takes_weights=True,
     ),
     Statistic(
         "mean_band",
@@ -349,6 +364,7 @@ _OF_VALUES = [
         shown=Shown("mean, all places at once", 31),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:mean_band"},
+        takes_weights=True,
     ),
     Statistic(
         "quantile_band",
@@ -358,6 +374,7 @@ _OF_VALUES = [
         shown=Shown("{entry}, all places at once", 41, "quantile_bands", "quantile"),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:quantile_band"},
+        takes_weights=True,
     ),
     Statistic(
         "tolerance_band",
@@ -368,6 +385,7 @@ _OF_VALUES = [
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
         group="bands",
         by={"field": f"{_FIELDS}.tolerance_band:tolerance_band"},
+        takes_weights=True,
     ),
     Statistic(
         "central_region",
@@ -375,6 +393,7 @@ _OF_VALUES = [
         unit=UnitRule.VALUE,
         group="ranked_curves",
         by={"field": f"{_FIELDS}.ranked_curves:ranked_curves"},
+        takes_weights=True,
     ),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
     Statistic(
@@ -387,9 +406,45 @@ _OF_VALUES = [
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
 ]
 
+# The functions that estimate measures of the inputs' part, at the first measure of each.
+_BY = {
+    "first_order": {
+        "sample": f"{_SENSITIVITY}.given_data:first_order",
+        "field": f"{_FIELDS}.given_data_at_places:first_order_at_places",
+        Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
+        of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sobol_at_places:sobol_indices_at_places",
+    },
+    "pearson": {"sample": f"{_SENSITIVITY}.correlations:correlations"},
+    "delta": {"sample": f"{_SENSITIVITY}.delta:delta"},
+    "mu": {
+        Sampling.TRAJECTORIES: f"{_SENSITIVITY}.elementary_effects:elementary_effects",
+        of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.effects_at_places:effects_at_places",
+    },
+    "response": {
+        Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.responses:relative_responses",
+        of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.effects_at_places:responses_at_places",
+    },
+}
+
+
+def _of_inputs(name: str, title: str, measure: Measure, unit: UnitRule) -> Statistic:
+    """Return the record of a measure that an input has one of."""
+    by = _BY.get(name, {})
+    return Statistic(
+        name,
+        title,
+        (INPUT,),
+        unit,
+        note_is_of_estimate=True,
+        group=SENSITIVITY,
+        by=by,
+        measure=measure,
+    )
+
+
 # The parts of the inputs in a variance.
 _INDICES = [
-    Statistic(name, title, (INPUT,), note_is_of_estimate=True, measure=measure)
+    _of_inputs(name, title, measure, UnitRule.NONE)
     for name, title, measure in (
         (
             "first_order",
@@ -505,7 +560,14 @@ _CHANGES = {
 _STATISTICS = [
     *_OF_VALUES,
     *(
-        derived(each, BY_RUNS, "{title}, by the runs so far", (RUNS_SO_FAR,))
+        derived(
+            each,
+            BY_RUNS,
+            "{title}, by the runs so far",
+            (RUNS_SO_FAR,),
+            group=CONVERGENCE,
+            by={"sample": "uqpen.statistics.convergence:convergence"},
+        )
         for each in _OF_VALUES
         if "part" in each.by
     ),
@@ -531,7 +593,7 @@ _STATISTICS = [
         OF_CATEGORY, "{title} of a category", "categories", CATEGORY, json="sensitivity_of_shares"
     ),
     *(
-        Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True, measure=measure)
+        _of_inputs(name, title, measure, unit)
         for measures, unit in (
             (_ASSOCIATIONS, UnitRule.NONE),
             (_EFFECTS, UnitRule.DIFFERENCE),

@@ -9,7 +9,16 @@ from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = ["EntryDimension", "Measure", "Request", "Shown", "Statistic", "UnitRule", "derived"]
+__all__ = [
+    "EntryDimension",
+    "Measure",
+    "Request",
+    "Shown",
+    "Statistic",
+    "UnitRule",
+    "derived",
+    "of_field",
+]
 
 
 @dataclass(frozen=True)
@@ -201,8 +210,11 @@ class Statistic:
         Group of statistics that a study may leave out together.
     by : mapping of str to str
         References to the functions that estimate it, by what they take: ``"sample"``, ``"field"``,
-        or ``"part"`` of a sample, by which it is followed as runs are added. One that estimates
-        several statistics stands at the first of them.
+        or ``"part"`` of a sample, by which it is followed as runs are added. Those of designs that
+        are made for one purpose stand under their `Sampling`, of fields under `of_field` of that.
+        One that estimates several statistics stands at the first of them.
+    takes_weights : bool
+        Whether it is right for weighted runs. Others would count every run the same.
     takes_all_values : bool
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
@@ -230,6 +242,7 @@ class Statistic:
     recipe: int = 1
     group: str = ""
     by: Mapping[str, str] = field(default_factory=dict)
+    takes_weights: bool = False
     takes_all_values: bool = False
     is_of_surrogates: bool = False
     own: EntryDimension | None = None
@@ -243,6 +256,11 @@ class Statistic:
     def is_function(self) -> bool:
         """True for a distribution function, which is checked and shown as a whole."""
         return RANK in self.dims
+
+
+def of_field(sampling: str) -> str:
+    """Return what a function takes that estimates a field from the runs of such a design."""
+    return f"field, {sampling}"
 
 
 def derived(
