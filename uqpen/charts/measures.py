@@ -305,7 +305,7 @@ def _plotted(
 ) -> _Plotted:
     """Name a series by its source, and by its measure where a chart has several of them."""
     of, known = series.statistic, series.array[INPUT].values.tolist()
-    convert, unit = view.conversion(output, of.name), unit_suffix(_unit(view, output, of))
+    convert, unit = view.conversion(output, of), unit_suffix(_unit(view, output, of))
     if of.measure.chart:
         convert = partial(_magnitudes, convert=convert)
     entries = {name: series.array[known.index(name)] for name in inputs if name in known}

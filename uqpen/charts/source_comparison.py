@@ -11,9 +11,10 @@ import xarray as xr
 
 from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.marks import Dots, has_interval, interval_notes, series_marker
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.statistic_entries import COMPARED, labelled_entries
+from uqpen.results.statistic_entries import COMPARED, described_statistics, labelled_entries
 from uqpen.results.table import Conversion, identity, shown_estimate
 from uqpen.results.texts import title_with_unit, unit_suffix
 
@@ -47,8 +48,7 @@ class ComparedStatistic(NamedTuple):
 
     Attributes
     ----------
-    statistic : str
-        An entry of the catalogue.
+    statistic : Statistic
     label : str
         Its name in tables.
     convert : callable
@@ -57,7 +57,7 @@ class ComparedStatistic(NamedTuple):
         By source; along ``bound``.
     """
 
-    statistic: str
+    statistic: Statistic
     label: str
     convert: Conversion
     estimates: Mapping[str, xr.DataArray]
@@ -70,11 +70,11 @@ class ComparedStatistic(NamedTuple):
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
     """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
-    for statistic in COMPARED:
-        name = statistic.name
-        convert = view.conversion(output, name)
-        for label, found in labelled_entries(statistic, view.estimates(output, name)):
-            yield ComparedStatistic(name, label, convert, found)
+    described = described_statistics(view.statistics, output)
+    for statistic in (*COMPARED, *(each for each in described if each.shown.is_compared)):
+        convert = view.conversion(output, statistic)
+        for label, found in labelled_entries(statistic, view.estimates(output, statistic.name)):
+            yield ComparedStatistic(statistic, label, convert, found)
 
 
 def available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:

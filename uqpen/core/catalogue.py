@@ -273,7 +273,7 @@ _OF_VALUES = [
             rank=20,
             axis="probability",
             is_compared=True,
-            has_verdict=True,
+            event="above",
         ),
         group=EXCEEDANCE,
         by={
@@ -297,7 +297,7 @@ _OF_VALUES = [
             rank=21,
             axis="probability",
             is_compared=True,
-            has_verdict=True,
+            event="below",
         ),
         group=EXCEEDANCE,
         by={

@@ -10,6 +10,9 @@ from typing import Any
 from uqpen.core.labels import RANK
 
 __all__ = [
+    "RECORD",
+    "RECORD_NUMBERS",
+    "RECORD_WORDS",
     "EntryDimension",
     "Measure",
     "Request",
@@ -19,6 +22,12 @@ __all__ = [
     "derived",
     "of_field",
 ]
+
+# The record of a user-defined statistic in attributes of its variable: the beginning of their
+# names, and the fields of `Shown` that they keep.
+RECORD = "shown_"
+RECORD_WORDS = ("label", "sentence", "axis")
+RECORD_NUMBERS = ("row", "rank", "is_compared")
 
 
 @dataclass(frozen=True)
@@ -109,8 +118,9 @@ class Shown:
         Label of an axis with its estimates, if that is not the output's.
     is_compared : bool
         Whether sources, models and archives are compared by it.
-    has_verdict : bool
-        Whether a study can accept its entries, which then have a verdict.
+    event : str
+        Of a probability that a study can accept, and which then has a verdict: where the output
+        lies in its event.
     """
 
     label: str = ""
@@ -123,7 +133,12 @@ class Shown:
     sentence: str = "The {label} of {output} is {estimate}."
     axis: str = ""
     is_compared: bool = False
-    has_verdict: bool = False
+    event: str = ""
+
+    @property
+    def has_verdict(self) -> bool:
+        """Whether a study can accept its entries."""
+        return bool(self.event)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
@@ -39,7 +40,9 @@ def _draw(
 ) -> Iterator[str]:
     along, across = field_dimensions(first_runs(view.tree)[output])
     x, y = (view.scale(name).from_si(array[name].values) for name in (across, along))
-    shown = view.conversion(output, statistic)(array.transpose(along, across, BOUND).values)
+    shown = view.conversion(output, CATALOGUE[statistic])(
+        array.transpose(along, across, BOUND).values
+    )
     values, lower, upper = np.moveaxis(np.asarray(shown, dtype=np.float64), -1, 0)
     # As a picture: a vector file of ten thousand cells would be large.
     mesh = axes.pcolormesh(x, y, values, shading="nearest", cmap="viridis", rasterized=True)

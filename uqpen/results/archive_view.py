@@ -15,6 +15,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import ABSENT, ROLE, RUNS
 from uqpen.core.lookup import choices
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.best_sources import is_sample_design
 from uqpen.results.design_view import DesignView
@@ -98,7 +99,7 @@ class ArchiveView:
         sources = None if self.source is None else [self.source]
         return self.statistics.by_source(output, statistic, sources)
 
-    def conversion(self, output: str, statistic: str) -> Conversion:
+    def conversion(self, output: str, statistic: Statistic) -> Conversion:
         """Return the conversion of a statistic from SI to the unit that is shown."""
         return conversion(statistic, self.scale(output))
 

@@ -48,7 +48,7 @@ def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable
             array = found.get(statistic.name)
             if array is None or SURROGATE_ESTIMATE not in array.coords:
                 continue
-            convert = conversion(statistic.name, scale(unit))
+            convert = conversion(statistic, scale(unit))
             for label, entries in labelled_entries(statistic, {surrogate: array}):
                 if not _has_number(entries[surrogate]):
                     continue

@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.read import model_trees
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.field_places import label_at_place
 from uqpen.results.source_statistics import SourceStatistics
@@ -74,7 +75,7 @@ def _curve_table(
     last = output.sizes[dimension] - 1
     for position in dict.fromkeys(last * quarter // 4 for quarter in range(5)):
         cells = [
-            table.cell(array[{dimension: position}], conversion("mean", scale(unit)))
+            table.cell(array[{dimension: position}], conversion(CATALOGUE["mean"], scale(unit)))
             for array in columns.values()
         ]
         place = coordinate_text(output[dimension], output[dimension].values[position], digits=4)

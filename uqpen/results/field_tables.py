@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import model_trees
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.field_places import label_at_place
 from uqpen.results.field_texts import extent_text
@@ -56,4 +57,4 @@ def _range_cells(table: OutputTable, mean: xr.DataArray | None, unit: str) -> li
     estimates = mean.values[..., 0]
     ends = (np.nanargmin(estimates), np.nanargmax(estimates))
     places = (np.unravel_index(position, estimates.shape) for position in ends)
-    return [table.cell(mean[at], conversion("mean", scale(unit))) for at in places]
+    return [table.cell(mean[at], conversion(CATALOGUE["mean"], scale(unit))) for at in places]

@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.read import model_trees
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DERIVED_FROM
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text, number_text
@@ -88,7 +89,9 @@ def _range_text(model: xr.DataTree, output: str, unit: str) -> str:
 def _text_at(array: xr.DataArray, statistic: str, unit: str, position: int) -> str:
     """Return an estimate at one place of a field, by its position among all, and the place."""
     index = np.unravel_index(position, array.shape[:-1])
-    estimate = estimate_text(*shown_bounds(array[index], conversion(statistic, scale(unit))))
+    estimate = estimate_text(
+        *shown_bounds(array[index], conversion(CATALOGUE[statistic], scale(unit)))
+    )
     places = (
         coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)

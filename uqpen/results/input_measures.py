@@ -199,7 +199,7 @@ def _table(
     for _, statistic, array in columns:
         names = map(str, array.coords.variables[array.dims[0]].values)
         entries = dict(zip(names, array_entries(array), strict=True))
-        converted.append((entries, conversion(statistic.name, scale(unit))))
+        converted.append((entries, conversion(statistic, scale(unit))))
     for name in dict.fromkeys(name for entries, _ in converted for name in entries):
         cells = [table.cell(entries.get(name), convert) for entries, convert in converted]
         table.rows.append((name, cells))

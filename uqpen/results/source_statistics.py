@@ -11,7 +11,6 @@ import xarray as xr
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
-from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
@@ -33,6 +32,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names, scalar_output_names
@@ -169,15 +169,15 @@ class SourceStatistics:
             self._arrays[source, output] = UnpackedStatistics(self._dataset(source, output))
         return self._arrays[source, output]
 
-    def entries(self, source: str, output: str, statistic: str) -> dict[Any, xr.DataArray]:
-        """Return the estimates of a statistic along its first dimension in the catalogue, by label.
+    def entries(self, source: str, output: str, statistic: Statistic) -> dict[Any, xr.DataArray]:
+        """Return the estimates of a statistic along its first dimension, by label.
 
         Empty where the source does not have it.
         """
-        key = (source, output, statistic)
+        key = (source, output, statistic.name)
         if key not in self._entries:
             array = self.get(*key)
-            along = CATALOGUE[statistic].dims[0]
+            along = statistic.dims[0]
             self._entries[key] = (
                 {}
                 if array is None

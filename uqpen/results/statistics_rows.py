@@ -27,7 +27,7 @@ from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
-from uqpen.results.statistic_entries import SHOWN, labelled_entries
+from uqpen.results.statistic_entries import SHOWN, described_statistics, labelled_entries
 from uqpen.results.stopping_texts import stopping_text
 from uqpen.results.table import (
     NOTHING,
@@ -60,7 +60,9 @@ class StatisticsRows:
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
         left_out = {*self._left_out()}
-        shown = [each for each in SHOWN if each.name not in left_out]
+        described = described_statistics(self.statistics, self.name)
+        shown = [each for each in (*SHOWN, *described) if each.name not in left_out]
+        shown.sort(key=lambda each: each.shown.row)
         if self.is_logarithmic:
             # A mean over tenfolds is that of few runs, so quantiles come before the moments.
             moments = CATALOGUE["mean"].shown.row
@@ -100,7 +102,7 @@ class StatisticsRows:
             ]
         else:
             is_difference = self.statistics.is_difference
-            convert = conversion(statistic.name, self.measure, is_difference=is_difference)
+            convert = conversion(statistic, self.measure, is_difference=is_difference)
             has_logarithm = self.is_logarithmic and statistic.unit is UnitRule.VALUE
             cells = self.table.cells(arrays, convert, is_logarithmic=has_logarithm)
         if statistic.asked.key and arrays:

@@ -150,17 +150,16 @@ def _is_plain_measure(array: xr.DataArray) -> bool:
     return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 
 
-def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> Conversion:
+def conversion(statistic: Statistic, shown: Scale, *, is_difference: bool = False) -> Conversion:
     """Return the conversion of a statistic from SI to the scale that its output is shown in.
 
     With `is_difference`, it is a statistic of the difference of two models.
     """
-    rule = CATALOGUE[statistic].unit
-    if CATALOGUE[statistic].measure.relative_to:
+    if statistic.measure.relative_to:
         return _percent
-    if rule is UnitRule.NONE:
+    if statistic.unit is UnitRule.NONE:
         return identity
-    is_value = rule is UnitRule.VALUE and not is_difference
+    is_value = statistic.unit is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
 
 

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BOUND, RANK
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.estimate_json import entries_json, estimate_json
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.statistic_entries import described_statistics, outside_catalogue
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 
 __all__ = ["OutputUnit", "add_user_defined_rows", "user_defined_json"]
@@ -28,10 +27,13 @@ class OutputUnit(NamedTuple):
 def add_user_defined_rows(
     table: OutputTable, statistics: SourceStatistics, output: str, unit: OutputUnit
 ) -> None:
-    """Add a row for each entry of the output's statistics that the catalogue does not know."""
+    """Add a row for each entry of the output's statistics that have no record."""
+    described = {each.name for each in described_statistics(statistics, output)}
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for source in table.columns:
-        for name, array in _outside(statistics.statistics(source, output)).items():
+        for name, array in outside_catalogue(statistics.statistics(source, output)).items():
+            if name in described:
+                continue
             title = str(array.attrs.get("long_name", name))
             convert, shown = _shown(array, unit, is_difference=statistics.is_difference)
             dims = array.dims[:-1]
@@ -54,22 +56,13 @@ def user_defined_json(
     """
     return {
         name: entries_json(array, _described_json, field=field)
-        for name, array in _outside(arrays).items()
+        for name, array in outside_catalogue(arrays).items()
     }
 
 
 def _described_json(array: xr.DataArray) -> dict[str, Any]:
     described = {key: str(array.attrs.get(key, "")) for key in ("units", "long_name")}
     return {**estimate_json(array), **described}
-
-
-def _outside(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
-    """Return the estimates that are not in the catalogue; distribution functions are too long."""
-    return {
-        name: arrays[name]
-        for name in arrays
-        if name not in CATALOGUE and BOUND in arrays[name].dims and RANK not in arrays[name].dims
-    }
 
 
 def _shown(array: xr.DataArray, unit: OutputUnit, *, is_difference: bool) -> tuple[Conversion, str]:

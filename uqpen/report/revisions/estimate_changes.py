@@ -120,10 +120,10 @@ def _tables(
 def _paired_estimates(pair: ModelPair, output: str, source: str) -> Iterator[_PairedEstimate]:
     """Yield the estimates that both archives have of an output by a source."""
     others = {
-        (each.statistic, each.label): each for each in compared_statistics(pair.second, output)
+        (each.statistic.name, each.label): each for each in compared_statistics(pair.second, output)
     }
     for each in compared_statistics(pair.first, output):
-        other = others.get((each.statistic, each.label))
+        other = others.get((each.statistic.name, each.label))
         if other is None or source not in each.available_estimates:
             continue
         if source in other.available_estimates:

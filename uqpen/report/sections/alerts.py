@@ -24,7 +24,7 @@ from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
 from uqpen.report.counting import count_text
 from uqpen.report.sections.missing_runs import missing_count
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, moments, output_name
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
@@ -62,9 +62,9 @@ def _with_moments(
 ) -> Iterator[QuotedStatistic]:
     """Yield quantities, and then the moments of their outputs."""
     outputs = dict.fromkeys(each.output for each in quantities)
-    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    further = [moment for output in outputs for moment in moments(view, output)]
     stated = {each.heading for each in quantities}
-    yield from (*quantities, *(each for each in moments if each.heading not in stated))
+    yield from (*quantities, *(each for each in further if each.heading not in stated))
 
 
 def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:

@@ -14,7 +14,7 @@ from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Findings, Quote, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.joint_findings import rare_event_findings
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
+from uqpen.report.sections.quoted_statistics import moments, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
@@ -59,7 +59,7 @@ def answer_without_sample(view: ArchiveView) -> Iterator[Block]:
 def _quadrature_means(view: ArchiveView) -> Iterator[str]:
     rules = [each for each in view.designs if view.design(each).sampling is Sampling.QUADRATURE]
     for output in view.numeric_outputs[:_MOST_OUTPUTS]:
-        quantity = QuotedStatistic(view, output, "mean")
+        quantity = moments(view, output)[0]
         for design in rules:
             array = quantity.estimate(design)
             if array is not None:

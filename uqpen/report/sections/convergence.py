@@ -135,7 +135,7 @@ def _estimate_histories(
         has_threshold = has_threshold or of.shown.has_verdict
         unit = DIMENSIONLESS if of.unit is UnitRule.NONE else view.unit(output)
         for label, entry in _shown_entries(of, array):
-            history = _EstimateHistory(label, unit, view.conversion(output, of.name), entry)
+            history = _EstimateHistory(label, unit, view.conversion(output, of), entry)
             if np.isfinite(history.bounds[:, 0]).any():
                 yield history
 

@@ -11,6 +11,7 @@ from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.charts.axes import quantity_axis
 from uqpen.charts.chart import Chart
 from uqpen.charts.marks import HeatMap
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text
 from uqpen.results.table import quantile_label
@@ -48,7 +49,9 @@ def _map(
 ) -> Chart:
     """Return the map of a statistic along two dimensions and ``bound``."""
     statistic, label, place = described
-    bounds = np.asarray(view.conversion(field, statistic)(array.values), dtype=np.float64)
+    bounds = np.asarray(
+        view.conversion(field, CATALOGUE[statistic])(array.values), dtype=np.float64
+    )
     across, along = (str(dim) for dim in array.dims[:2])
     x, y = (np.asarray(view.scale(dim).from_si(array[dim].values)) for dim in (along, across))
     unit = unit_suffix(view.unit(field))

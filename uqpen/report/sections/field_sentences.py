@@ -8,6 +8,7 @@ from itertools import islice
 import numpy as np
 
 from uqpen.archive.fields import coordinate_text
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 
@@ -32,7 +33,7 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     if not np.isfinite(estimates).any():
         return ""
     index = np.unravel_index(int(np.nanargmax(estimates)), estimates.shape)
-    quantity = QuotedStatistic(view, field, statistic)
+    quantity = QuotedStatistic(view, field, CATALOGUE[statistic])
     value, interval = quantity.texts(array[index])[0], quantity.interval(array[index])
     if statistic == "mean_band":
         interval = interval.replace("without an interval", "without a band", 1)

@@ -18,15 +18,12 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.report.blocks import Table
 from uqpen.report.counting import count_text
-from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
-    entry_label,
     estimate_remark,
     identity,
     quantile_label,
@@ -90,23 +87,10 @@ def main_statistics(
 ) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""
     by_label = {each.label: each for each in found}
-    thresholds = [
-        entry_label(statistic, entry)
-        for statistic in THRESHOLD_PROBABILITIES
-        for entry in _entries(view, output, statistic.name, statistic.dims[0])
-    ]
-    shares = map(share_label, _entries(view, output, "share", "category_label"))
-    first = [label for label in thresholds if label in by_label][:1]
-    kinds = [label for label in shares if label in by_label][:_MOST_SHARES]
-    labels = ("mean", quantile_label(0.5), *first, *kinds)
-    return [by_label[label] for label in labels if label in by_label]
-
-
-def _entries(view: ArchiveView, output: str, statistic: str, along: str) -> list[str]:
-    statistics = view.statistics
-    arrays = (statistics.get(source, output, statistic) for source in view.sources)
-    first = next((array for array in arrays if array is not None), None)
-    return [] if first is None else [str(each) for each in first[along].values.tolist()]
+    first = [each for each in found if each.statistic.shown.has_verdict][:1]
+    shares = [each for each in found if each.statistic.shown.axis == "share"][:_MOST_SHARES]
+    usual = [by_label[label] for label in ("mean", quantile_label(0.5)) if label in by_label]
+    return [*usual, *first, *shares]
 
 
 def _widths(view: ArchiveView, statistic: ComparedStatistic) -> dict[str, _Width]:

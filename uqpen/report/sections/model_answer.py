@@ -91,7 +91,7 @@ def _differences(view: ArchiveView, design: str) -> Iterator[Finding]:
             array = statistics.get(design, output, "mean")
             if array is None or not np.isfinite(array.values[0]):
                 continue
-            convert = conversion("mean", view.scale(output), is_difference=True)
+            convert = conversion(CATALOGUE["mean"], view.scale(output), is_difference=True)
             bounds = np.asarray(convert(array.values), dtype=np.float64)
             size = no_break(f"{estimate_text(*bounds.tolist())}{unit_suffix(view.unit(output))}")
             texts.append(f"{output_name(view, output)} {size}")
@@ -143,7 +143,6 @@ def _cell(table: OutputTable, view: ArchiveView, quantity: QuotedStatistic, desi
         return NOTHING
     own = QuotedStatistic(view, quantity.output, quantity.statistic, quantity.entry)
     array = own.estimate(design)
-    statistic = CATALOGUE[quantity.statistic]
-    if statistic.shown.ends:
-        return tolerance_cell(table, statistic, array, view.scale(quantity.output))
+    if quantity.statistic.shown.ends:
+        return tolerance_cell(table, quantity.statistic, array, view.scale(quantity.output))
     return table.cell(array, view.conversion(quantity.output, quantity.statistic))

@@ -17,7 +17,6 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
-from uqpen.report.sections.sentences import EVENTS
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_texts
@@ -28,8 +27,8 @@ __all__ = ["caveat_text", "model_form_findings", "model_limits", "model_verdicts
 
 # Verdicts on a limit, the gravest first.
 _VERDICTS = (AcceptanceVerdict.NOT_MET, AcceptanceVerdict.NOT_DECIDED, AcceptanceVerdict.MET)
-# Of a tolerance limit, the words before its bound, and the place of that.
-_BOUNDS = {"tolerance_limit": ("at most", 2), "lower_tolerance_limit": ("at least", 1)}
+# The ends that a tolerance limit states, and the place of its bound.
+_BOUNDS = {"at most": 2, "at least": 1}
 _SCOPE = (
     "Each model counts the same. They are no sample of all models: another one can lie outside "
     "them."
@@ -39,7 +38,7 @@ _SCOPE = (
 def model_verdicts(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[Finding]:
     """Yield what the models say of each limit of the study on a probability of an output."""
     for quantity in requested_statistics(views[0], output, design):
-        if quantity.statistic in EVENTS:
+        if quantity.statistic.shown.event:
             found = dict(_estimates(views, quantity, design))
             if finding := _verdict(quantity, found):
                 yield finding
@@ -50,11 +49,11 @@ def model_limits(views: Sequence[ArchiveView], output: str, design: str) -> Iter
 
     They are those of the first content, and of the largest that all models have a bound for.
     """
-    for statistic, (beyond, end) in _BOUNDS.items():
+    for beyond, end in _BOUNDS.items():
         found = [
             (quantity, bounds)
             for quantity in requested_statistics(views[0], output, design)
-            if quantity.statistic == statistic
+            if quantity.statistic.shown.ends == beyond
             and (bounds := _bounds(views, quantity, design, end)) is not None
         ]
         found.sort(key=lambda each: each[0].entry)
@@ -108,7 +107,7 @@ def _verdict(quantity: QuotedStatistic, found: Mapping[str, xr.DataArray]) -> Fi
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
     name = capitalized(output_name(quantity.view, quantity.output))
     return Finding(
-        f"{name} {EVENTS[quantity.statistic]} {threshold}",
+        f"{name} {quantity.statistic.shown.event} {threshold}",
         f"The limit of the study, {limit} of cases, is {', and '.join(parts)}.",
     )
 

@@ -7,15 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, moments, no_break
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.input_ranking import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["published_sentences"]
-
-_COMPARED = {"mean": "mean", "std": "standard deviation"}
 
 
 def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
@@ -34,11 +32,10 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
 
 
 def _estimates(view: ArchiveView, output: str, publication: str, design: str) -> Iterator[str]:
-    for statistic, label in _COMPARED.items():
-        quantity = QuotedStatistic(view, output, statistic)
+    for quantity in moments(view, output):
         there, here = quantity.estimate(publication), _own_estimate(quantity, design)
         if there is not None and here is not None:
-            yield _comparison(quantity, label, there, here)
+            yield _comparison(quantity, there, here)
 
 
 def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None:
@@ -49,9 +46,8 @@ def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None
     return next(iter((*bounded, *found)), None)
 
 
-def _comparison(
-    quantity: QuotedStatistic, label: str, there: xr.DataArray, here: xr.DataArray
-) -> str:
+def _comparison(quantity: QuotedStatistic, there: xr.DataArray, here: xr.DataArray) -> str:
+    label = quantity.label
     published = float(quantity.bounds(there)[0])
     bounds = quantity.bounds(here).tolist()
     unit = quantity.unit_text
