@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -11,8 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
+from tests.catalogue_tables import PAGE, with_tables
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
-from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, JOINT_STATISTICS, MEASURES
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    FAILURE_STATISTICS,
+    JOINT_STATISTICS,
+    MEASURES,
+    REQUESTED,
+)
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
 from uqpen.core.statistic import Shown, Statistic, UnitRule, derived
@@ -191,3 +199,14 @@ def test_what_is_packed_is_unpacked_the_same(array: xr.DataArray) -> None:
 
 def test_what_a_dataset_does_not_have_is_none() -> None:
     assert unpack(xr.Dataset(), "mean") is None
+
+
+def test_the_tables_of_the_documentation_are_those_of_the_records() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert with_tables(text) == text, "python tests/catalogue_tables.py writes them"
+
+
+def test_the_documentation_has_each_key_by_which_a_study_asks() -> None:
+    page = (PAGE.parent / "study_file.md").read_text(encoding="utf-8")
+    keys = re.findall(r"^\| `(\w+) = ", page, re.MULTILINE)
+    assert {each.asked.key for each in REQUESTED} <= {*keys}
