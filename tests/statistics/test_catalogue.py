@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import xarray as xr
+from catalogue_tables import PAGE, with_tables
 from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
-from tests.catalogue_tables import PAGE, with_tables
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
 from uqpen.core.catalogue import (
     CATALOGUE,
