@@ -134,9 +134,14 @@ _OF_VALUES = [
         shown=Shown("half 16–84 % range", 33),
     ),
     Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
-    Statistic("kurtosis", "kurtosis"),
-    Statistic("effective_runs", "effective number of runs"),
-    Statistic("effective_size", "effective sample size", shown=Shown("effective runs", 20)),
+    Statistic("kurtosis", "kurtosis", is_diagnosis=True),
+    Statistic("effective_runs", "effective number of runs", is_diagnosis=True),
+    Statistic(
+        "effective_size",
+        "effective sample size",
+        is_diagnosis=True,
+        shown=Shown("effective runs", 20),
+    ),
     Statistic(
         "quantile",
         "quantile",
@@ -144,7 +149,7 @@ _OF_VALUES = [
         UnitRule.VALUE,
         own=EntryDimension(PROBABILITY),
         asked=Request("quantiles", always=(0.05, 0.5, 0.95)),
-        shown=Shown("{entry}", 40, "quantiles", "quantile", rank=22, is_compared=True),
+        shown=Shown("{entry}", 40, "quantiles", "probability", rank=22, is_compared=True),
         group=QUANTILES,
         by={
             "sample": f"{_CDF}.quantiles:quantile_estimates",
@@ -216,7 +221,7 @@ _OF_VALUES = [
             "mean beyond the {entry}",
             50,
             "expected_shortfall",
-            "quantile",
+            "probability",
             rank=30,
             sentence="Beyond its {entry}, the mean of {output} is {estimate}.",
             is_compared=True,
@@ -254,12 +259,24 @@ _OF_VALUES = [
         "tail_threshold",
         "threshold of the fitted tail",
         unit=UnitRule.VALUE,
+        is_diagnosis=True,
         shown=Shown("threshold of the tail", 61),
     ),
-    Statistic("tail_shape", "shape of the fitted tail", shown=Shown("shape of the tail", 62)),
-    Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),
-    Statistic("tail_runs", "number of runs beyond the threshold of the fitted tail"),
-    Statistic("tail_p_value", "p-value of the fit of the tail (Anderson-Darling)"),
+    Statistic(
+        "tail_shape",
+        "shape of the fitted tail",
+        is_diagnosis=True,
+        shown=Shown("shape of the tail", 62),
+    ),
+    Statistic(
+        "tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE, is_diagnosis=True
+    ),
+    Statistic(
+        "tail_runs", "number of runs beyond the threshold of the fitted tail", is_diagnosis=True
+    ),
+    Statistic(
+        "tail_p_value", "p-value of the fit of the tail (Anderson-Darling)", is_diagnosis=True
+    ),
     Statistic(
         "exceedance",
         "probability of exceeding a value",
@@ -371,7 +388,7 @@ _OF_VALUES = [
         "quantile, simultaneous bounds",
         (PROBABILITY,),
         UnitRule.VALUE,
-        shown=Shown("{entry}, all places at once", 41, "quantile_bands", "quantile"),
+        shown=Shown("{entry}, all places at once", 41, "quantile_bands", "probability"),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:quantile_band"},
         takes_weights=True,
@@ -585,7 +602,7 @@ _STATISTICS = [
     *_indices_of(
         OF_EXCEEDANCE,
         "{title} of exceeding a value",
-        "exceedance",
+        "thresholds",
         THRESHOLD,
         json="sensitivity_of_exceedance",
     ),

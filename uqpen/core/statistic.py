@@ -103,7 +103,7 @@ class Shown:
         Key of its entries in JSON; a statistic without entries stands there under its name.
     entry : str
         How an entry is written: ``"text"`` as it is, ``"number"``, ``"percent"`` of a probability,
-        or ``"quantile"``.
+        or ``"probability"`` of a quantile.
     coordinate : str
         Coordinate with the entries, if it is not the statistic's own dimension.
     ends : str
@@ -218,6 +218,8 @@ class Statistic:
         Whether it is an estimate with bounds; a place on an axis, say, is none.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
+    is_diagnosis : bool
+        Whether it diagnoses the sample of other estimates, which have notes of their own.
     recipe : int
         Version of the recipe that its interval is made by: the number of the last change. Whoever
         changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
@@ -254,6 +256,7 @@ class Statistic:
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
     note_is_of_estimate: bool = False
+    is_diagnosis: bool = False
     recipe: int = 1
     group: str = ""
     by: Mapping[str, str] = field(default_factory=dict)

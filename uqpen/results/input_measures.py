@@ -131,12 +131,12 @@ def named_tables(
     for column in _columns(statistics, output, MEASURES["pairs"]):
         yield "pairs", _table(f"{output}: shares of its variance, by pairs", [column])
     if everything:
-        columns = _columns(statistics, output, shares.ordered(MEASURES["exceedance"]))
+        columns = _columns(statistics, output, shares.ordered(MEASURES["thresholds"]))
         written = columns[0].array[THRESHOLD].values if columns else ()
         for position, threshold in enumerate(written):
             at = [each._replace(array=each.array[position]) for each in columns]
             title = shares.title(f"the variance of exceeding {threshold}")
-            yield "exceedance", _table(f"{output}: {title}", at)
+            yield "thresholds", _table(f"{output}: {title}", at)
 
 
 def _index_tables(

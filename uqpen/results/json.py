@@ -147,7 +147,11 @@ def _difference_json(statistics: SourceStatistics, model: xr.DataTree) -> dict[s
     found = {}
     for design in statistics.sources:
         outputs = _outputs_json(statistics, design, read_group(model, RUNS, design))
-        known = {name: estimates for name, estimates in outputs.items() if "mean" in estimates}
+        known = {
+            name: estimates
+            for name, estimates in outputs.items()
+            if not estimates.keys().isdisjoint(_SINGLE)
+        }
         found[design] = {"minus": statistics.minus(design), "outputs": known}
     return found
 

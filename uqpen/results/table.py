@@ -22,6 +22,7 @@ from uqpen.core.labels import (
     RUNS,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -30,7 +31,6 @@ __all__ = [
     "NOTHING",
     "Conversion",
     "OutputTable",
-    "below_label",
     "conversion",
     "entry_label",
     "entry_text",
@@ -179,20 +179,20 @@ def quantile_label(probability: float) -> str:
 
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
-    return entry_label(CATALOGUE["exceedance"], threshold)
+    return entry_label(_OF_THRESHOLD, threshold)
 
 
-def below_label(threshold: str) -> str:
-    """Return the label of the probability of lying below a value, as it was written."""
-    return entry_label(CATALOGUE["below"], threshold)
-
+# The probability that a threshold is of.
+_OF_THRESHOLD = next(
+    each for each in CATALOGUE.values() if each.own is not None and each.own.name == THRESHOLD
+)
 
 # How an entry of a statistic is written, by its kind.
 _WRITTEN: Mapping[str, Callable[[Any], str]] = {
     "text": str,
     "number": "{:.10g}".format,
     "percent": percent_text,
-    "quantile": quantile_label,
+    "probability": quantile_label,
 }
 
 

@@ -147,7 +147,7 @@ def _shown_entries(of: Statistic, array: xr.DataArray) -> Iterator[tuple[str, xr
         return
     entries = array[of.shown.coordinate or of.dims[0]].values.tolist()
     places: Sequence[int] = range(len(entries))[: 1 if of.shown.has_verdict else _MOST_CATEGORIES]
-    if of.shown.entry == "quantile":
+    if of.shown.entry == "probability":
         ends = sorted({0, len(entries) - 1})
         places = [entries.index(0.5)] if 0.5 in entries else ends
     for place in places:

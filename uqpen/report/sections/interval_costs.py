@@ -18,6 +18,7 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.report.blocks import Table
 from uqpen.report.counting import count_text
+from uqpen.report.sections.quoted_statistics import usual_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
@@ -26,7 +27,6 @@ from uqpen.results.table import (
     OutputTable,
     estimate_remark,
     identity,
-    quantile_label,
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
 
@@ -86,10 +86,11 @@ def main_statistics(
     view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
 ) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""
+    median, mean = usual_statistics(view, output)
     by_label = {each.label: each for each in found}
     first = [each for each in found if each.statistic.shown.has_verdict][:1]
     shares = [each for each in found if each.statistic.shown.axis == "share"][:_MOST_SHARES]
-    usual = [by_label[label] for label in ("mean", quantile_label(0.5)) if label in by_label]
+    usual = [by_label[label] for label in (mean.label, median.label) if label in by_label]
     return [*usual, *first, *shares]
 
 

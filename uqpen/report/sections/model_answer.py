@@ -8,7 +8,6 @@ import numpy as np
 
 from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block
-from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Table, Text
@@ -27,6 +26,7 @@ from uqpen.report.sections.model_verdicts import (
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     default_statistic,
+    moments,
     no_break,
     output_name,
     requested_statistics,
@@ -88,10 +88,11 @@ def _differences(view: ArchiveView, design: str) -> Iterator[Finding]:
         statistics = SourceStatistics.of_differences(view.archive, other)
         texts = []
         for output in view.numeric_outputs:
-            array = statistics.get(design, output, "mean")
+            mean, _ = moments(view, output)
+            array = statistics.get(design, output, mean.statistic.name)
             if array is None or not np.isfinite(array.values[0]):
                 continue
-            convert = conversion(CATALOGUE["mean"], view.scale(output), is_difference=True)
+            convert = conversion(mean.statistic, view.scale(output), is_difference=True)
             bounds = np.asarray(convert(array.values), dtype=np.float64)
             size = no_break(f"{estimate_text(*bounds.tolist())}{unit_suffix(view.unit(output))}")
             texts.append(f"{output_name(view, output)} {size}")

@@ -129,7 +129,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if _is_constant(quantity, design):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if shown.entry == "quantile" and quantity.entry == 0.5:
+    if shown.entry == "probability" and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
     # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
