@@ -139,7 +139,7 @@ def study_limits(view: ArchiveView, output: str) -> list[StudyLimit]:
     found: dict[str, StudyLimit] = {}
     for statistic in THRESHOLD_PROBABILITIES:
         source = next(iter(view.estimates(output, statistic.name)), None)
-        entries = {} if source is None else view.statistics.entries(source, output, statistic)
+        entries = {} if source is None else view.statistics.entries(source, output, statistic.name)
         for label, entry in entries.items():
             in_si = float(entry.coords.variables[f"{statistic.dims[0]}_value"].values)
             text, value = str(label), float(view.scale(output).from_si(in_si))

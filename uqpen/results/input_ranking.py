@@ -94,7 +94,7 @@ def best_ranking(view: ArchiveView, output: str, statistic: Statistic) -> Rankin
     """
     found: list[tuple[float, Ranking]] = []
     for source in view.estimates(output, statistic.name):
-        entries = view.statistics.entries(source, output, statistic)
+        entries = view.statistics.entries(source, output, statistic.name)
         known = {name: each for name, each in entries.items() if np.isfinite(each.values[0])}
         if not known or view.statistics.citation(source):
             continue

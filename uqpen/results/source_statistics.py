@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
@@ -32,7 +33,6 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic import Statistic
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names, scalar_output_names
@@ -169,26 +169,20 @@ class SourceStatistics:
             self._arrays[source, output] = UnpackedStatistics(self._dataset(source, output))
         return self._arrays[source, output]
 
-    def entries(self, source: str, output: str, statistic: Statistic) -> dict[Any, xr.DataArray]:
+    def entries(self, source: str, output: str, statistic: str) -> dict[Any, xr.DataArray]:
         """Return the estimates of a statistic along its first dimension, by label.
 
         Empty where the source does not have it.
         """
-        key = (source, output, statistic.name)
+        key = (source, output, statistic)
         if key not in self._entries:
-            array = self.get(*key)
-            along = statistic.dims[0]
-            self._entries[key] = (
-                {}
-                if array is None
-                else dict(
-                    zip(
-                        array.coords.variables[along].values.tolist(),
-                        array_entries(array.transpose(along, ...)),
-                        strict=True,
-                    )
-                )
-            )
+            found: dict[Any, xr.DataArray] = {}
+            if (array := self.get(*key)) is not None:
+                dims = CATALOGUE[statistic].dims if statistic in CATALOGUE else array.dims
+                labels = array.coords.variables[dims[0]].values.tolist()
+                entries = array_entries(array.transpose(dims[0], ...))
+                found = dict(zip(labels, entries, strict=True))
+            self._entries[key] = found
         return self._entries[key]
 
     def by_source(

@@ -77,7 +77,7 @@ class QuotedStatistic:
         statistics = self.view.statistics
         if not self.statistic.dims:
             return statistics.get(design, self.output, self.statistic.name)
-        return statistics.entries(design, self.output, self.statistic).get(self.entry)
+        return statistics.entries(design, self.output, self.statistic.name).get(self.entry)
 
     def leading_estimate(self, design: str) -> xr.DataArray | None:
         """Return the estimate that the page states: corrected by real runs, or else the design's.
@@ -232,6 +232,6 @@ def _entries(
         if view.statistics.get(design, output, statistic.name) is not None:
             yield QuotedStatistic(view, output, statistic)
         return
-    for entry in view.statistics.entries(design, output, statistic):
+    for entry in view.statistics.entries(design, output, statistic.name):
         if entry not in statistic.asked.always:
             yield QuotedStatistic(view, output, statistic, entry)

@@ -11,7 +11,6 @@ from uqpen.charts.axes import ValueAxis, output_axis, padded_limits, quantity, q
 from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
 from uqpen.charts.marks import CROSS, Mark, Points, escape_text
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.scatter import category_labels
@@ -187,7 +186,7 @@ def _association_estimates(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     statistics = cloud.view.statistics
     for statistic, label in _ASSOCIATIONS:
-        found = statistics.entries(cloud.design, output, CATALOGUE[statistic]).get(name)
+        found = statistics.entries(cloud.design, output, statistic).get(name)
         if found is not None:
             yield label, found
 
