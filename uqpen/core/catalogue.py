@@ -120,18 +120,21 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "std",
         "standard deviation",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("sd", 32, is_compared=True),
+        is_corrected=True,
     ),
     Statistic(
         "half_spread",
         "half the 16 % to 84 % range",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("half 16–84 % range", 33),
+        is_corrected=True,
     ),
     Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
     Statistic("kurtosis", "kurtosis", is_diagnosis=True),
@@ -159,6 +162,7 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "tolerance_limit",
@@ -300,6 +304,7 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "below",
@@ -323,6 +328,7 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "share",
@@ -353,6 +359,7 @@ _OF_VALUES = [
         by={"sample": f"{_CDF}.cdfs:cdf"},
         takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
@@ -365,6 +372,7 @@ _OF_VALUES = [
         group="percentiles",
         by={"sample": f"{_CDF}.quantiles:percentiles"},
         takes_weights=True,
+        is_corrected=True,
     ),
     Statistic(
         "reached",
@@ -423,69 +431,42 @@ _OF_VALUES = [
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
 ]
 
-# The functions that estimate measures of the inputs' part, at the first measure of each.
-_BY = {
-    "first_order": {
-        "sample": f"{_SENSITIVITY}.given_data:first_order",
-        "field": f"{_FIELDS}.given_data_at_places:first_order_at_places",
-        Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
-        of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sobol_at_places:sobol_indices_at_places",
-    },
-    "pearson": {"sample": f"{_SENSITIVITY}.correlations:correlations"},
-    "delta": {"sample": f"{_SENSITIVITY}.delta:delta"},
-    "mu": {
-        Sampling.TRAJECTORIES: f"{_SENSITIVITY}.elementary_effects:elementary_effects",
-        of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.effects_at_places:effects_at_places",
-    },
-    "response": {
-        Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.responses:relative_responses",
-        of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.effects_at_places:responses_at_places",
-    },
-}
 
-
-def _of_inputs(name: str, title: str, measure: Measure, unit: UnitRule) -> Statistic:
-    """Return the record of a measure that an input has one of."""
-    by = _BY.get(name, {})
-    return Statistic(
-        name,
-        title,
-        (INPUT,),
-        unit,
-        note_is_of_estimate=True,
-        group=SENSITIVITY,
-        by=by,
-        measure=measure,
-    )
+def _of_inputs(
+    name: str,
+    title: str,
+    measure: Measure,
+    by: Mapping[str, str] | None = None,
+    unit: UnitRule = UnitRule.NONE,
+) -> Statistic:
+    """Return the record of a measure that each input has."""
+    record = Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True, measure=measure)
+    return replace(record, group=SENSITIVITY, by=by or {})
 
 
 # The parts of the inputs in a variance.
 _INDICES = [
-    _of_inputs(name, title, measure, UnitRule.NONE)
-    for name, title, measure in (
-        (
-            "first_order",
-            "first-order Sobol' index",
-            Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
-        ),
-        (
-            "total_order",
-            "total-order Sobol' index",
-            Measure("total order", "shares", 2, "square", share="total"),
-        ),
-        (
-            "shapley",
-            "Shapley effect",
-            Measure(
-                "Shapley effect",
-                "shares",
-                3,
-                "diamond",
-                share="divided",
-                reason="the largest Shapley effects",
-            ),
-        ),
-    )
+    _of_inputs(
+        "first_order",
+        "first-order Sobol' index",
+        Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
+        {
+            "sample": f"{_SENSITIVITY}.given_data:first_order",
+            "field": f"{_FIELDS}.given_data_at_places:first_order_at_places",
+            Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
+            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sobol_at_places:sobol_indices_at_places",
+        },
+    ),
+    _of_inputs(
+        "total_order",
+        "total-order Sobol' index",
+        Measure("total order", "shares", 2, "square", share="total"),
+    ),
+    _of_inputs(
+        "shapley",
+        "Shapley effect",
+        Measure("Shapley effect", "shares", 3, "diamond", "divided", "the largest Shapley effects"),
+    ),
 ]
 
 
@@ -497,82 +478,6 @@ def _indices_of(
         measure = replace(each.measure, table=table, json=json)
         yield derived(each, prefix, title, along, measure=measure)
 
-
-_ASSOCIATIONS = {
-    "pearson": ("Pearson correlation", Measure("Pearson", "associations", 41)),
-    "spearman": (
-        "Spearman rank correlation",
-        Measure(
-            "Spearman",
-            "associations",
-            40,
-            reason="the strongest rank correlations",
-            sentence="{input} has the strongest rank correlation with {output} ({estimate}).",
-        ),
-    ),
-    "partial": ("partial correlation", Measure("partial", "associations", 43)),
-    "partial_rank": ("partial rank correlation", Measure("partial, ranks", "associations", 42)),
-    "delta": ("moment-independent delta", Measure("delta", "associations", 44)),
-}
-
-# Of moves of one input at a time. Effects of both signs cancel in their mean.
-_EFFECTS = {
-    "mu": ("mean elementary effect", Measure("mean effect", "effects", 21, "")),
-    "mu_star": (
-        "mean absolute elementary effect",
-        Measure(
-            "mean |effect|",
-            "effects",
-            20,
-            axis="effect",
-            reason="the largest mean elementary effects",
-            sentence="{input} changes {output} most (by its mean elementary effect).",
-        ),
-    ),
-    "sigma": (
-        "standard deviation of the elementary effects",
-        Measure("sd of effects", "effects", 22, "triangle-up", axis="effect"),
-    ),
-}
-_RESPONSES = {
-    "response": (
-        "relative response",
-        Measure(
-            "response [%]",
-            "responses",
-            30,
-            chart="response",
-            axis="|response|",
-            relative_to=("output", "input"),
-        ),
-    ),
-    "contribution": (
-        "contribution to the relative uncertainty",
-        Measure(
-            "× uncertainty [%]",
-            "responses",
-            31,
-            reason="the largest response times uncertainty",
-            sentence="{input} changes {output} most "
-            "(by its response at the nominal point times its uncertainty).",
-            chart="response × uncertainty",
-            axis="|response × uncertainty|",
-            relative_to=("output",),
-        ),
-    ),
-}
-_CHANGES = {
-    "change_per_std": (
-        "change per standard deviation of an input",
-        Measure(
-            "change per sd",
-            "changes",
-            32,
-            chart="change per standard deviation of an input",
-            axis="|change| per standard deviation",
-        ),
-    ),
-}
 
 _STATISTICS = [
     *_OF_VALUES,
@@ -609,15 +514,105 @@ _STATISTICS = [
     *_indices_of(
         OF_CATEGORY, "{title} of a category", "categories", CATEGORY, json="sensitivity_of_shares"
     ),
-    *(
-        _of_inputs(name, title, measure, unit)
-        for measures, unit in (
-            (_ASSOCIATIONS, UnitRule.NONE),
-            (_EFFECTS, UnitRule.DIFFERENCE),
-            (_RESPONSES, UnitRule.NONE),
-            (_CHANGES, UnitRule.DIFFERENCE),
-        )
-        for name, (title, measure) in measures.items()
+    _of_inputs(
+        "pearson",
+        "Pearson correlation",
+        Measure("Pearson", "associations", 41),
+        {"sample": f"{_SENSITIVITY}.correlations:correlations"},
+    ),
+    _of_inputs(
+        "spearman",
+        "Spearman rank correlation",
+        Measure(
+            "Spearman",
+            "associations",
+            40,
+            reason="the strongest rank correlations",
+            sentence="{input} has the strongest rank correlation with {output} ({estimate}).",
+        ),
+    ),
+    _of_inputs("partial", "partial correlation", Measure("partial", "associations", 43)),
+    _of_inputs(
+        "partial_rank", "partial rank correlation", Measure("partial, ranks", "associations", 42)
+    ),
+    _of_inputs(
+        "delta",
+        "moment-independent delta",
+        Measure("delta", "associations", 44),
+        {"sample": f"{_SENSITIVITY}.delta:delta"},
+    ),
+    # Of moves of one input at a time. Effects of both signs cancel in their mean.
+    _of_inputs(
+        "mu",
+        "mean elementary effect",
+        Measure("mean effect", "effects", 21, ""),
+        {
+            Sampling.TRAJECTORIES: f"{_SENSITIVITY}.elementary_effects:elementary_effects",
+            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.effects_at_places:effects_at_places",
+        },
+        UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "mu_star",
+        "mean absolute elementary effect",
+        Measure(
+            "mean |effect|",
+            "effects",
+            20,
+            reason="the largest mean elementary effects",
+            sentence="{input} changes {output} most (by its mean elementary effect).",
+            axis="effect",
+        ),
+        unit=UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "sigma",
+        "standard deviation of the elementary effects",
+        Measure("sd of effects", "effects", 22, "triangle-up", axis="effect"),
+        unit=UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "response",
+        "relative response",
+        Measure(
+            "response [%]",
+            "responses",
+            30,
+            chart="response",
+            axis="|response|",
+            relative_to=("output", "input"),
+        ),
+        {
+            Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.responses:relative_responses",
+            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.effects_at_places:responses_at_places",
+        },
+    ),
+    _of_inputs(
+        "contribution",
+        "contribution to the relative uncertainty",
+        Measure(
+            "× uncertainty [%]",
+            "responses",
+            31,
+            reason="the largest response times uncertainty",
+            sentence="{input} changes {output} most "
+            "(by its response at the nominal point times its uncertainty).",
+            chart="response × uncertainty",
+            axis="|response × uncertainty|",
+            relative_to=("output",),
+        ),
+    ),
+    _of_inputs(
+        "change_per_std",
+        "change per standard deviation of an input",
+        Measure(
+            "change per sd",
+            "changes",
+            32,
+            chart="change per standard deviation of an input",
+            axis="|change| per standard deviation",
+        ),
+        unit=UnitRule.DIFFERENCE,
     ),
 ]
 

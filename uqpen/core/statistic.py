@@ -236,6 +236,8 @@ class Statistic:
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
         Whether it is estimated from the draws of a surrogate.
+    is_corrected : bool
+        Whether real runs correct its estimate by a surrogate, besides indices.
     own : EntryDimension, optional
         The dimension that its entries lie along, where it is described here.
     asked : Request
@@ -263,6 +265,7 @@ class Statistic:
     takes_weights: bool = False
     takes_all_values: bool = False
     is_of_surrogates: bool = False
+    is_corrected: bool = False
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()
@@ -312,6 +315,7 @@ def derived(
         "by": {},
         "takes_all_values": False,
         "is_of_surrogates": False,
+        "is_corrected": False,
         "own": None,
         "asked": Request(),
         "shown": Shown(),
