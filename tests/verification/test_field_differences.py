@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import BOUND, BOUNDS
-from uqpen.verification.disjoint_intervals import disjoint_intervals
+from uqpen.verification.diff import disjoint_intervals
 
 TIME = xr.Variable("time", [0.0, 86_400.0, 172_800.0], {"units": "s", "display_units": "day"})
 

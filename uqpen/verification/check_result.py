@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["CheckOutcome", "CheckResult"]
+__all__ = ["CheckOutcome", "CheckResult", "first_lines"]
+
+# Differences of one kind that are listed; a damaged archive may have thousands.
+_MOST_LISTED = 8
 
 
 class CheckOutcome(StrEnum):
@@ -30,3 +34,11 @@ class CheckResult:
     verdict: CheckOutcome
     text: str
     details: tuple[str, ...] = ()
+
+
+def first_lines(
+    lines: Sequence[str], most: int = _MOST_LISTED, more: str = "more"
+) -> tuple[str, ...]:
+    """Return the first lines, and how many more there are; whoever wants all has the archives."""
+    left = len(lines) - most
+    return (*lines[:most], *((f"and {left} {more}",) if left > 0 else ()))
