@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.core.errors import StudyError
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
-from uqpen.verification.archived_study import user_defined_members
+from uqpen.verification.archived_study import named_code
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.earlier_surrogates import leave_out_surrogates
 from uqpen.verification.repetition import Runs, repeated_points
@@ -69,9 +69,11 @@ def _without_distributions(
     return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
 
 
-def check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
+def check_points(
+    study: ValidatedStudy, tree: xr.DataTree, runs: Runs, tolerance: float
+) -> Iterator[CheckResult]:
     """Draw the points again that code of the archive has drawn, if it is loaded."""
-    untrusted = user_defined_members(study.text)
+    untrusted = named_code(tree).members
     unloaded = study.unloaded_members
     named = [name for name in unloaded if name in untrusted]
     objects = [name for name in unloaded if name not in untrusted]

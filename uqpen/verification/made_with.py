@@ -13,7 +13,7 @@ from uqpen.core.labels import REUSED_RUNS
 from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.study import ValidatedStudy
-from uqpen.verification.archived_study import user_defined_names
+from uqpen.verification.archived_study import named_code
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 
 __all__ = [
@@ -38,7 +38,7 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
     earlier archives.
     """
     # Versions that only Python functions depend on do not matter where there is no function.
-    has_user_defined_code = bool(user_defined_names(str(tree.attrs.get("study_text", ""))))
+    has_user_defined_code = bool(named_code(tree).code)
     here = {**provenance(), **of_python_functions()}
     then = {str(name): value for name, value in tree.attrs.items()}
     then |= {} if has_user_defined_code else of_python_functions()

@@ -29,8 +29,8 @@ from uqpen.verification.absent_code import (
 from uqpen.verification.archived_study import (
     archived_runs,
     find_incompatibility,
-    user_defined_analyses,
-    user_defined_models,
+    named_code,
+    restored_study,
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.content_checks import check_files, check_hashes, check_text
@@ -55,7 +55,6 @@ from uqpen.verification.repetition import (
     repeated_statistics,
     reread_runs,
 )
-from uqpen.verification.restored_study import restored_study
 from uqpen.verification.user_defined_statistics import without_user_defined_statistics
 from uqpen.workflow.repetition import TOLERANCE
 
@@ -170,7 +169,7 @@ def _repeat_checks(
         if reason := find_incompatibility(study, runs):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
-        untrusted = [] if options.trust else user_defined_models(study.text)
+        untrusted = [] if options.trust else named_code(tree).models
         if isinstance(study.model, DataModel):
             yield reread_runs(study, runs)
         elif unrepeated := unrepeated_runs(study, untrusted):
@@ -178,7 +177,7 @@ def _repeat_checks(
         else:
             yield from _repeat_runs(study, tree, runs, options)
         options.progress.start_analysis()
-        yield from check_points(study, runs, options.tolerance)
+        yield from check_points(study, tree, runs, options.tolerance)
         besides = model_attributes(tree) if untrusted else []
         yield from _repeat_statistics(study, tree, runs, besides, options)
 
@@ -224,7 +223,7 @@ def _repeat_statistics(
     yield from unchecked
     study, tree, unchecked = check_surrogate_recipe(study, tree)
     yield from unchecked
-    if not options.trust and (analyses := user_defined_analyses(study.text)):
+    if not options.trust and (analyses := named_code(tree).analyses):
         yield unchecked_analyses(analyses, tree)
         study, tree = replace(study, analyses=()), without_user_defined_statistics(tree)
     if recipe := check_recipe(tree):
