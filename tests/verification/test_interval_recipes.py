@@ -12,7 +12,7 @@ import xarray as xr
 import uqpen
 from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.labels import RECIPE
-from uqpen.verification import interval_recipes
+from uqpen.verification import unrepeated
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
@@ -47,10 +47,10 @@ def tree(archive: Path) -> xr.DataTree:
 @pytest.fixture
 def of_later_means(monkeypatch: pytest.MonkeyPatch) -> None:
     """This uqpen makes the intervals of means by another recipe than the archive's."""
-    recipe, statistics = INTERVAL_RECIPE + 1, interval_recipes._STATISTICS
+    recipe, statistics = INTERVAL_RECIPE + 1, unrepeated._STATISTICS
     mean = replace(statistics["mean"], recipe=recipe)
-    monkeypatch.setattr(interval_recipes, "INTERVAL_RECIPE", recipe)
-    monkeypatch.setattr(interval_recipes, "_STATISTICS", {**statistics, "mean": mean})
+    monkeypatch.setattr(unrepeated, "INTERVAL_RECIPE", recipe)
+    monkeypatch.setattr(unrepeated, "_STATISTICS", {**statistics, "mean": mean})
 
 
 def checks(tree: xr.DataTree, folder: Path) -> dict[str, CheckResult]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+
+from uqpen.workflow.repetition import TOLERANCE, Difference
 
 __all__ = ["CheckOutcome", "CheckResult", "first_lines"]
 
@@ -34,6 +36,30 @@ class CheckResult:
     verdict: CheckOutcome
     text: str
     details: tuple[str, ...] = ()
+
+    @classmethod
+    def of_differences(
+        cls, name: str, what: str, found: Iterable[Difference], tolerance: float
+    ) -> CheckResult:
+        """Return the result of a repetition, the largest differences first.
+
+        Parameters
+        ----------
+        name, what : str
+            The part, and what of it was repeated.
+        found : iterable of Difference
+            The differences from the archive.
+        tolerance : float
+            Largest relative difference; 0 where every bit must be the same.
+        """
+        found = sorted(found, key=lambda each: -each.relative)
+        if not found:
+            return cls(name, CheckOutcome.EQUAL, f"{what}: bit-equal")
+        details = first_lines([each.what for each in found])
+        if found[0].relative <= tolerance:
+            close = f"{what}: equal within {TOLERANCE:g} of the largest value"
+            return cls(name, CheckOutcome.CLOSE, close, details)
+        return cls(name, CheckOutcome.DIFFERENT, f"{what}: different", details)
 
 
 def first_lines(
