@@ -23,14 +23,15 @@ _IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
 
 
 def find_differences(
-    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] = ()
+    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] | None = ()
 ) -> Iterator[Difference]:
     """Yield the differences between an archive's group and its repetition.
 
-    Of the group's attributes, those in `besides` are not compared.
+    Of the group's attributes, those in `besides` are not compared; None for values alone, each
+    variable by its own scale.
     """
     yield from missing_keys(archived.variables, found.variables)
-    scales = _scales(archived)
+    scales = {} if besides is None else _scales(archived)
     for name, one in archived.variables.items():
         if (other := found.variables.get(name)) is None:
             continue
@@ -43,11 +44,13 @@ def find_differences(
             counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
             differ = "differ" if entries > 1 else "differs"
             yield Difference(f"{name}: {counted} {differ}{difference_text(difference)}", difference)
-        yield from find_attribute_differences(one.attrs, other.attrs, of=f" of {name}")
-    coefficients = archived.variables.get("coefficient", xr.Variable((), 0))
-    yield from find_attribute_differences(
-        archived.attrs, found.attrs, besides=besides, largest=_largest(coefficients)
-    )
+        if besides is not None:
+            yield from find_attribute_differences(one.attrs, other.attrs, of=f" of {name}")
+    if besides is not None:
+        largest = _largest(archived.variables.get("coefficient", xr.Variable((), 0)))
+        yield from find_attribute_differences(
+            archived.attrs, found.attrs, besides=besides, largest=largest
+        )
 
 
 def find_attribute_differences(

@@ -164,9 +164,9 @@ class Repetition:
             stream = Stream(study.seed, "designs", name)
             again = run_design(study, design, stream, map=map, progress=Progress())[model]
             archived = self.runs[model][name]
-            inputs = _without_attributes(archived[run_inputs(study, archived)])
-            reread = _without_attributes(again[list(inputs)])
-            found += [each.within(name) for each in find_differences(inputs, reread)]
+            inputs = archived[run_inputs(study, archived)]
+            differences = find_differences(inputs, again[list(inputs)], besides=None)
+            found += [each.within(name) for each in differences]
             found += run_differences(name, archived, again, variant.model.all_outputs)
         rows = sum(archived.sizes[RUN] for archived in self.runs[model].values())
         file = variant.model.name
@@ -189,15 +189,14 @@ class Repetition:
                 continue
             stream = Stream(study.seed, "designs", name)
             for start, part in _parts(first_round(design, study.joint, stream)):
-                drawn = _without_attributes(part)
-                these = {RUN: slice(start, start + drawn.sizes[RUN])}
+                these = {RUN: slice(start, start + part.sizes[RUN])}
                 for model, variant in study.models.items():
-                    again = drawn.drop_vars([RUN, *variant.given], errors="ignore").reset_coords()
-                    archived = _without_attributes(self.runs[model][name].isel(these))
+                    again = part.drop_vars([RUN, *variant.given], errors="ignore").reset_coords()
+                    archived = self.runs[model][name].isel(these)
                     shared = {
                         key: archived.variables[key] for key in again.variables if key in archived
                     }
-                    differences = find_differences(xr.Dataset(shared), again)
+                    differences = find_differences(xr.Dataset(shared), again, besides=None)
                     found += [each.within(_runs_name(model, name)) for each in differences]
         what = f"the first round of {', '.join(study.designs)} drawn again"
         return CheckResult.of_differences("points", what, found, self.tolerance)
@@ -238,15 +237,6 @@ class Repetition:
         if rounded:
             what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
         return CheckResult.of_differences("statistics", what, found, self.tolerance)
-
-
-def _without_attributes(dataset: xr.Dataset) -> xr.Dataset:
-    """Return what `Dataset.drop_attrs` does, which merges all variables for each of them."""
-    found = dataset.copy(deep=False)
-    found.attrs = {}
-    for variable in found.variables.values():
-        variable.attrs = {}
-    return found
 
 
 def _parts(points: Points) -> Iterator[tuple[int, xr.Dataset]]:

@@ -56,20 +56,12 @@ def verify(
 
     Parameters
     ----------
-    path : Path
-        The archive.
-    folder : Path, optional
-        Folder with the files that its study names; by default, the archived files are used.
-    runs : int or None
-        Number of runs to repeat, drawn at random; None for all.
-    trust : bool
-        True if code that the archive names may be executed.
+    path, folder, runs, trust, progress
+        As for `uqpen.verify`.
     objects : mapping of tuple to object, optional
         Python objects that its study names, as for `parse_study`.
     map : callable
         Like the built-in; it makes the batches of runs.
-    progress : Progress, optional
-        Receives reports of progress.
 
     Raises
     ------
