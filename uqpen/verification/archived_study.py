@@ -379,10 +379,11 @@ def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
 def find_incompatibility(study: ValidatedStudy, runs: Runs) -> str:
     """Reason why runs cannot be those of a study; empty if they can."""
     if set(study.models) != set(runs):
-        return f"its text names other models than it holds: {_list_names(study.models)}"
+        names = ", ".join(study.models) or "a single one"
+        return f"its text names other models than it holds: {names}"
     for name, variant in study.models.items():
         if set(study.designs) != set(runs[name]):
-            return f"its text names other designs than it holds: {_list_names(study.designs)}"
+            return f"its text names other designs than it holds: {', '.join(study.designs)}"
         for design, design_runs in runs[name].items():
             if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
                 return f"its text has another kind of design by the name of {design}"
@@ -413,7 +414,3 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
 def run_inputs(study: ValidatedStudy, made: xr.Dataset) -> list[str]:
     """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
     return [variable.name for variable in study.joint.variables if variable.name in made]
-
-
-def _list_names(names: Mapping[str, object]) -> str:
-    return ", ".join(names) or "a single one"
