@@ -34,8 +34,7 @@ from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.disagreements import disagreements
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
-from uqpen.results.failed_runs import FailedRuns, failed_runs
-from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
+from uqpen.results.failed_runs import failures_json
 from uqpen.results.field_json import field_json
 from uqpen.results.model_form_tables import model_form_json
 from uqpen.results.sensitivity_json import sensitivity_json
@@ -181,19 +180,13 @@ def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    tree = statistics.tree
-    runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
+    runs = read_group(statistics.tree, RUNS, design)
     cost = statistics.cost_spent(design)
     return {
         "runs": run_count(runs),
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
-        "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],
-        "lost": {
-            status: estimate_json(chance)
-            for status, chance in statistics.status_probabilities(design).items()
-        },
-        "where_lost": _failure_json(failures),
+        **failures_json(statistics, design),
         **_joint_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
@@ -208,12 +201,6 @@ def _decision_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     if decision is None:
         return {}
     return {"decision": {key: json_value(value) for key, value in decision.to_json().items()}}
-
-
-def _reason_json(failed: FailedRuns) -> dict[str, Any]:
-    """Return one reason of failed runs; an example where its numbers are masked."""
-    found = {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
-    return found | ({"example": failed.example} if failed.example else {})
 
 
 def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
@@ -257,16 +244,6 @@ def _design_points_json(statistics: Mapping[str, xr.DataArray]) -> list[dict[str
             of_inputs = INPUT in entry.dims
             point[name] = entries_json(entry) if of_inputs else estimate_json(entry)
     return points
-
-
-def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
-    """Return, by input, how the failed runs lie relative to the completed runs."""
-    found: dict[str, Any] = {}
-    for key in (*ASSOCIATIONS, *ENDS):
-        for entry in failures.get(key, ()):
-            value = json_value(entry.values) if key in ENDS else estimate_json(entry)
-            found.setdefault(str(entry[INPUT].item()), {})[key] = value
-    return found
 
 
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:

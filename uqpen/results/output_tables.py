@@ -14,7 +14,7 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import percent_text
-from uqpen.results.failure_tables import failure_tables
+from uqpen.results.failed_runs import failure_tables
 from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note

@@ -45,6 +45,7 @@ __all__ = [
     "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
+    "shown_unit",
     "telling_note",
 ]
 
@@ -160,6 +161,11 @@ def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> 
         return identity
     is_value = rule is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
+
+
+def shown_unit(attributes: Mapping[Any, Any]) -> str:
+    """Return the unit that a variable with some attributes is shown in."""
+    return str(attributes.get("display_units", DIMENSIONLESS))
 
 
 def label_with_unit(label: str, unit: str) -> str:
