@@ -11,10 +11,8 @@ from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
-from uqpen.results.curve_tables import curve_tables, place_option
 from uqpen.results.failed_runs import failed_runs
-from uqpen.results.field_tables import field_tables
-from uqpen.results.field_texts import derived_lines
+from uqpen.results.field_tables import curve_tables, derived_lines, field_tables, place_option
 from uqpen.results.output_tables import output_tables
 
 __all__ = ["show_tables"]

@@ -8,7 +8,7 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.field_places import cut_coordinates
+from uqpen.results.output_selection import cut_coordinates
 
 __all__ = ["field_json"]
 

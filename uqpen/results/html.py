@@ -10,7 +10,7 @@ import xarray as xr
 from uqpen.archive.read import model_trees
 from uqpen.core.html import html_table
 from uqpen.core.labels import KIND, RUNS
-from uqpen.results.field_texts import field_lines
+from uqpen.results.field_tables import field_lines
 from uqpen.results.output_tables import statistics_tables
 
 __all__ = ["archive_html"]

@@ -75,7 +75,6 @@ def statistics_rows(
     statistics: SourceStatistics, model: str = "", *, functions: bool = False
 ) -> Iterator[Row]:
     """Yield the rows of one model, or of one difference, for `long_table`."""
-    units = statistics.units
     for source in statistics.sources:
         minus = statistics.minus(source) if statistics.is_difference else ""
         described = {
@@ -88,7 +87,7 @@ def statistics_rows(
             for name, array in statistics.statistics(source, output).items():
                 if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
                     for row in estimate_rows(array, **described, output=output, statistic=name):
-                        yield _with_decision(row, decision, units[output])
+                        yield _with_decision(row, decision, statistics.si_unit(output))
             if decision is not None and decision.output == output:
                 yield _decision_row(decision, described)
         if not statistics.is_difference:

@@ -15,7 +15,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import percent_text
 from uqpen.results.failed_runs import failure_tables
-from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.missing_run_tables import missing_run_tables
@@ -139,8 +138,7 @@ def statistics_table(
     if not sources:
         return None
     unit = _shown_unit(described)
-    label = label_at_place(name, first_runs(statistics.tree)[name])
-    table = OutputTable(label_with_unit(label, unit), sources)
+    table = OutputTable(statistics.label(name), sources)
     table.title += table.note_mark(statistics.caveat(sources[0], name))
     add_runs(table, statistics)
     add_failed_runs(table, statistics)

@@ -11,7 +11,6 @@ from uqpen.archive.labelled_arrays import array_entries
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
-from uqpen.results.field_places import cut_text
 from uqpen.results.index_titles import VarianceTitles, index_titles
 from uqpen.results.logarithmic_scale import is_logarithmic
 from uqpen.results.measure_labels import (
@@ -26,6 +25,7 @@ from uqpen.results.measure_labels import (
     RESPONSES,
     Measure,
 )
+from uqpen.results.output_selection import cut_text
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import (

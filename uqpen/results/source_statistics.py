@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.labelled_arrays import array_entries
-from uqpen.archive.tree import model_trees, read_group
+from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -34,8 +35,16 @@ from uqpen.core.labels import (
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.results.output_selection import cut_text
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, output_names, scalar_output_names
+from uqpen.results.table import (
+    field_names,
+    first_runs,
+    label_with_unit,
+    output_names,
+    scalar_output_names,
+    shown_unit,
+)
 
 __all__ = ["SourceStatistics", "source_entries"]
 
@@ -78,25 +87,42 @@ class SourceStatistics:
         tree = archive.children.get(MODEL_FORM, xr.DataTree())
         return cls(tree, is_difference=True, described_by=first)
 
+    @cached_property
+    def runs(self) -> xr.Dataset:
+        """The runs of the first design of the model, which describe its inputs and outputs."""
+        return first_runs(self.tree if self.described_by is None else self.described_by)
+
     @property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
-        return output_names(self._first_runs)
+        return output_names(self.runs)
 
     @property
     def scalar_outputs(self) -> list[str]:
         """The outputs of the model without dimensions, in its order."""
-        return scalar_output_names(self._first_runs)
+        return scalar_output_names(self.runs)
 
     @property
-    def units(self) -> dict[str, str]:
-        """The SI unit of each output."""
-        runs = self._first_runs
-        return {name: str(runs[name].attrs.get("units", DIMENSIONLESS)) for name in self.outputs}
+    def fields(self) -> list[str]:
+        """The outputs of the model with dimensions, in its order."""
+        return field_names(self.runs)
 
-    @property
-    def _first_runs(self) -> xr.Dataset:
-        return first_runs(self.tree if self.described_by is None else self.described_by)
+    def attributes(self, name: str) -> dict[Any, Any]:
+        """Return the attributes of an input or output."""
+        return dict(self.runs.variables[name].attrs)
+
+    def si_unit(self, name: str) -> str:
+        """Return the unit that an archive has an input or output in."""
+        return str(self.runs.variables[name].attrs.get("units", DIMENSIONLESS))
+
+    def unit(self, name: str) -> str:
+        """Return the unit that an input or output is shown in."""
+        return shown_unit(self.runs.variables[name].attrs)
+
+    def label(self, output: str) -> str:
+        """Return the name of an output, the place to which it was cut, if it was, and its unit."""
+        place = cut_text(self.runs[output])
+        return label_with_unit(f"{output} at {place}" if place else output, self.unit(output))
 
     @property
     def node(self) -> xr.DataTree | None:
@@ -258,6 +284,12 @@ class SourceStatistics:
         Along ``event`` and ``bound``; the coordinate ``event_condition`` has each event in words.
         """
         return self.joint_statistics(design).get("joint_probability")
+
+    def joint_probabilities(self) -> dict[str, xr.DataArray]:
+        """Return those of all designs that have some."""
+        names = group_names(self.tree, JOINT_GROUP)
+        found = {name: self.joint_probability(name) for name in names}
+        return {name: array for name, array in found.items() if array is not None}
 
     def joint_statistics(self, design: str) -> UnpackedStatistics:
         """Return all statistics of a design's events of several outputs.

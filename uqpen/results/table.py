@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.fields import field_dimensions
-from uqpen.archive.read import group_names, read_group
+from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     ESTIMATOR,
@@ -38,6 +38,7 @@ __all__ = [
     "exceedance_label",
     "field_names",
     "first_runs",
+    "headed_models",
     "identity",
     "label_with_unit",
     "output_names",
@@ -219,6 +220,14 @@ def telling_note(array: xr.DataArray) -> str:
     """Return the note of an estimate without what all means of as few runs have as their note."""
     parts = interval_text(array, NOTE).split("; ")
     return "; ".join(part for part in parts if part != DOUBTFUL_TAIL)
+
+
+def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the groups of each model of an archive, by the words before the titles of its tables.
+
+    These are empty for a single model.
+    """
+    return {f"{name}: " if name else "": model for name, model in model_trees(tree).items()}
 
 
 def first_runs(tree: xr.DataTree) -> xr.Dataset:
