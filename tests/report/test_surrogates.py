@@ -12,7 +12,7 @@ import uqpen
 from uqpen.report.blocks import Block, Charts, Table
 from uqpen.report.sections.surrogates import surrogates
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import correction_tables
+from uqpen.results.surrogate_tables import correction_tables
 
 pytestmark = pytest.mark.slow
 

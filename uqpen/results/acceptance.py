@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import Any
 
 import xarray as xr
 
 from uqpen.core.statistic_dimensions import EVENT, LOWER_THRESHOLD, THRESHOLD
 from uqpen.results.digits import percent_text
+from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = ["Acceptance", "AcceptanceVerdict"]
+__all__ = ["Acceptance", "AcceptanceVerdict", "acceptance_json", "add_verdicts"]
 
 
 # What has acceptance limits lies along one of these.
@@ -78,3 +81,23 @@ def _verdict(array: xr.DataArray, least: float, most: float) -> AcceptanceVerdic
         if lower > most or upper < least
         else AcceptanceVerdict.NOT_DECIDED
     )
+
+
+def add_verdicts(
+    table: OutputTable, arrays: Mapping[str, xr.DataArray], *, without: Collection[str] = ()
+) -> None:
+    """Add a row of verdicts on a probability by source, if the study has acceptance limits.
+
+    Sources in `without` have no verdict.
+    """
+    found = {source: Acceptance.from_array(array) for source, array in arrays.items()}
+    if first := next(filter(None, found.values()), None):
+        shown = (None if each in without else found.get(each) for each in table.columns)
+        cells = [str(each.verdict) if each else NOTHING for each in shown]
+        table.rows.append((f"accepted: {first}", cells))
+
+
+def acceptance_json(array: xr.DataArray) -> dict[str, Any]:
+    """Return the acceptance limits of a probability and the verdict; empty without limits."""
+    found = Acceptance.from_array(array)
+    return {**asdict(found), "verdict": str(found.verdict)} if found else {}

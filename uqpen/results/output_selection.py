@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +15,10 @@ from uqpen.core.labels import DIFFERENCES, MODEL_FORM, MODELS, RUNS, STATISTICS_
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import scale
-from uqpen.results.surrogate_fits import FITTED, fitted_outputs
+from uqpen.results.surrogate_tables import FITTED, fitted_outputs
 from uqpen.results.table import first_runs, output_names, shown_unit
 
-__all__ = ["FieldPlace", "cut_coordinates", "cut_text", "find_place", "select_output"]
+__all__ = ["FieldPlace", "find_place", "select_output"]
 
 # The depth of the groups of outputs, below each group of a model that has some.
 _DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3, MODEL_FORM: 2}
@@ -94,18 +94,6 @@ def _si_value(text: str, unit: str) -> float:
         return scale(unit).to_si(float(text))
     except ValueError:
         return parse_quantity(text, unit).value
-
-
-def cut_coordinates(variable: xr.DataArray) -> Iterator[xr.DataArray]:
-    """Yield the coordinates of the place to which a field was cut; none of another output."""
-    for name, coordinate in variable.coords.items():
-        if not coordinate.dims and "units" in coordinate.attrs:
-            yield coordinate.rename(name)
-
-
-def cut_text(variable: xr.DataArray) -> str:
-    """Return the place to which a field was cut, such as ``time = 10 day``; empty without one."""
-    return ", ".join(coordinate_text(each, each.item()) for each in cut_coordinates(variable))
 
 
 def select_output(

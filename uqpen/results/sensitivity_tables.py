@@ -25,13 +25,13 @@ from uqpen.results.measure_labels import (
     RESPONSES,
     Measure,
 )
-from uqpen.results.output_selection import cut_text
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import (
     NOTHING,
     Conversion,
     OutputTable,
+    cut_text,
     first_runs,
     identity,
     label_with_unit,

@@ -15,6 +15,7 @@ from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
+    BOUND,
     CAVEAT,
     CITED,
     CONDITIONAL,
@@ -26,6 +27,7 @@ from uqpen.core.labels import (
     LOGARITHMIC,
     MISSING,
     MODEL_FORM,
+    RANK,
     RUNS,
     RUNS_ABSENT,
     SAMPLING,
@@ -35,9 +37,9 @@ from uqpen.core.labels import (
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.output_selection import cut_text
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import (
+    cut_text,
     field_names,
     first_runs,
     label_with_unit,
@@ -46,7 +48,7 @@ from uqpen.results.table import (
     shown_unit,
 )
 
-__all__ = ["SourceStatistics", "source_entries"]
+__all__ = ["SourceStatistics", "source_entries", "user_defined"]
 
 
 @dataclass(frozen=True)
@@ -324,3 +326,12 @@ def source_entries(
     entries = {source: array_entries(array) for source, array in arrays.items()}
     for position, label in enumerate(labels):
         yield label, {source: own[position] for source, own in entries.items()}
+
+
+def user_defined(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+    """Return the estimates that are not in the catalogue; distribution functions are too long."""
+    return {
+        name: arrays[name]
+        for name in arrays
+        if name not in CATALOGUE and BOUND in arrays[name].dims and RANK not in arrays[name].dims
+    }

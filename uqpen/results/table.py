@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.fields import field_dimensions
+from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -32,6 +32,8 @@ __all__ = [
     "OutputTable",
     "below_label",
     "conversion",
+    "cut_coordinates",
+    "cut_text",
     "entry_label",
     "entry_text",
     "estimate_remark",
@@ -85,13 +87,14 @@ class OutputTable:
     rows: list[tuple[str, list[str]]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def note_mark(self, note: str) -> str:
-        """Return the superscript of a note, which is added if it is new; nothing for no note."""
-        if not note:
-            return ""
-        if note not in self.notes:
-            self.notes.append(note)
-        return " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
+    def note_mark(self, *notes: str) -> str:
+        """Return the superscripts of notes, which are added if they are new; none for no note."""
+        marks = ""
+        for note in filter(None, notes):
+            if note not in self.notes:
+                self.notes.append(note)
+            marks += " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
+        return marks
 
     def cell(
         self,
@@ -172,6 +175,18 @@ def shown_unit(attributes: Mapping[Any, Any]) -> str:
 def label_with_unit(label: str, unit: str) -> str:
     """Return a label and, in brackets, its unit, if it has one."""
     return label if unit == DIMENSIONLESS else f"{label} [{unit}]"
+
+
+def cut_coordinates(variable: xr.DataArray) -> Iterator[xr.DataArray]:
+    """Yield the coordinates of the place to which a field was cut; none of another output."""
+    for name, coordinate in variable.coords.items():
+        if not coordinate.dims and "units" in coordinate.attrs:
+            yield coordinate.rename(name)
+
+
+def cut_text(variable: xr.DataArray) -> str:
+    """Return the place to which a field was cut, such as ``time = 10 day``; empty without one."""
+    return ", ".join(coordinate_text(each, each.item()) for each in cut_coordinates(variable))
 
 
 def quantile_label(probability: float) -> str:

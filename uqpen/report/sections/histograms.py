@@ -19,7 +19,7 @@ from uqpen.report.sections.quoted_statistics import QuotedStatistic
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, number_text, percent_text
-from uqpen.results.statistics_rows import add_shares
+from uqpen.results.output_tables import add_shares
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import capitalized, unit_suffix
 

@@ -71,7 +71,7 @@ def _rows(view: ArchiveView, found: Sequence[ComparedStatistic]) -> tuple[str, .
 
 
 def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
-    if table := statistics_table(view.statistics, output, view.attributes(output)):
+    if table := statistics_table(view.statistics, output):
         yield Table(table, is_folded)
 
 
