@@ -30,6 +30,7 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import add_verdicts
+from uqpen.results.archive_view import is_logarithmic, linear_scale_note
 from uqpen.results.digits import (
     grouped_number,
     lower_tolerance_limit_text,
@@ -40,7 +41,6 @@ from uqpen.results.digits import (
 )
 from uqpen.results.failed_runs import failure_tables
 from uqpen.results.joint_probabilities import joint_tables
-from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics, source_entries, user_defined
 from uqpen.results.statistic_entries import SHOWN, labelled_entries
@@ -213,8 +213,7 @@ def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | N
         add_shares(table, statistics, name)
     else:
         _add_statistics(table, statistics, name, is_log=is_logarithmic(statistics, name))
-        unit = statistics.unit(name)
-        table.title += table.note_mark(linear_scale_note(statistics, name, scale(unit), unit))
+        table.title += table.note_mark(linear_scale_note(statistics, name))
         _add_decisions(table, statistics, name)
     _add_user_defined(table, statistics, name)
     return table

@@ -10,9 +10,8 @@ import xarray as xr
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import scale
-from uqpen.results.best_sources import best_sources
+from uqpen.results.archive_view import is_logarithmic
 from uqpen.results.index_titles import VarianceTitles, index_titles
-from uqpen.results.logarithmic_scale import is_logarithmic
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
     CHANGES,
@@ -26,7 +25,7 @@ from uqpen.results.measure_labels import (
     Measure,
 )
 from uqpen.results.relative_changes import without_arbitrary_zeros
-from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_statistics import SourceStatistics, best_sources
 from uqpen.results.table import (
     NOTHING,
     Conversion,
