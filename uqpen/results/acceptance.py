@@ -51,36 +51,29 @@ class Acceptance:
     @classmethod
     def from_array(cls, array: xr.DataArray) -> Acceptance | None:
         """Return the acceptance of a single estimate along ``bound``; None without limits."""
-        at_least, at_most = (_limit(array, name) for name in ("at_least", "at_most"))
-        if math.isnan(at_least) and math.isnan(at_most):
+        limits: dict[str, float] = {}
+        for end in ("at_least", "at_most"):
+            for dimension in _DIMENSIONS:
+                # Coordinates of an array would each be made an array of their own.
+                limit = array.coords.variables.get(f"{dimension}_{end}")
+                if limit is not None and not math.isnan(limit.values):
+                    limits[end] = float(limit.values)
+        if not limits:
             return None
-        least = 0.0 if math.isnan(at_least) else at_least
-        most = 1.0 if math.isnan(at_most) else at_most
-        return cls(least, most, _verdict(array, least, most))
+        least, most = limits.get("at_least", 0.0), limits.get("at_most", 1.0)
+        _, lower, upper = array.values.tolist()
+        verdict = AcceptanceVerdict.NOT_DECIDED
+        if lower >= least and upper <= most:
+            verdict = AcceptanceVerdict.MET
+        elif lower > most or upper < least:
+            verdict = AcceptanceVerdict.NOT_MET
+        return cls(least, most, verdict)
 
     def __str__(self) -> str:
         parts = ["at least " + percent_text(self.at_least)] if self.at_least > 0 else []
         if self.at_most < 1 or not parts:
             parts.append("at most " + percent_text(self.at_most))
         return " and ".join(parts)
-
-
-def _limit(array: xr.DataArray, name: str) -> float:
-    # Those of an array would each be made an array of their own.
-    coordinates = array.coords.variables
-    found = (coordinates.get(f"{dimension}_{name}") for dimension in _DIMENSIONS)
-    return next((float(each.values) for each in found if each is not None), math.nan)
-
-
-def _verdict(array: xr.DataArray, least: float, most: float) -> AcceptanceVerdict:
-    _, lower, upper = array.values.tolist()
-    if lower >= least and upper <= most:
-        return AcceptanceVerdict.MET
-    return (
-        AcceptanceVerdict.NOT_MET
-        if lower > most or upper < least
-        else AcceptanceVerdict.NOT_DECIDED
-    )
 
 
 def add_verdicts(

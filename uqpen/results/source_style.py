@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -81,13 +81,12 @@ class SourceStyle:
     line: Any
 
 
+_STYLES = tuple(map(SourceStyle, _COLOURS, _MARKERS, _LINES))
+
+
 def source_style(position: int) -> SourceStyle:
     """Return the style at a place, that of a source (`source_slots`) or another number."""
-    return SourceStyle(
-        _COLOURS[position % len(_COLOURS)],
-        _MARKERS[position % len(_MARKERS)],
-        _LINES[position % len(_LINES)],
-    )
+    return _STYLES[position % STYLES]
 
 
 def source_slots(study_text: str, sources: Iterable[str]) -> dict[str, int]:
@@ -120,23 +119,14 @@ def source_slots(study_text: str, sources: Iterable[str]) -> dict[str, int]:
 @lru_cache(maxsize=4)
 def _kind_by_source(text: str) -> Mapping[str, str]:
     """Return the kind of each source that a study names, in its order."""
+    found: dict[str, str] = {}
     try:
         content = parse_document(text, "study").content
     except StudyError:
-        return {}
-    return dict(_source_and_kind(content))
-
-
-def _source_and_kind(content: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for name, design in _tables(content, "designs"):
-        yield name, str(design.get("kind", ""))
-    for section, kind in (("surrogates", _SURROGATE), ("published", _PUBLICATION)):
-        for name, _ in _tables(content, section):
-            yield name, kind
-
-
-def _tables(content: Mapping[str, Any], section: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    found = content.get(section)
-    for name, table in found.items() if isinstance(found, dict) else ():
-        if isinstance(table, dict):
-            yield str(name), table
+        return found
+    for section, kind in (("designs", ""), ("surrogates", _SURROGATE), ("published", _PUBLICATION)):
+        tables = content.get(section)
+        for name, table in tables.items() if isinstance(tables, dict) else ():
+            if isinstance(table, dict):
+                found[str(name)] = kind or str(table.get("kind", ""))
+    return found
