@@ -137,9 +137,12 @@ def failure_causes(
     counts: Counter[tuple[Status, str]] = Counter()
     examples: dict[tuple[Status, str], str] = {}
     for runs in designs:
-        for status, text, example, count in _recorded_causes(runs):
-            counts[status, text] += count
-            examples.setdefault((status, text), example)
+        # An archive without runs has recorded their causes.
+        recorded = [runs[name].values.tolist() for name in _RECORDED if CAUSE_RUNS in runs]
+        for status, text, example, count in zip(*recorded, strict=True):
+            key = Status(status), str(text)
+            counts[key] += count
+            examples.setdefault(key, str(example))
         for statuses, reasons in _failed_parts(runs):
             for each, reason in zip(statuses, reasons, strict=True):
                 key = Status(each), texts[reason]
@@ -193,14 +196,6 @@ def record_causes(described: xr.Dataset, runs: xr.Dataset) -> xr.Dataset:
             for (name, (kind, title)), column in columns
         }
     )
-
-
-def _recorded_causes(runs: xr.Dataset) -> Iterator[tuple[Status, str, str, int]]:
-    """Yield status, text, example and number of the causes that an archive without runs has."""
-    if CAUSE_RUNS in runs:
-        columns = (runs[name].values.tolist() for name in _RECORDED)
-        for status, text, example, count in zip(*columns, strict=True):
-            yield Status(status), str(text), str(example), count
 
 
 def _failed_parts(runs: xr.Dataset) -> Iterator[tuple[list[int], list[str]]]:

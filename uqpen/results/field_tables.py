@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -17,7 +16,6 @@ from uqpen.results.table import (
     NOTHING,
     OutputTable,
     conversion,
-    field_names,
     first_runs,
     headed_models,
     label_with_unit,
@@ -35,21 +33,13 @@ _MOST_CURVES = 3
 _LEVELS = (0.05, 0.5, 0.95)
 
 
-class _Field(NamedTuple):
-    """A field, its dimensions in words, and its mean by the first source that has one."""
-
-    name: str
-    extent: str
-    source: str
-    mean: xr.DataArray | None
-
-
-def _fields(statistics: SourceStatistics) -> Iterator[_Field]:
+def _fields(statistics: SourceStatistics) -> Iterator[tuple[str, str, str, xr.DataArray | None]]:
+    """Yield each field, its dimensions in words, the first source of its mean, and this mean."""
     runs = statistics.runs
     for output in statistics.fields:
         extent = ", ".join(_extent_text(runs[each]) for each in field_dimensions(runs[output]))
         source, mean = next(iter(statistics.by_source(output, "mean").items()), ("", None))
-        yield _Field(output, extent, source, mean)
+        yield output, extent, source, mean
 
 
 def _extent_text(coordinate: xr.DataArray) -> str:
@@ -87,25 +77,25 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
     """
     for head, model in headed_models(tree).items():
         statistics = SourceStatistics(model)
-        for each in _fields(statistics):
-            text = _range_text(statistics, each)
-            yield f"{head}{statistics.label(each.name)}: along {each.extent}{text}"
+        for output, extent, source, _ in _fields(statistics):
+            text = _range_text(statistics, output, source)
+            yield f"{head}{statistics.label(output)}: along {extent}{text}"
         yield from (f"{head}{line}" for line in derived_lines(model))
 
 
-def _range_text(statistics: SourceStatistics, of: _Field) -> str:
-    """Return the range of the mean and the largest sd, by the first source that has a mean."""
-    measure = scale(statistics.unit(of.name))
+def _range_text(statistics: SourceStatistics, output: str, source: str) -> str:
+    """Return the range of the mean by a source, and the largest sd; empty without a mean."""
+    measure = scale(statistics.unit(output))
     means, stds = (
         [
             f"{estimate_text(*shown_bounds(entry, conversion(name, measure)))} at {place}"
-            for entry, place in _ends(array)
+            for entry, place in _ends(statistics.get(source, output, name))
         ]
-        for name, array in (("mean", of.mean), ("std", statistics.get(of.source, of.name, "std")))
+        for name in ("mean", "std")
     )
     if not means:
         return ""
-    text = f"; by {of.source} mean from {means[0]} to {means[1]}"
+    text = f"; by {source} mean from {means[0]} to {means[1]}"
     return f"{text}, sd at most {stds[1]}" if stds else text
 
 
@@ -178,8 +168,9 @@ def _curve_table(head: str, statistics: SourceStatistics, output: str, source: s
 def place_option(tree: xr.DataTree) -> str:
     """Return the command that shows the first field at any place; empty where there is none."""
     for model in headed_models(tree).values():
-        runs = first_runs(model)
-        for output in field_names(runs):
+        statistics = SourceStatistics(model)
+        for output in statistics.fields:
+            runs = statistics.runs
             places = " ".join(
                 f'--at "{coordinate_text(runs[each], runs[each].values[-1]).replace(" = ", "=")}"'
                 for each in field_dimensions(runs[output])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.fields import field_dimensions
 from uqpen.archive.labelled_arrays import array_entries
 from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.archive.unpacked_statistics import UnpackedStatistics
@@ -41,11 +42,9 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import (
     cut_text,
-    field_names,
     first_runs,
     label_with_unit,
     output_names,
-    scalar_output_names,
     shown_unit,
 )
 
@@ -101,7 +100,7 @@ class SourceStatistics:
         """The runs of the first design of the model, which describe its inputs and outputs."""
         return first_runs(self.tree if self.described_by is None else self.described_by)
 
-    @property
+    @cached_property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
         return output_names(self.runs)
@@ -109,12 +108,12 @@ class SourceStatistics:
     @property
     def scalar_outputs(self) -> list[str]:
         """The outputs of the model without dimensions, in its order."""
-        return scalar_output_names(self.runs)
+        return [each for each in self.outputs if each not in self.fields]
 
-    @property
+    @cached_property
     def fields(self) -> list[str]:
         """The outputs of the model with dimensions, in its order."""
-        return field_names(self.runs)
+        return [each for each in self.outputs if field_dimensions(self.runs.variables[each])]
 
     def attributes(self, name: str) -> dict[Any, Any]:
         """Return the attributes of an input or output."""
@@ -211,19 +210,13 @@ class SourceStatistics:
         """
         key = (source, output, statistic)
         if key not in self._entries:
-            array = self.get(*key)
             along = CATALOGUE[statistic].dims[0]
-            self._entries[key] = (
-                {}
-                if array is None
-                else dict(
-                    zip(
-                        array.coords.variables[along].values.tolist(),
-                        array_entries(array.transpose(along, ...)),
-                        strict=True,
-                    )
-                )
-            )
+            arrays = {
+                name: array.transpose(along, ...)
+                for name, array in self.by_source(output, statistic, [source]).items()
+            }
+            found = source_entries(arrays, along)
+            self._entries[key] = {label: entry[source] for label, entry in found}
         return self._entries[key]
 
     def by_source(

@@ -9,7 +9,7 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.fields import coordinate_text
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -38,14 +38,12 @@ __all__ = [
     "entry_text",
     "estimate_remark",
     "exceedance_label",
-    "field_names",
     "first_runs",
     "headed_models",
     "identity",
     "label_with_unit",
     "output_names",
     "quantile_label",
-    "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
     "shown_unit",
@@ -255,13 +253,3 @@ def output_names(runs: xr.Dataset) -> list[str]:
     # As an array each would take time by the number of all variables.
     variables = runs.variables
     return [str(key) for key in runs.data_vars if variables[key].attrs.get(ROLE) == "output"]
-
-
-def scalar_output_names(runs: xr.Dataset) -> list[str]:
-    """Return the outputs without dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if not field_dimensions(runs.variables[name])]
-
-
-def field_names(runs: xr.Dataset) -> list[str]:
-    """Return the outputs with dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if field_dimensions(runs.variables[name])]
