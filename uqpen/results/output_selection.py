@@ -35,21 +35,13 @@ class FieldPlace(NamedTuple):
         The dimension.
     position : int
         The position among the coordinates.
-    text : str
-        The coordinate, such as ``time = 10 day``.
-    asked : str
-        What a user asked for, where no coordinate is; else empty.
+    remark : str
+        Sentence on a place that is not where it was asked for; else empty.
     """
 
     dimension: str
     position: int
-    text: str
-    asked: str = ""
-
-    @property
-    def remark(self) -> str:
-        """Sentence on a place that is not where it was asked for; else empty."""
-        return f"{self.text} is the nearest to {self.asked}" if self.asked else ""
+    remark: str
 
 
 def find_place(field: xr.DataArray, text: str) -> FieldPlace:
@@ -75,25 +67,20 @@ def find_place(field: xr.DataArray, text: str) -> FieldPlace:
         known = choices(name, along) if along else "it is a single number or category"
         raise UnknownNameError(f'{field.name} has no dimension "{name}"; {known}')
     coordinate = field[name]
-    values = coordinate.values
+    values, unit = coordinate.values, shown_unit(coordinate.attrs)
     if not asked:
         raise QuantityError(toml_text(text), f"a place, such as {name}=1")
-    value = _si_value(asked, shown_unit(coordinate.attrs))
+    try:
+        value = scale(unit).to_si(float(asked))
+    except ValueError:
+        value = parse_quantity(asked, unit).value
     if not values[0] <= value <= values[-1]:
         first, last = (coordinate_text(coordinate, end) for end in values[[0, -1]])
         raise QuantityError(toml_text(text), f"{first} to {last.partition('= ')[2]}")
     position = int(np.abs(values - value).argmin())
     is_there = np.isclose(values[position], value, rtol=1e-9, atol=0)
-    found = coordinate_text(coordinate, values[position])
-    return FieldPlace(name, position, found, "" if is_there else asked)
-
-
-def _si_value(text: str, unit: str) -> float:
-    """Return a quantity in SI units; a plain number is in the unit given."""
-    try:
-        return scale(unit).to_si(float(text))
-    except ValueError:
-        return parse_quantity(text, unit).value
+    nearest = f"{coordinate_text(coordinate, values[position])} is the nearest to {asked}"
+    return FieldPlace(name, position, "" if is_there else nearest)
 
 
 def select_output(
