@@ -39,8 +39,8 @@ __all__ = [
     "common_reasons",
     "failed_runs",
     "failure_causes",
+    "failure_json",
     "failure_tables",
-    "failures_json",
     "has_failed_design",
     "record_causes",
 ]
@@ -235,23 +235,13 @@ def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         yield table
 
 
-def failures_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    """Return the failed runs of a design: their reasons, probabilities, and inputs."""
-    inputs: dict[str, Any] = {}
-    failures = statistics.failures(design)
+def failure_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return the shares of failed runs, and how they lie relative to the others by input."""
+    failures, inputs = statistics.failures(design), dict[str, Any]()
     for key in (*_ASSOCIATIONS, *_ENDS):
         for entry in failures.get(key, ()):
             value = json_value(entry.values) if key in _ENDS else estimate_json(entry)
             inputs.setdefault(str(entry[INPUT].item()), {})[key] = value
-    return {
-        "reasons": [
-            {"status": each.status.meaning, "reason": each.reason, "runs": each.runs}
-            | ({"example": each.example} if each.example else {})
-            for each in failed_runs(statistics.tree, design)
-        ],
-        "lost": {
-            status: estimate_json(chance)
-            for status, chance in statistics.status_probabilities(design).items()
-        },
-        "where_lost": inputs,
-    }
+    chances = statistics.status_probabilities(design)
+    lost = {status: estimate_json(chance) for status, chance in chances.items()}
+    return {"lost": lost, "where_lost": inputs}

@@ -31,7 +31,7 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import acceptance_json
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
-from uqpen.results.failed_runs import failures_json
+from uqpen.results.failed_runs import FailedRuns, failed_runs, failure_json
 from uqpen.results.joint_probabilities import joint_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics, user_defined
@@ -168,13 +168,20 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         "runs": run_count(runs),
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
-        **failures_json(statistics, design),
+        "reasons": [_reason_json(each) for each in failed_runs(statistics.tree, design)],
+        **failure_json(statistics, design),
         **joint_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
         **({} if decision is None else {"decision": _attributes_json(decision.to_json())}),
         "outputs": _outputs_json(statistics, design, runs),
     }
+
+
+def _reason_json(failed: FailedRuns) -> dict[str, Any]:
+    """Return one reason of failed runs; an example where its numbers are masked."""
+    found = {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
+    return found | ({"example": failed.example} if failed.example else {})
 
 
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:
