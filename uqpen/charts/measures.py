@@ -27,9 +27,9 @@ from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.best_sources import best_sources
 from uqpen.results.input_measures import index_titles, without_arbitrary_zeros
 from uqpen.results.input_ranking import InputOrder, input_label, input_order, input_ranking
+from uqpen.results.source_statistics import best_sources
 from uqpen.results.table import (
     Conversion,
     OutputTable,

@@ -15,15 +15,14 @@ from uqpen.core.labels import DEPENDENCE, INPUT, INTERVAL, INTERVAL_LABEL, NOTE,
 from uqpen.core.statistic import Statistic
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.results.best_sources import best_sources
+from uqpen.results.archive_view import is_logarithmic
 from uqpen.results.estimate_json import estimate_json
-from uqpen.results.field_places import cut_text
-from uqpen.results.logarithmic_scale import is_logarithmic
-from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_statistics import SourceStatistics, best_sources
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
     conversion,
+    cut_text,
     first_runs,
     label_with_unit,
 )

@@ -10,9 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BOUND, RANK
 from uqpen.core.statistic import RECORD, RECORD_NUMBERS, RECORD_WORDS, Shown, Statistic, UnitRule
-from uqpen.results.source_statistics import SourceStatistics, source_entries
+from uqpen.results.source_statistics import SourceStatistics, source_entries, user_defined
 from uqpen.results.table import entry_label
 from uqpen.results.texts import plain_text
 
@@ -22,7 +21,6 @@ __all__ = [
     "THRESHOLD_PROBABILITIES",
     "described_statistics",
     "labelled_entries",
-    "outside_catalogue",
 ]
 
 # The statistics that tables show, in the order of their rows.
@@ -76,22 +74,13 @@ def _outside_entries(
     yield from found.items()
 
 
-def outside_catalogue(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
-    """Return the estimates that are not in the catalogue; distribution functions are too long."""
-    return {
-        name: arrays[name]
-        for name in arrays
-        if name not in CATALOGUE and BOUND in arrays[name].dims and RANK not in arrays[name].dims
-    }
-
-
 def described_statistics(statistics: SourceStatistics, output: str) -> list[Statistic]:
     """Return the records of an output's user-defined statistics, as their attributes have them."""
     found: dict[str, Statistic] = {}
     for source in statistics.sources:
-        for name, array in outside_catalogue(statistics.statistics(source, output)).items():
+        for name, array in user_defined(statistics.statistics(source, output)).items():
             if name not in found and (record := _described(name, array)):
-                own = "1" if record.unit is UnitRule.NONE else statistics.units[output]
+                own = "1" if record.unit is UnitRule.NONE else statistics.si_unit(output)
                 if array.attrs.get("units") == own:
                     found[name] = record
     return list(found.values())

@@ -14,7 +14,7 @@ from uqpen.charts.source_comparison import compared_statistics
 from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.report.blocks import Heading, Remarks, Table, Text
-from uqpen.report.revisions.pair import ArchivePair, ModelPair
+from uqpen.report.revisions.revision_page import ArchivePair, ModelPair
 from uqpen.results.archive_view import output_heading
 from uqpen.results.digits import estimate_texts
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit

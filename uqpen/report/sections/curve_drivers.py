@@ -12,10 +12,10 @@ from uqpen.charts.marks import Band, Mark
 from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
-from uqpen.results.best_sources import best_sources
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.input_measures import index_titles
 from uqpen.results.input_ranking import input_label
+from uqpen.results.source_statistics import best_sources
 
 __all__ = ["driver_areas", "driver_lines", "measures_along"]
 

@@ -21,7 +21,7 @@ from uqpen.report.counting import count_text
 from uqpen.report.sections.quoted_statistics import usual_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.statistics_rows import runs_spent
+from uqpen.results.output_tables import runs_spent
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
