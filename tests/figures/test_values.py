@@ -12,11 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
+from uqpen.charts.trajectory import axial_velocity
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, panels
-from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
-from uqpen.figures.velocity_profile import axial_velocity
+from uqpen.results.design_view import thin_runs
 from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
@@ -236,9 +236,11 @@ class TestSeveralModels:
         assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
         for name in ("original", "smoothed", "rigid"):
             told = tree[f"models/{name}/trajectory"]
-            shown = line(axes["s [mm]"], name)
+            shown = line(axes["s [mm]"], f"_{name} plastic_extent")
             np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])
             np.testing.assert_allclose(shown.get_xdata(), 100 * told["penetration_depth"])
+        titles = {each.get_title(loc="left") for each in axes.values()}
+        assert "Length of the projectile, L" in titles, "of all models, so it names none"
 
     def test_there_is_no_figure_of_models_of_a_single_one(self, archives: Archives) -> None:
         assert "models" not in available(archives["beam"])

@@ -18,12 +18,12 @@ FIGURES = {
     "responses": "uqpen.figures.sensitivity:response_panels",
     "surrogate": "uqpen.figures.surrogate:surrogate_panels",
     "models": "uqpen.figures.distributions:model_panels",
-    "fan": "uqpen.figures.field_curves:fan_panels",
-    "model-curves": "uqpen.figures.field_curves:model_curve_panels",
-    "sensitivity-along": "uqpen.figures.field_sensitivity:sensitivity_along_panels",
-    "map": "uqpen.figures.field_maps:map_panels",
-    "trajectory": "uqpen.figures.trajectory:trajectory_panels",
-    "velocity-profile": "uqpen.figures.velocity_profile:velocity_profile_panels",
+    "fan": "uqpen.charts.curves:fan_charts",
+    "model-curves": "uqpen.charts.curves:model_curve_charts",
+    "sensitivity-along": "uqpen.charts.curves:driver_charts",
+    "map": "uqpen.charts.curves:moment_maps",
+    "trajectory": "uqpen.charts.trajectory:trajectory_charts",
+    "velocity-profile": "uqpen.charts.trajectory:velocity_profile_chart",
     "losses": "uqpen.figures.failure_panels:failure_panels",
 }
 

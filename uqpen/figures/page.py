@@ -212,12 +212,43 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     return columns, rows
 
 
-def _legend(page: Drawing, notes: list[str], columns: int) -> float:
-    """Put one legend, with the notes above its entries, below all panels; return its height."""
-    handles: dict[str, Any] = {}
+def _legend_entries(page: Drawing) -> dict[str, Any]:
+    """Return the handles of a legend by their labels.
+
+    Where a label has other colours in other panels, letters say which panels are meant.
+    """
+    found: dict[str, dict[str, tuple[Any, list[Axes]]]] = {}
     for axes in page.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
+            looks = found.setdefault(label, {})
+            looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
+    entries: dict[str, Any] = {}
+    marked: dict[Axes, str] = {}
+    for label, looks in found.items():
+        for handle, panels in looks.values():
+            if len(looks) > 1:
+                marked |= {axes: f"({chr(97 + page.axes.index(axes))})" for axes in panels}
+            letters = [marked[axes] for axes in panels] if len(looks) > 1 else []
+            entries[" ".join([label, *letters])] = handle
+    for axes, letter in marked.items():
+        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
+    return entries
+
+
+def _handle_colour(handle: Any) -> str:
+    """Return the colour of a line or an area in a legend; empty of anything else."""
+    from matplotlib.colors import to_hex
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if isinstance(handle, Line2D):
+        return to_hex(handle.get_color())
+    return to_hex(handle.get_facecolor()) if isinstance(handle, Patch) else ""
+
+
+def _legend(page: Drawing, notes: list[str], columns: int) -> float:
+    """Put one legend, with the notes above its entries, below all panels; return its height."""
+    handles = _legend_entries(page)
     width = int(_WIDTHS[columns] * _CHARACTERS)
     lines = [line for note in notes for line in textwrap.wrap(plain_text(note, 300), width)]
     if not handles and not lines:

@@ -14,14 +14,14 @@ from uqpen.charts.axes import ValueAxis
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
-from uqpen.core.streams import Stream
 from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.design_view import thin_runs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import VERMILION
 from uqpen.results.texts import plain_text
 
-__all__ = ["category_labels", "jitter", "scatter_panels", "thin_runs"]
+__all__ = ["category_labels", "jitter", "scatter_panels"]
 
 
 # Runs that are drawn in a panel at the most, and in all panels together.
@@ -55,15 +55,6 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
             title = view.title(f"{output}, {name}")
             draw = partial(_draw, view, name, output, parts, colour, note)
             yield Panel(title, draw, 2.2, group=output)
-
-
-def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
-    """A random part of the runs, the same each time, in order; the first runs may not be random."""
-    size = runs.sizes[RUN]
-    if size <= most:
-        return runs
-    chosen = Stream(0, "figures", "runs").generator().choice(size, most, replace=False)
-    return runs.isel({RUN: np.sort(chosen)})
 
 
 def _draw(

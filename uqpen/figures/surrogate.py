@@ -13,8 +13,8 @@ from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import REFUTED, RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.figures.panel import Axes, Panel
-from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.design_view import thin_runs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
 from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs

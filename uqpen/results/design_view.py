@@ -14,13 +14,14 @@ from uqpen.core.labels import ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
+from uqpen.core.streams import Stream
 from uqpen.execution import status_counts
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.digits import grouped_number
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.run_samples import input_sample
 
-__all__ = ["DesignView"]
+__all__ = ["DesignView", "thin_runs"]
 
 
 @dataclass(frozen=True)
@@ -112,3 +113,12 @@ class DesignView:
             return values
         weights = np.asarray(runs[WEIGHT].values[is_ok], dtype=np.float64)
         return values[rows_by_weight(weights, (np.arange(len(values)) + 0.5) / len(values))]
+
+
+def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
+    """A random part of the runs, the same each time, in order; the first runs may not be random."""
+    size = runs.sizes[RUN]
+    if size <= most:
+        return runs
+    chosen = Stream(0, "figures", "runs").generator().choice(size, most, replace=False)
+    return runs.isel({RUN: np.sort(chosen)})

@@ -13,10 +13,9 @@ from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Quote,
 from uqpen.report.counting import count_text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
-from uqpen.report.sections.curve_overview import first_curves
 from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
-from uqpen.report.sections.field_sentences import field_sentences
+from uqpen.report.sections.fields import field_sentences, first_curves
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.joint_findings import joint_findings, rare_event_findings
 from uqpen.report.sections.leading_design import leading_design

@@ -10,14 +10,8 @@ __all__ = ["leading_design", "missing_runs_note"]
 
 
 def leading_design(view: ArchiveView) -> str | None:
-    """Return the design of the main results; None where no run of a sample completed.
-
-    It is the first design of the study whose runs are a sample. So its place decides, not its
-    results. A design that is made for another purpose is chosen only where there is no other.
-    """
-    found = [name for name in view.sample_designs if view.design(name).has_completed_runs]
-    plain = [name for name in found if view.is_sample_design(name)]
-    return next(iter((*plain, *found)), None)
+    """Return the design of the main results; None where no run of a sample completed."""
+    return view.leading_design
 
 
 def missing_runs_note(view: ArchiveView, design: str) -> list[str]:

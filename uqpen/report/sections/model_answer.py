@@ -13,7 +13,7 @@ from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Table, Text
 from uqpen.report.sections.alerts import alerts
-from uqpen.report.sections.curve_overview import first_curves
+from uqpen.report.sections.fields import first_curves
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences

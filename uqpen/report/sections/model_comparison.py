@@ -13,8 +13,8 @@ from uqpen.charts.marks import Mark, series_dash
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import model_curves, output_span, scale_notes
 from uqpen.report.blocks import Heading, Table
-from uqpen.report.sections.curve_overview import further_curves
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
+from uqpen.report.sections.fields import further_curves
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs

@@ -12,8 +12,8 @@ from uqpen.archive.read import read_group
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
 from uqpen.core.status import Status
-from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.design_view import thin_runs
 from uqpen.results.digits import grouped_number
 
 __all__ = ["PlottedRuns"]

@@ -15,11 +15,11 @@ from uqpen.charts.marks import Line, Mark, Points, escape_text
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
-from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
 from uqpen.report.blocks import Heading, Table, Text
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
+from uqpen.results.design_view import thin_runs
 from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.missing_run_tables import missing_run_tables
 from uqpen.results.output_tables import fit_table
