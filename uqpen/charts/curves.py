@@ -86,12 +86,25 @@ _MOST_INPUTS = 8
 _CONDITIONAL = "Where curves end: {} at a place are of the curves that get there."
 
 
-def fan_charts(view: ArchiveView) -> Iterator[Chart]:
+def fan_charts(view: ArchiveView) -> Iterator[Charts]:
     """Curves: median, mean, quantiles and bands; single runs."""
-    for output in curves(view):
-        if (curve := _curve(view, output)) is not None:
-            yield fan_chart(curve)
-            yield from (*quantile_chart(curve), *tolerance_chart(curve), *_reached_chart(curve))
+    found = [curve for each in curves(view) if (curve := _curve(view, each)) is not None]
+    ends = {
+        (curve.dimension, reached.tobytes()): curve
+        for curve in reversed(found)
+        if (reached := curve.bounds("reached")) is not None
+    }
+    yield from _blocks(
+        [fan_chart(curve) for curve in found],
+        [chart for curve in reversed(ends.values()) for chart in _reached_chart(curve)],
+        [chart for curve in found for chart in quantile_chart(curve)],
+        [chart for curve in found for chart in tolerance_chart(curve)],
+    )
+
+
+def _blocks(*kinds: Sequence[Chart]) -> Iterator[Charts]:
+    """Yield charts of a kind side by side: of many outputs, a page has the first kinds of all."""
+    yield from (Charts(tuple(charts)) for charts in kinds if charts)
 
 
 def _curve(view: ArchiveView, output: str, most_places: int | None = None) -> CurveEstimates | None:
@@ -458,12 +471,18 @@ def _ends_sentence(curve: CurveEstimates) -> str:
 _Index = tuple[str, str, xr.DataArray]
 
 
-def driver_charts(view: ArchiveView) -> Iterator[Chart]:
+def driver_charts(view: ArchiveView) -> Iterator[Charts]:
     """Sobol' indices of curves, stacked and with intervals."""
-    for output in curves(view):
-        curve = CurveEstimates(view, output, "")
-        indices = measures_along(curve)
-        yield from (*driver_areas(curve, indices), *driver_lines(curve, indices))
+    every = [CurveEstimates(view, output, "") for output in curves(view)]
+    found = [(curve, measures_along(curve)) for curve in every]
+    most = max((len(indices) for _, indices in found), default=0)
+    yield from _blocks(
+        [chart for each in found for chart in driver_areas(*each)],
+        *(
+            [chart for curve, indices in found for chart in driver_lines(curve, indices[n : n + 1])]
+            for n in range(most)
+        ),
+    )
 
 
 def measures_along(curve: CurveEstimates) -> list[_Index]:

@@ -186,7 +186,7 @@ def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> Non
     """Break the texts that are too long for their places."""
     longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
     across = _TITLE[columns] - longest // columns
-    axes.set_title(_break_lines(panel.title, across, 3), parse_math=False)
+    axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
     axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
     axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
     if not has_rows:
@@ -202,8 +202,11 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     """Return the number of columns, and the panels of each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
-    if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):
-        columns = max(2, most)
+    most = max(map(len, groups))
+    if most == 1:
+        groups = [list(shown)]
+    elif len(groups) > 1 and most in (2, 4):
+        columns = most
     rows = [
         group[start : start + columns]
         for group in groups
@@ -222,17 +225,16 @@ def _legend_entries(page: Drawing) -> dict[str, Any]:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             looks = found.setdefault(label, {})
             looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
-    entries: dict[str, Any] = {}
-    marked: dict[Axes, str] = {}
-    for label, looks in found.items():
-        for handle, panels in looks.values():
-            if len(looks) > 1:
-                marked |= {axes: f"({chr(97 + page.axes.index(axes))})" for axes in panels}
-            letters = [marked[axes] for axes in panels] if len(looks) > 1 else []
-            entries[" ".join([label, *letters])] = handle
-    for axes, letter in marked.items():
+    shared = [panels for looks in found.values() if len(looks) > 1 for _, panels in looks.values()]
+    marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
+    letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
+    for axes, letter in letters.items():
         axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
-    return entries
+    return {
+        " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
+        for label, looks in found.items()
+        for handle, panels in looks.values()
+    }
 
 
 def _handle_colour(handle: Any) -> str:
