@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +25,7 @@ from uqpen.charts.marks import (
     series_dash,
     series_marker,
 )
-from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
+from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INPUT, INTERVAL_LEVEL, NOTE, RUN
 from uqpen.results.archive_view import ArchiveView, input_label, output_title
@@ -131,34 +132,58 @@ def fan_chart(curve: CurveEstimates, readout: PlaceReadout | None = None) -> Cha
         keys.append(LegendKey(label, "ink", "line", dash))
     bands = _bands(curve, "mean")
     if (mean := curve.bounds("mean")) is not None:
-        for times, name in enumerate(bands, 1):
+        for times, (_, name) in enumerate(bands, 1):
             marks += _band(curve, curve.bounds(name), series) * times
         marks.append(_line(curve, mean, series, "mean", width=2.5))
         keys.append(LegendKey("mean", series, "line"))
-        for name, kind in list(bands.items())[:1]:
+        for kind, name in bands[:1]:
             text = f"{kind} {_level_text(curve.array(name))} band of the mean"
             keys.append(LegendKey(text, series, "band"))
     title = capitalized(output_title(curve.view, curve.output))
     is_thinned = curve.places.size < curve.size
     rules, end_notes = _end_rules(curve)
-    return Chart(
-        title=f"{title} along {curve.view.axis_label(curve.dimension)}",
-        summary="" if readout is None else readout.text(readout.start),
-        x=_place_axis(curve),
-        y=_value_axis(curve),
-        marks=(*marks, *rules),
-        keys=tuple(keys),
-        notes=(
+    return _chart(
+        curve,
+        f"{title} along {curve.view.axis_label(curve.dimension)}",
+        "" if readout is None else readout.text(readout.start),
+        (*marks, *rules),
+        keys,
+        (
             *[f"{curve.places.size} of {curve.size} places are shown."] * is_thinned,
             *_band_notes(curve, "mean"),
             *end_notes,
         ),
         height=400,
-        of=curve.output,
-        source=curve.source,
-        is_compared=True,
         place=readout,
     )
+
+
+def _chart(
+    curve: CurveEstimates,
+    title: str,
+    summary: str,
+    marks: Iterable[Mark],
+    keys: Iterable[LegendKey],
+    notes: Iterable[str] = (),
+    **others: Any,
+) -> Chart:
+    """Return a chart along a curve; its values are on the other axis, if no other is given.
+
+    That has the unit alone where the label has no room.
+    """
+    ends = (float(curve.places[0]), float(curve.places[-1]))
+    label = curve.view.axis_label(curve.output)
+    if len(label) > _LONGEST_LABEL:
+        label = typeset_unit(quantity(curve.view, curve.output).unit)
+    content: dict[str, Any] = {
+        "x": quantity_axis(curve.view, curve.dimension, ends),
+        "y": Axis(label),
+        "of": curve.output,
+        "source": curve.source,
+        "is_compared": True,
+    }
+    content |= {"marks": tuple(marks), "keys": tuple(keys), "notes": tuple(notes)} | others
+    return Chart(title=title, summary=summary, **content)
 
 
 def _single_runs(curve: CurveEstimates) -> tuple[list[Mark], list[LegendKey]]:
@@ -172,13 +197,13 @@ def _single_runs(curve: CurveEstimates) -> tuple[list[Mark], list[LegendKey]]:
     return [_thin_lines(curve, runs, "quiet", 0.6)], [key]
 
 
-def _bands(curve: CurveEstimates, statistic: str) -> dict[str, str]:
-    """Return the statistics with bounds for a band, and the kind of each, the widest first.
+def _bands(curve: CurveEstimates, statistic: str) -> list[tuple[str, str]]:
+    """Return the kind of each band that has bounds, and its statistic, the widest first.
 
     The second one is drawn twice: so it is darker than the first where that has no bounds, too.
     """
-    kinds = {f"{statistic}_band": "simultaneous", statistic: "pointwise"}
-    return {name: kind for name, kind in kinds.items() if _has_bounds(curve.array(name))}
+    kinds = (("simultaneous", f"{statistic}_band"), ("pointwise", statistic))
+    return [(kind, name) for kind, name in kinds if _has_bounds(curve.array(name))]
 
 
 def _has_bounds(array: xr.DataArray | None) -> bool:
@@ -238,17 +263,15 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
     shares = join_names([percent_text(content) for content in found])
     level = _level_text(curve.array("tolerance_band"))
     text = f"holds a new curve in {shares} of cases, with {level} confidence"
-    yield Chart(
-        title="Tolerance band",
-        summary=f"By {curve.source}: {text}.",
-        x=_place_axis(curve),
-        y=_value_axis(curve),
-        marks=(*(mark for marks in found.values() for mark in marks), *lines),
-        keys=(LegendKey(text, series, "band"), *keys),
-        notes=tuple(_left_out_notes(curve, "tolerance_band")),
+    yield _chart(
+        curve,
+        "Tolerance band",
+        f"By {curve.source}: {text}.",
+        (*(mark for marks in found.values() for mark in marks), *lines),
+        (LegendKey(text, series, "band"), *keys),
+        _left_out_notes(curve, "tolerance_band"),
         height=320,
-        of=curve.output,
-        source=curve.source,
+        is_compared=False,
     )
 
 
@@ -262,29 +285,25 @@ def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
     shown = curve.outlying_runs[:_MOST_OUTLYING]
     lines = [_thin_lines(curve, shown, "beyond", 1)] if len(shown) else []
     count = count_text(outlying, "outlying run")
-    omitted = f"{len(shown)} of them are drawn." if len(shown) < outlying else ""
-    yield Chart(
-        title="Ranked curves",
-        summary=f"By {curve.source}: {count} of {grouped_number(every)}.",
-        x=_place_axis(curve),
-        y=_value_axis(curve),
-        marks=(
+    omitted = [f"{len(shown)} of them are drawn."] * (len(shown) < outlying)
+    yield _chart(
+        curve,
+        "Ranked curves",
+        f"By {curve.source}: {count} of {grouped_number(every)}.",
+        (
             *_band(curve, envelope, "quiet"),
             *_band(curve, region, series),
             *lines,
             _line(curve, region, series, "median curve, central region in brackets", width=2.5),
         ),
-        keys=(
+        (
             LegendKey("median curve: the deepest run", series, "line"),
             LegendKey("central region: the deeper half of the runs", series, "band"),
             LegendKey("range of all runs but outlying ones", "quiet", "band"),
             LegendKey(count, "beyond", "line"),
         ),
-        notes=tuple(filter(None, (omitted,))),
+        omitted,
         height=320,
-        of=curve.output,
-        source=curve.source,
-        is_compared=True,
     )
 
 
@@ -296,26 +315,22 @@ def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
     bands = _bands(curve, "quantile")
     shades = [
         mark
-        for times, name in enumerate(bands, 1)
+        for times, (_, name) in enumerate(bands, 1)
         for number, bounds in enumerate(curve.entries(name).values())
         for mark in _band(curve, bounds, number) * times
     ]
-    lines = [_line(curve, bounds, n, label, dash=dash) for n, (label, dash, bounds) in entries]
-    head = [f" with {kind} {_level_text(curve.array(name))} bands" for name, kind in bands.items()][
-        :1
-    ]
-    yield Chart(
-        title="".join(["Quantiles", *head]),
-        summary=f"Of {output_title(curve.view, curve.output)} by {curve.source}: "
+    heads = [f" with {kind} {_level_text(curve.array(name))} bands" for kind, name in bands]
+    yield _chart(
+        curve,
+        "".join(["Quantiles", *heads[:1]]),
+        f"Of {output_title(curve.view, curve.output)} by {curve.source}: "
         f"{', '.join(label for _, (label, _, _) in entries)}.",
-        x=_place_axis(curve),
-        y=_value_axis(curve),
-        marks=(*shades, *lines),
-        keys=tuple(LegendKey(label, n, "line", dash) for n, (label, dash, _) in entries),
-        notes=tuple(_band_notes(curve, "quantile")),
-        of=curve.output,
-        source=curve.source,
-        is_compared=True,
+        (
+            *shades,
+            *(_line(curve, bounds, n, label, dash=dash) for n, (label, dash, bounds) in entries),
+        ),
+        (LegendKey(label, n, "line", dash) for n, (label, dash, _) in entries),
+        _band_notes(curve, "quantile"),
     )
 
 
@@ -355,25 +370,21 @@ def _probability_chart(
         f"{label} from {' to '.join(number_text(end(bounds[:, 0]), 3) for end in _ENDS)}"
         for label, bounds in entries.items()
     )
-    level = _level_text(curve.array(statistic))
-    return Chart(
-        title=title,
-        summary=f"By {curve.source}: {'; '.join(ranges)}.",
-        x=_place_axis(curve),
-        y=Axis("probability", (-0.02, 1.02)),
-        marks=(
+    return _chart(
+        curve,
+        title,
+        f"By {curve.source}: {'; '.join(ranges)}.",
+        (
             *bands,
             *(
                 _line(curve, bounds, series, label, dash=dash, has_unit=False)
                 for (label, bounds), dash in looks
             ),
         ),
-        keys=tuple(LegendKey(label, series, "line", dash) for (label, _), dash in looks),
-        notes=(f"Shade: pointwise {level} intervals.",),
+        (LegendKey(label, series, "line", dash) for (label, _), dash in looks),
+        (f"Shade: pointwise {_level_text(curve.array(statistic))} intervals.",),
+        y=Axis("probability", (-0.02, 1.02)),
         height=260,
-        of=curve.output,
-        source=curve.source,
-        is_compared=True,
     )
 
 
@@ -523,20 +534,20 @@ def driver_areas(curve: CurveEstimates, indices: Sequence[_Index]) -> Iterator[C
     keys.append(LegendKey(rest, "quiet", "band"))
     largest = input_label(curve.view, names[int(order[0])])
     is_negative = bool((array.values[known][:, order, 0] < 0).any())
-    yield Chart(
-        title=f"Shares of the variance, {label} by {source}",
-        summary=f"The largest share over all places is that of {largest}.",
-        x=_place_axis(curve),
-        y=Axis("share of the variance", (0.0, max(1.0, float(below.max(initial=1.0))))),
-        marks=tuple(marks),
-        keys=tuple(keys),
-        notes=(
+    yield _chart(
+        curve,
+        f"Shares of the variance, {label} by {source}",
+        f"The largest share over all places is that of {largest}.",
+        marks,
+        keys,
+        (
             f"What remains ({rest}) also has the errors of the indices.",
             *["An index below 0, by its error, is stacked as 0."] * is_negative,
             *_input_notes(order.size, len(names)),
         ),
+        y=Axis("share of the variance", (0.0, max(1.0, float(below.max(initial=1.0))))),
         height=320,
-        of=curve.output,
+        is_compared=False,
     )
 
 
@@ -549,22 +560,20 @@ def driver_lines(curve: CurveEstimates, indices: Sequence[_Index]) -> Iterator[C
         rows = list(enumerate(order))
         has_bounds = _has_bounds(array)
         shades = f", pointwise {_level_text(array)} intervals" if has_bounds else ""
-        yield Chart(
-            title=f"{label.capitalize()} by {source}{shades}",
-            summary=f"The largest is that of {names[0]}.",
-            x=_place_axis(curve),
-            y=Axis("share of the variance", (-0.1, 1.1)),
-            marks=(
+        yield _chart(
+            curve,
+            f"{label.capitalize()} by {source}{shades}",
+            f"The largest is that of {names[0]}.",
+            (
                 *(each for n, at in rows for each in _band(curve, array.values[:, at], n)),
                 *(_line(curve, array.values[:, at], n, names[n], has_unit=False) for n, at in rows),
             ),
-            keys=tuple(LegendKey(name, number, "line") for number, name in enumerate(names)),
-            notes=(
+            (LegendKey(name, number, "line") for number, name in enumerate(names)),
+            (
                 *([] if has_bounds else [f"No interval of the {label}: {_reason(array)}."]),
                 *_input_notes(len(order), array.sizes[INPUT]),
             ),
-            of=curve.output,
-            is_compared=True,
+            y=Axis("share of the variance", (-0.1, 1.1)),
         )
 
 
@@ -576,20 +585,24 @@ def _input_notes(shown: int, every: int) -> Iterator[str]:
 
 def place_histogram(curve: CurveEstimates, first_place: int) -> Chart:
     """Return the runs in bins at the place that is chosen."""
-    numbers = evenly_spread(curve.places.size, _MOST_PLACES)
     series = curve.view.series(curve.source)
-    bars = [[_bars(curve.runs[:, number], series)] for number in numbers]
-    start = int(np.abs(numbers - first_place).argmin())
+
+    def bars(number: int) -> list[Mark]:
+        values = curve.runs[:, number]
+        known = values[np.isfinite(values)]
+        counts, edges = np.zeros(1, dtype=np.int64), np.array([0.0, 1.0])
+        if known.size:
+            counts, edges = ValueAxis.of_values([known]).bins(known)
+        return [Bars(edges, counts, series, hover="%{y} runs around %{x:.4~g}", is_even=True)]
+
     return Chart(
         title="Runs at the chosen place",
         summary=f"{count_text(len(curve.runs), 'run')} of {curve.source} in bins.",
         x=Axis(curve.view.axis_label(curve.output)),
         y=Axis("runs in a bin"),
-        marks=(bars[start][0],),
         keys=(LegendKey(f"runs of {curve.source}", series, "bar"),),
-        notes=_slice_notes(curve, numbers),
         height=280,
-        slices=_slices(curve, numbers, bars),
+        **_slices(curve, first_place, bars),
     )
 
 
@@ -599,52 +612,42 @@ def place_drivers(
     """Yield the shares of the variance at the place that is chosen."""
     if not indices:
         return
-    numbers = evenly_spread(curve.places.size, _MOST_PLACES)
     rows = tuple(input_label(curve.view, str(name)) for name in indices[0][2][INPUT].values)
-    dots = [
-        [
+    sources = ", ".join(dict.fromkeys(source for _, source, _ in indices))
+
+    def dots(number: int) -> list[Mark]:
+        return [
             _dots(array.values[number], place, rows, label, source)
             for place, (label, source, array) in enumerate(indices)
         ]
-        for number in numbers
-    ]
-    start = int(np.abs(numbers - first_place).argmin())
-    sources = ", ".join(dict.fromkeys(source for _, source, _ in indices))
+
     yield Chart(
         title="Shares of the variance at the chosen place",
         summary=f"{', '.join(label for label, _, _ in indices)} by {sources}.",
         x=Axis("share of the variance", (-0.1, 1.1)),
         y=Axis("", rows=rows),
-        marks=tuple(dots[start]),
         keys=tuple(
             LegendKey(f"{label}, {source}", place, series_marker(place))
             for place, (label, source, _) in enumerate(indices)
         ),
-        notes=_slice_notes(curve, numbers),
         height=110 + 34 * len(rows),
-        slices=_slices(curve, numbers, dots),
+        **_slices(curve, first_place, dots),
     )
 
 
-def _slice_notes(curve: CurveEstimates, numbers: IntArray) -> tuple[str, ...]:
-    if len(numbers) == curve.places.size:
-        return ()
-    return (f"At the nearest of {len(numbers)} of {curve.size} places.",)
-
-
 def _slices(
-    curve: CurveEstimates, numbers: IntArray, marks: Sequence[Sequence[Mark]]
-) -> PlaceSlices:
-    along = quantity(curve.view, curve.dimension)
-    return PlaceSlices(along, curve.places[numbers].tolist(), marks)
-
-
-def _bars(values: FloatArray, series: int) -> Mark:
-    known = values[np.isfinite(values)]
-    counts, edges = np.zeros(1, dtype=np.int64), np.array([0.0, 1.0])
-    if known.size:
-        counts, edges = ValueAxis.of_values([known]).bins(known)
-    return Bars(edges, counts, series, hover="%{y} runs around %{x:.4~g}", is_even=True)
+    curve: CurveEstimates, first_place: int, draw: Callable[[int], list[Mark]]
+) -> dict[str, Any]:
+    """Return the marks of a chart at some places, those that are shown first, and a note."""
+    numbers = evenly_spread(curve.places.size, _MOST_PLACES)
+    marks = [draw(number) for number in numbers.tolist()]
+    along, values = quantity(curve.view, curve.dimension), curve.places[numbers].tolist()
+    note = f"At the nearest of {len(numbers)} of {curve.size} places."
+    return {
+        "marks": tuple(marks[int(np.abs(numbers - first_place).argmin())]),
+        "notes": (note,) * (len(numbers) < curve.places.size),
+        "slices": PlaceSlices(along, values, marks),
+    }
 
 
 def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Mark:
@@ -677,43 +680,36 @@ def map_charts(
 
     The last two dimensions are the axes. Along a third one, the map is at the largest mean.
     """
-    mean = view.statistics.get(source, field, "mean")
-    if mean is None or not np.isfinite(mean.values[..., 0]).any():
+    found = view.statistics.statistics(source, field)
+    if "mean" not in found or not np.isfinite(found["mean"].values[..., 0]).any():
         return
-    along = field_dimensions(first_runs(view.tree)[field])
+    mean = found["mean"]
+    dims = field_dimensions(first_runs(view.tree)[field])
     largest = np.unravel_index(int(np.nanargmax(mean.values[..., 0])), mean.shape[:-1])
-    at = dict(zip(along[:-2], map(int, largest), strict=False))
-    place = ", ".join(
-        coordinate_text(mean[dim], mean[dim].values[position], 6) for dim, position in at.items()
-    )
+    at = dict(zip(dims[:-2], map(int, largest), strict=False))
+    places = (coordinate_text(mean[dim], mean[dim].values[n], 6) for dim, n in at.items())
+    notes = [f"At {', '.join(places)}, the place of the largest mean."] if at else []
     for statistic, label in (("mean", "mean"), ("std", "standard deviation")):
-        if (array := view.statistics.get(source, field, statistic)) is not None:
-            yield _map(view, field, source, (statistic, label, place), array[at])
-    quantiles = view.statistics.get(source, field, "quantile") if has_quantiles else None
-    if quantiles is not None:
-        for number, p in enumerate(quantiles["probability"].values.tolist()):
-            described = ("quantile", quantile_label(p), place)
-            yield _map(view, field, source, described, quantiles[{**at, "probability": number}])
+        if statistic in found:
+            yield _map(view, field, source, label, found[statistic][at], notes)
+    if has_quantiles and "quantile" in found:
+        for number, p in enumerate(found["quantile"]["probability"].values.tolist()):
+            array = found["quantile"][{**at, "probability": number}]
+            yield _map(view, field, source, quantile_label(p), array, notes)
 
 
 def _map(
-    view: ArchiveView,
-    field: str,
-    source: str,
-    described: tuple[str, str, str],
-    array: xr.DataArray,
+    view: ArchiveView, field: str, source: str, label: str, array: xr.DataArray, notes: list[str]
 ) -> Chart:
     """Return the map of a statistic along two dimensions and ``bound``."""
-    statistic, label, place = described
-    bounds = np.asarray(view.conversion(field, statistic)(array.values), dtype=np.float64)
+    bounds = np.asarray(view.conversion(field, str(array.name))(array.values), dtype=np.float64)
     across, along = (str(dim) for dim in array.dims[:2])
     x, y = (np.asarray(view.scale(dim).from_si(array[dim].values)) for dim in (along, across))
     unit = unit_suffix(view.unit(field))
     shown = HeatMap(x, y, bounds, unit)
     lowest, highest = map(number_text, shown.limits)
     across_ends, along_ends = shown.ends
-    name = output_title(view, field)
-    told = "no intervals"
+    name, told = output_title(view, field), "no intervals"
     if np.isfinite(widths := np.ptp(bounds[..., 1:], axis=-1) / 2).any():
         most = f"{number_text(float(np.nanmax(widths)), 3)}{unit}"
         told = f"half-widths of {_level_text(array)} intervals up to {most}"
@@ -723,27 +719,11 @@ def _map(
         x=quantity_axis(view, along, across_ends),
         y=quantity_axis(view, across, along_ends),
         marks=(shown,),
-        notes=(
-            *[f"At {place}, the place of the largest mean."] * bool(place),
-            f"{capitalized(label)} of {name}: {told}.",
-        ),
+        notes=(*notes, f"{capitalized(label)} of {name}: {told}."),
         height=340,
         of=field,
         source=source,
     )
-
-
-def _place_axis(curve: CurveEstimates) -> Axis:
-    """Return the axis along the dimension of a curve; a single place has a width."""
-    first, last = float(curve.places[0]), float(curve.places[-1])
-    return quantity_axis(curve.view, curve.dimension, (first, last))
-
-
-def _value_axis(curve: CurveEstimates) -> Axis:
-    """Return the axis of the values, under the unit alone where the label has no room."""
-    label = curve.view.axis_label(curve.output)
-    is_short = len(label) <= _LONGEST_LABEL
-    return Axis(label if is_short else typeset_unit(quantity(curve.view, curve.output).unit))
 
 
 def _band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) -> list[Mark]:
