@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
-from uqpen.charts.trajectory import axial_velocity
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, panels
 from uqpen.figures.style import figure_style
@@ -245,17 +244,6 @@ class TestSeveralModels:
     def test_there_is_no_figure_of_models_of_a_single_one(self, archives: Archives) -> None:
         assert "models" not in available(archives["beam"])
         assert "models" in available(archives["rods"])
-
-
-@pytest.mark.parametrize("smoothing", [0.0, 0.5, 1.0])
-def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
-    u, v, s, R, S = 900.0, 1300.0, 0.003, 0.017, 0.1
-    places, velocities = axial_velocity((u, v), s, (R, S, smoothing))
-    at = dict(zip(places.round(12).tolist(), velocities.tolist(), strict=True))
-    assert at[-s] == pytest.approx(v)
-    assert at[0.0] == pytest.approx(u)
-    assert at[round(S - R, 12)] == pytest.approx(0, abs=1e-9)
-    assert (np.diff(velocities) <= 1e-9).all()
 
 
 def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:

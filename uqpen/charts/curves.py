@@ -416,8 +416,8 @@ def median_charts(view: ArchiveView, entries: Sequence[dict[int, CurveEstimates]
         for number, curve in numbered
     ]
     pairs = dict.fromkeys(pair for curve in every for pair in _quantile_pairs(curve))
-    texts = [f"{percent_text(low)} and the {percent_text(high)} quantile" for low, high in pairs]
-    notes = [f"Shades: between the {join_names(texts)} at each place."] if texts else []
+    texts = [f"the {percent_text(p)} and the {percent_text(q)} quantile" for p, q in pairs]
+    notes = [f"Shades: between {join_names(texts)} at each place."] if texts else []
     if any(curve.bounds("reached") is not None for curve in every):
         notes.append(_CONDITIONAL.format("quantiles"))
     charts = tuple(_median_chart(view, by_model) for by_model in entries)
@@ -432,9 +432,11 @@ def _median_look(curve: CurveEstimates, number: int) -> tuple[int, str, str]:
 
 
 def _quantile_pairs(curve: CurveEstimates) -> list[tuple[float, float]]:
-    """Return the quantiles on both sides of the median, the outermost first."""
+    """Return the outermost quantiles around the median, then others with their counterparts."""
     known = sorted(curve.entries("quantile"))
-    return [(p, q) for p, q in zip(known, known[::-1], strict=True) if p < _MEDIAN < q]
+    pairs = [(p, q) for p in known for q in known if p < _MEDIAN and np.isclose(p + q, 1)]
+    outer = [(known[0], known[-1])] if known[0] < _MEDIAN < known[-1] else []
+    return list(dict.fromkeys(outer + pairs))
 
 
 def _median_chart(view: ArchiveView, by_model: dict[int, CurveEstimates]) -> Chart:
