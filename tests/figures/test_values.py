@@ -15,7 +15,7 @@ import uqpen
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, panels
 from uqpen.figures.style import figure_style
-from uqpen.results.design_view import thin_runs
+from uqpen.results.archive_view import thin_runs
 from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow

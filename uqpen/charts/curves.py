@@ -28,10 +28,8 @@ from uqpen.charts.marks import (
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INPUT, INTERVAL_LEVEL, NOTE, RUN
-from uqpen.results.archive_view import ArchiveView, input_label, output_title
-from uqpen.results.best_sources import best_sources
+from uqpen.results.archive_view import ArchiveView, input_label, output_title, thin_runs
 from uqpen.results.curve_estimates import CurveEstimates, curves
-from uqpen.results.design_view import thin_runs
 from uqpen.results.digits import (
     count_text,
     estimate_text,
@@ -42,6 +40,7 @@ from uqpen.results.digits import (
 )
 from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import INDICES
+from uqpen.results.source_statistics import best_sources
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, first_runs, quantile_label
 from uqpen.results.texts import capitalized, join_names, plain_text, unit_suffix

@@ -15,8 +15,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.figures.panel import Axes, Panel, set_value_axis
-from uqpen.results.archive_view import ArchiveView
-from uqpen.results.design_view import thin_runs
+from uqpen.results.archive_view import ArchiveView, thin_runs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import VERMILION
 from uqpen.results.texts import plain_text

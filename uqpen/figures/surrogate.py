@@ -13,11 +13,10 @@ from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import REFUTED, RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.figures.panel import Axes, Panel
-from uqpen.results.archive_view import ArchiveView
-from uqpen.results.design_view import thin_runs
+from uqpen.results.archive_view import ArchiveView, thin_runs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
+from uqpen.results.surrogate_tables import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.diagnostics import quality_text
 from uqpen.surrogates.restoring import is_restorable, restore_surrogate

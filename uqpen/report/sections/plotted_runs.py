@@ -12,8 +12,7 @@ from uqpen.archive.read import read_group
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
 from uqpen.core.status import Status
-from uqpen.results.archive_view import ArchiveView
-from uqpen.results.design_view import thin_runs
+from uqpen.results.archive_view import ArchiveView, thin_runs
 from uqpen.results.digits import grouped_number
 
 __all__ = ["PlottedRuns"]
