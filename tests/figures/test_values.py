@@ -179,6 +179,12 @@ class TestEstimates:
         told_larger = told["larger"].values[:, 0]
         assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told_larger)
 
+    def test_a_figure_says_nothing_of_a_table(self, archives: Archives) -> None:
+        (page, *_) = drawn(archives["beam"], "losses")
+        notes = page.figure.legends[0].get_title().get_text().splitlines()
+        assert "Hollow: no interval." in notes
+        assert not any("table" in note for note in notes)
+
 
 class TestRuns:
     def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives: Archives) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Dots, has_interval, interval_notes, series_marker
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView, output_title
@@ -22,8 +21,7 @@ __all__ = [
     "available_statistics",
     "compared_sources",
     "compared_statistics",
-    "comparison_chart",
-    "hollow_keys",
+    "comparison_charts",
     "source_charts",
 ]
 
@@ -31,15 +29,11 @@ __all__ = [
 _ROW, _FRAME = 22, 66
 
 
-def source_charts(view: ArchiveView) -> Iterator[Chart]:
+def source_charts(view: ArchiveView) -> Iterator[Charts]:
     """Means, quantiles and probabilities by each source."""
     for output in (*view.numeric_outputs, *view.categorical_outputs):
-        found = available_statistics(view, output)
-        rows = compared_sources(view, found)
-        for each in found:
-            chart = comparison_chart(view, output, each, rows)
-            estimates = each.available_estimates.values()
-            yield replace(chart, keys=hollow_keys(estimates), notes=(*interval_notes(estimates),))
+        if found := available_statistics(view, output):
+            yield comparison_charts(view, output, found, compared_sources(view, found))
 
 
 class ComparedStatistic(NamedTuple):
@@ -89,10 +83,22 @@ def compared_sources(view: ArchiveView, found: Sequence[ComparedStatistic]) -> t
     )
 
 
-def comparison_chart(
+def comparison_charts(
+    view: ArchiveView, output: str, found: Sequence[ComparedStatistic], rows: tuple[str, ...]
+) -> Charts:
+    """Return a chart of each of some statistics, with a row for each source."""
+    every = [estimate for each in found for estimate in each.available_estimates.values()]
+    has_all = all(has_interval(each.values) for each in every)
+    return Charts(
+        charts=tuple(_comparison_chart(view, output, each, rows) for each in found),
+        keys=() if has_all else (LegendKey("no interval", "ink", "circle-open"),),
+        notes=tuple(interval_notes(every)),
+    )
+
+
+def _comparison_chart(
     view: ArchiveView, output: str, statistic: ComparedStatistic, rows: tuple[str, ...]
 ) -> Chart:
-    """Return the estimates of a statistic, with a row for each source."""
     dots: list[Dots] = []
     texts = []
     unit = DIMENSIONLESS if statistic.convert is identity else view.unit(output)
@@ -113,10 +119,3 @@ def comparison_chart(
         height=_FRAME + _ROW * len(rows),
         of=output,
     )
-
-
-def hollow_keys(estimates: Iterable[xr.DataArray]) -> tuple[LegendKey, ...]:
-    """Return the entry of a legend for estimates without an interval, if there are any."""
-    if all(has_interval(each.values) for each in estimates):
-        return ()
-    return (LegendKey("no interval", "ink", "circle-open"),)

@@ -24,7 +24,7 @@ FIGURES = {
     "map": "uqpen.figures.field_maps:map_panels",
     "trajectory": "uqpen.figures.trajectory:trajectory_panels",
     "velocity-profile": "uqpen.figures.velocity_profile:velocity_profile_panels",
-    "losses": "uqpen.figures.failure_panels:failure_panels",
+    "losses": "uqpen.charts.failed_runs:failure_charts",
 }
 
 # Likewise of an archive of a benchmark of methods; these take the archive itself.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
@@ -78,7 +79,8 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
     title_of : callable
         From a title to that which names the model too, if there are several.
     """
-    of = f"{chart.of}: " if chart.of not in chart.title else ""
+    is_named = re.search(rf"\b{re.escape(chart.of)}\b", chart.title)
+    of = "" if is_named else f"{chart.of}: "
     height = _FRAME + chart.height / _ROW_PIXELS if chart.y.rows else _HEIGHT
 
     def draw(axes: Axes) -> Iterator[str]:
@@ -90,7 +92,8 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
             _draw_mark(axes, mark)
         for key in chart.keys:
             _draw_key(axes, key)
-        yield from chart.notes
+        # A figure has no table.
+        yield from (re.sub(r"; the table \w.*", ".", note) for note in chart.notes)
 
     return Panel(title_of(f"{of}{chart.title}"), draw, height, chart.y.rows, chart.of)
 

@@ -61,7 +61,9 @@ def _panels(drawn: Iterable[Block | Panel], view: ArchiveView) -> Iterator[Panel
             case Chart():
                 yield chart_panel(each, view.title)
             case Charts():
-                yield from (chart_panel(chart, view.title) for chart in each.charts)
+                for chart in each.charts:
+                    keys, notes = (*each.keys, *chart.keys), (*each.notes, *chart.notes)
+                    yield chart_panel(replace(chart, keys=keys, notes=notes), view.title)
 
 
 def _guarded(panel: Panel, function: UserDefinedFunction) -> Callable[[Axes], Iterable[str]]:

@@ -11,7 +11,6 @@ import xarray as xr
 from uqpen.archive.read import model_trees
 from uqpen.charts.chart import Block
 from uqpen.report.blocks import Remarks
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.texts import plain_text
 
@@ -43,7 +42,7 @@ class ModelPair:
         first, second = self.first.statistics, self.second.statistics
         published = {*first.publications, *second.publications}
         common = [name for name in first.sources if name in second.sources]
-        leading = leading_design(self.first)
+        leading = self.first.leading_design
         return sorted((n for n in common if n not in published), key=lambda name: name != leading)
 
     def has_same_unit(self, output: str) -> bool:

@@ -12,11 +12,10 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Findings, Quote, Text
-from uqpen.report.counting import count_text
 from uqpen.report.sections.joint_findings import rare_event_findings
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.texts import plain_text
 

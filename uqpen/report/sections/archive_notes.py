@@ -20,8 +20,7 @@ from uqpen.core.labels import (
     RUNS,
     SURROGATES,
 )
-from uqpen.report.counting import count_text
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.texts import plain_text
 from uqpen.surrogates.storage import unfitted_outputs

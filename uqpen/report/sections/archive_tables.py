@@ -17,7 +17,6 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.execution import replicate_count, run_count, status_counts
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, number_text, range_text
 from uqpen.results.table import NOTHING, OutputTable
@@ -58,7 +57,7 @@ _SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions", DEPENDENCIES)
 
 def inputs_table(view: ArchiveView) -> OutputTable:
     """Each input: its value, or the draws of the leading design; and its text in the study."""
-    design = leading_design(view) or next(iter([*view.sample_designs, *view.designs]))
+    design = view.leading_design or next(iter([*view.sample_designs, *view.designs]))
     runs = read_group(view.tree, RUNS, design).isel({RUN: slice(RUNS_IN_MEMORY)})
     written = _inputs_as_written(view)
     source = f"{view.design(design).shown_prefix or 'the runs of '}{design}"

@@ -24,11 +24,9 @@ from uqpen.core.statistic_dimensions import (
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
 from uqpen.report.blocks import Heading, Remarks, Text
-from uqpen.report.counting import count_text
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import count_text, grouped_number, percent_text
 from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
     Conversion,
@@ -81,7 +79,7 @@ class _EstimateHistory(NamedTuple):
 
 def convergence(view: ArchiveView) -> Iterator[Block]:
     """Estimates of the leading design from growing parts of its runs."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     outputs = [*view.numeric_outputs, *view.categorical_outputs]

@@ -13,7 +13,6 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RUN
 from uqpen.figures.scatter import thin_runs
-from uqpen.report.counting import count_text
 from uqpen.report.sections.curve_lines import (
     DASHES,
     band,
@@ -25,7 +24,7 @@ from uqpen.report.sections.curve_lines import (
 )
 from uqpen.results.archive_view import output_title
 from uqpen.results.curve_estimates import CurveEstimates
-from uqpen.results.digits import grouped_number, number_text, percent_text
+from uqpen.results.digits import count_text, grouped_number, number_text, percent_text
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, quantile_label
 from uqpen.results.texts import capitalized, join_names

@@ -11,7 +11,6 @@ from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
 from uqpen.charts.marks import Band, Mark, series_dash
 from uqpen.report.blocks import Heading
 from uqpen.report.sections.curve_lines import MOST_PLACES, line
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import number_text, percent_text
@@ -41,7 +40,7 @@ def _ordered_curves(view: ArchiveView) -> list[dict[int, CurveEstimates]]:
     """Return the curves with quantiles, each by the numbers of its models."""
     found: dict[str, dict[int, CurveEstimates]] = {}
     for number, each in enumerate(view.model_views):
-        design = leading_design(each)
+        design = each.leading_design
         for output in curves(each) if design else ():
             curve = CurveEstimates(each, output, design or "", MOST_PLACES)
             if _MEDIAN in curve.entries("quantile"):

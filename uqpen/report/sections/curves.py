@@ -19,7 +19,6 @@ from uqpen.report.sections.curve_lines import MOST_PLACES
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
 from uqpen.report.sections.field_maps import map_charts
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.texts import plain_text
@@ -34,7 +33,7 @@ _OPEN_MAPS = 2
 
 def curves(view: ArchiveView) -> Iterator[Block]:
     """Yield the charts of each field, those of all but the first ones folded."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     found = {

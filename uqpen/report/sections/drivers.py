@@ -12,11 +12,11 @@ from uqpen.archive.read import read_group
 from uqpen.charts.marks import has_interval
 from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
 from uqpen.report.sections.quoted_statistics import no_break, output_name
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, input_label
 from uqpen.results.digits import estimate_text
-from uqpen.results.texts import capitalized, plain_text
+from uqpen.results.texts import capitalized
 
-__all__ = ["Ranking", "driver_sentences", "input_label", "input_order", "input_ranking"]
+__all__ = ["Ranking", "driver_sentences", "input_order", "input_ranking"]
 
 # Measures of the inputs' part, the most telling first.
 _MEASURES = ("first_order", "mu_star", "contribution", "spearman")
@@ -78,13 +78,6 @@ class InputOrder(NamedTuple):
         """Return some inputs in this order; those that it lacks come last."""
         places = {name: place for place, name in enumerate(self.names)}
         return sorted(inputs, key=lambda name: places.get(name, len(places)))
-
-
-def input_label(view: ArchiveView, name: str) -> str:
-    """Return the title of an input for a reader, which no other input of the model has."""
-    title = view.input_titles.get(name, name)
-    is_alone = list(view.input_titles.values()).count(title) < 2
-    return plain_text(title if is_alone else f"{title} ({name})", 50)
 
 
 def input_ranking(view: ArchiveView, output: str) -> Ranking | None:

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from uqpen.archive.read import read_group
 from uqpen.charts.chart import Block
-from uqpen.core.labels import INTERVAL_LEVEL, RUNS
-from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.execution import run_count
-from uqpen.figures.failure_panels import failed_run_counts
-from uqpen.report.blocks import Fold, Table, Text
-from uqpen.report.counting import count_text
-from uqpen.report.sections.failure_charts import (
+from uqpen.charts.failed_runs import (
+    failed_designs,
+    failed_run_counts,
     failure_association_chart,
     failure_probability_chart,
 )
-from uqpen.report.sections.leading_design import leading_design
-from uqpen.report.sections.view_statistics import status_probability
+from uqpen.core.labels import INTERVAL_LEVEL, RUNS
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.execution import run_count
+from uqpen.report.blocks import Fold, Table, Text
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, percent_text, percent_texts
+from uqpen.results.digits import count_text, grouped_number, percent_text, percent_texts
 from uqpen.results.failed_runs import failed_runs as losses_of
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.table import NOTHING, OutputTable
@@ -37,7 +36,7 @@ _MOST_CHARTS = 6
 
 def failures(view: ArchiveView) -> Iterator[Block]:
     """Yield the failed runs, their reasons, and their inputs."""
-    failed = [design for design in view.designs if failed_run_counts(view, design)]
+    failed = failed_designs(view)
     if not failed:
         yield Text(_no_failure_text(view))
         return
@@ -53,7 +52,7 @@ def _no_failure_text(view: ArchiveView) -> str:
     if runs == 1:
         text = "The only run completed."
     for design in view.sample_designs:
-        chance = status_probability(view, design, Status.FAILED)
+        chance = view.statistics.status_probabilities(design).get(Status.FAILED.meaning)
         if chance is not None and np.isfinite(chance.values[2]):
             upper = percent_texts(*chance.values)[2]
             level = percent_text(float(chance.attrs[INTERVAL_LEVEL]))
@@ -99,11 +98,12 @@ def _association_blocks(view: ArchiveView) -> Iterator[Block]:
     statistics = view.statistics
     designs = [each for each in view.designs if "larger" in statistics.failures(each)]
     pairs = dict(zip(designs, failure_tables(view.tree), strict=True))
-    first = leading_design(view)
+    first = view.leading_design
     ordered = sorted(pairs, key=lambda name: name != first)
     for design in ordered[:_MOST_CHARTS]:
         table = pairs[design]
-        yield failure_association_chart(view, design, table) or Table(table)
+        chart = failure_association_chart(view, design)
+        yield Table(table) if chart is None else replace(chart, tables=(table,))
     if more := ordered[_MOST_CHARTS:]:
         yield Text(f"The other {len(more)} designs have tables only.")
         yield from (Table(pairs[design], is_folded=True) for design in more)

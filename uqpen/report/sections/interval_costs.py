@@ -17,10 +17,9 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.report.blocks import Table
-from uqpen.report.counting import count_text
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.report.counting import count_text
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, other_design_estimates
+from uqpen.results.digits import count_text
 
 __all__ = ["agreement_text"]
 

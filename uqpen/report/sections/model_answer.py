@@ -14,7 +14,6 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Table, Text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.curve_overview import first_curves
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences
 from uqpen.report.sections.model_comparison import model_chart
@@ -44,7 +43,7 @@ __all__ = ["model_answer"]
 def model_answer(view: ArchiveView) -> Iterator[Block]:
     """Yield what the models say of the study's limits, how they differ, and a table of results."""
     views = view.model_views
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     yield from first_curves(view)
@@ -76,7 +75,7 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
 def _missing(views: list[ArchiveView]) -> Iterator[str]:
     """Yield the failed runs of each model by its leading design."""
     for each in views:
-        if (design := leading_design(each)) is None:
+        if (design := each.leading_design) is None:
             yield f"{each.model}: no run completed."
         else:
             yield f"{each.model}: {next(missing_run_sentences(each, design))}"

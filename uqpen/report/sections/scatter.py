@@ -15,14 +15,12 @@ from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.scatter import category_labels
 from uqpen.report.blocks import Text
-from uqpen.report.counting import count_text
-from uqpen.report.sections.drivers import input_label, input_order
-from uqpen.report.sections.leading_design import leading_design
+from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
-from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, number_text, range_text
+from uqpen.results.archive_view import ArchiveView, input_label, output_title
+from uqpen.results.digits import count_text, estimate_text, number_text, range_text
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
 
@@ -42,7 +40,7 @@ _ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order
 
 def scatter(view: ArchiveView) -> Iterator[Block]:
     """Each output against each input, run by run."""
-    design = leading_design(view)
+    design = view.leading_design
     outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     if design is None or not outputs:
         return

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from uqpen.charts.chart import Block, Charts
-from uqpen.charts.marks import interval_notes
+from uqpen.charts.chart import Block
 from uqpen.charts.source_comparison import (
-    ComparedStatistic,
     available_statistics,
     compared_sources,
-    comparison_chart,
-    hollow_keys,
+    comparison_charts,
 )
 from uqpen.report.blocks import Fold, Table, Text
 from uqpen.report.sections.interval_costs import interval_costs, main_statistics
@@ -49,9 +46,9 @@ def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         yield from _tables(view, output, is_folded=True)
         return
     first = main_statistics(view, output, found)
-    yield _comparison_charts(view, output, first, rows)
+    yield comparison_charts(view, output, first, rows)
     others = [each for each in found if each not in first]
-    charts = (_comparison_charts(view, output, others, rows),) if others else ()
+    charts = (comparison_charts(view, output, others, rows),) if others else ()
     tables = _tables(view, output)
     yield Fold(
         "All statistics by all methods, and what their intervals cost",
@@ -62,14 +59,3 @@ def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
     if table := statistics_table(view.statistics, output, view.attributes(output)):
         yield Table(table, is_folded)
-
-
-def _comparison_charts(
-    view: ArchiveView, output: str, found: Sequence[ComparedStatistic], rows: tuple[str, ...]
-) -> Charts:
-    every = [estimate for each in found for estimate in each.available_estimates.values()]
-    return Charts(
-        charts=tuple(comparison_chart(view, output, each, rows) for each in found),
-        keys=hollow_keys(every),
-        notes=tuple(interval_notes(every)),
-    )
