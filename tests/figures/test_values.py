@@ -12,9 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
+from uqpen.charts.scatter import thin_runs
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, panels
-from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
 from uqpen.figures.velocity_profile import axial_velocity
 from uqpen.statistics.intervals import dkw_half_width
@@ -190,13 +190,20 @@ class TestRuns:
     def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives: Archives) -> None:
         runs = archives["beam"]["runs/only"]
         axes = drawn(archives["beam"], "scatter")[0]
-        points, lost = axes.lines
+        points, lost, *keys = axes.lines
         is_ok = runs["status"].values == 0
         np.testing.assert_allclose(points.get_xdata(), runs["load"].values[is_ok] / 1e3)
         np.testing.assert_allclose(points.get_ydata(), 1e3 * runs["deflection"].values[is_ok])
         np.testing.assert_allclose(lost.get_xdata(), runs["load"].values[~is_ok] / 1e3)
-        assert lost.get_ydata().max() < 0.05
+        foot = axes.transAxes.inverted().transform(axes.transData.transform(lost.get_xydata()))
+        assert 0 < foot[:, 1].max() < 0.05
+        assert [each.get_label() for each in keys] == ["run", "failed run, at the foot"]
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("load [kN]", "deflection [mm]")
+
+    def test_where_no_run_completed_the_failed_ones_are_drawn(self, archives: Archives) -> None:
+        axes = drawn(archives["lost"], "scatter")[0]
+        assert [each.get_text() for each in axes.get_yticklabels()] == ["no run completed"]
+        assert len(axes.lines[0].get_xdata()) == 100
 
     def test_a_histogram_counts_all_runs_that_came_back(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "histogram")

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from uqpen.charts.scatter import thin_runs
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.figures.panel import Axes, Panel
-from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import grouped_number, percent_text

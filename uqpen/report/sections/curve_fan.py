@@ -9,10 +9,10 @@ import xarray as xr
 
 from uqpen.charts.chart import Axis, Chart, LegendKey, PlaceReadout
 from uqpen.charts.marks import Mark
+from uqpen.charts.scatter import thin_runs
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RUN
-from uqpen.figures.scatter import thin_runs
 from uqpen.report.sections.curve_lines import (
     DASHES,
     band,
