@@ -33,6 +33,7 @@ pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[2] / "docs"
 
 BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
+BEAM |= {"convergence"}
 
 Archives = dict[str, xr.DataTree]
 Command = Callable[..., Any]

@@ -54,10 +54,12 @@ def dots(axes: Axes) -> list[tuple[float, float, float]]:
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
 # What each has something for.
 EXPECTED = {
-    "beam": {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"},
+    "beam": set(FIGURES)
+    - FIELDS
+    - {"models", "responses", "surrogate", "trajectory", "velocity-profile"},
     "lost": {"scatter", "losses"},
     "rods": set(FIGURES) - FIELDS - {"responses", "surrogate", "losses"},
-    "schema_1": set(FIGURES) - FIELDS - {"models", "trajectory", "velocity-profile"},
+    "schema_1": set(FIGURES) - FIELDS - {"convergence", "models", "trajectory", "velocity-profile"},
     "schema_1_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
 }
 
@@ -156,6 +158,21 @@ class TestEstimates:
         legend = page.legends[0]
         assert legend.get_title().get_text() == "Bars: 95 % intervals."
         assert [each.get_text() for each in legend.get_texts()] == ["no interval"]
+
+    def test_the_last_estimate_of_a_convergence_is_that_of_all_runs(
+        self, archives: Archives
+    ) -> None:
+        page = uqpen.figure(archives["rods"], "convergence", output="penetration_depth")
+        axes = page.axes[0]
+        assert axes.get_title(loc="left").startswith("original: penetration_depth: mean")
+        told = 100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        last = axes.containers[-1]
+        low, high = last.lines[2][0].get_segments()[0][:, 1]
+        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(told.values))
+        assert line(axes, "by all runs").is_dashed()
+        notes = page.legends[0].get_title().get_text()
+        assert notes.startswith("By latin, the design of the main results")
+        assert "points are not independent of each" in notes
 
     def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
         tree = archives["schema_1"]

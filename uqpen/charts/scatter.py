@@ -19,7 +19,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.streams import Stream
-from uqpen.results.archive_view import ArchiveView, input_label, output_title
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import (
     count_text,
     estimate_text,
@@ -27,7 +27,7 @@ from uqpen.results.digits import (
     number_text,
     range_text,
 )
-from uqpen.results.input_ranking import input_order
+from uqpen.results.input_ranking import input_label, input_order
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, plain_text, title_with_unit, unit_suffix
 

@@ -13,6 +13,7 @@ FIGURES = {
     "exceedance": "uqpen.figures.exceedance:exceedance",
     "histogram": "uqpen.figures.histogram:histogram",
     "scatter": "uqpen.charts.scatter:scatter_charts",
+    "convergence": "uqpen.charts.convergence_history:convergence_charts",
     "methods": "uqpen.charts.source_comparison:source_charts",
     "sensitivity": "uqpen.figures.sensitivity:sensitivity_panels",
     "responses": "uqpen.figures.sensitivity:response_panels",

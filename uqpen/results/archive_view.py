@@ -23,9 +23,9 @@ from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
-from uqpen.results.texts import plain_text, title_with_name, title_with_unit
+from uqpen.results.texts import title_with_name, title_with_unit
 
-__all__ = ["ArchiveView", "input_label", "output_heading", "output_title", "select_view"]
+__all__ = ["ArchiveView", "output_heading", "output_title", "select_view"]
 
 
 @dataclass(frozen=True)
@@ -243,13 +243,6 @@ def _check_name(what: str, name: str | None, known: Iterable[str]) -> None:
 def output_title(view: ArchiveView, output: str) -> str:
     """Return the title of an output, for a reader."""
     return str(view.attributes(output).get("long_name", output))
-
-
-def input_label(view: ArchiveView, name: str) -> str:
-    """Return the title of an input for a reader, which no other input of the model has."""
-    title = view.input_titles.get(name, name)
-    is_alone = list(view.input_titles.values()).count(title) < 2
-    return plain_text(title if is_alone else f"{title} ({name})", 50)
 
 
 def output_heading(view: ArchiveView, output: str) -> str:

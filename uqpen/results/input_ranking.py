@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.texts import plain_text
 
 __all__ = [
     "OF_LOGARITHM",
@@ -18,6 +19,7 @@ __all__ = [
     "Ranking",
     "best_ranking",
     "has_dependent_inputs",
+    "input_label",
     "input_order",
     "input_ranking",
 ]
@@ -65,6 +67,13 @@ class InputOrder(NamedTuple):
         """Return some inputs in this order; those that it lacks come last."""
         places = {name: place for place, name in enumerate(self.names)}
         return sorted(inputs, key=lambda name: places.get(name, len(places)))
+
+
+def input_label(view: ArchiveView, name: str) -> str:
+    """Return the title of an input for a reader, which no other input of the model has."""
+    title = view.input_titles.get(name, name)
+    is_alone = list(view.input_titles.values()).count(title) < 2
+    return plain_text(title if is_alone else f"{title} ({name})", 50)
 
 
 def input_ranking(view: ArchiveView, output: str) -> Ranking | None:

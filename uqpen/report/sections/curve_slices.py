@@ -12,9 +12,9 @@ from uqpen.charts.chart import Axis, Chart, LegendKey, PlaceReadout, PlaceSlices
 from uqpen.charts.marks import Bars, Dots, Mark, escape_text, series_marker
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
 from uqpen.core.labels import INPUT
-from uqpen.results.archive_view import input_label
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import count_text, estimate_text
+from uqpen.results.input_ranking import input_label
 
 __all__ = ["place_drivers", "place_histogram"]
 

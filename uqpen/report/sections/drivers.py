@@ -8,13 +8,14 @@ import xarray as xr
 
 from uqpen.charts.marks import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
-from uqpen.results.archive_view import ArchiveView, input_label
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.input_ranking import (
     OF_LOGARITHM,
     Ranking,
     best_ranking,
     has_dependent_inputs,
+    input_label,
     input_ranking,
 )
 from uqpen.results.texts import capitalized

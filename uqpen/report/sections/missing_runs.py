@@ -11,8 +11,9 @@ from uqpen.charts.marks import has_interval
 from uqpen.core.labels import INPUT
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
-from uqpen.results.archive_view import ArchiveView, input_label
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number
+from uqpen.results.input_ranking import input_label
 
 __all__ = ["missing_count", "missing_run_sentences"]
 

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
-from uqpen.results.archive_view import ArchiveView, input_label, output_title
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text
-from uqpen.results.input_ranking import input_ranking
+from uqpen.results.input_ranking import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["published_sentences"]

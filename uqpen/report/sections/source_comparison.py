@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from uqpen.charts.chart import Block
 from uqpen.charts.source_comparison import (
     available_statistics,
     compared_sources,
     comparison_charts,
+    interval_cost_charts,
+    main_statistics,
 )
 from uqpen.report.blocks import Fold, Table, Text
-from uqpen.report.sections.interval_costs import interval_costs, main_statistics
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import statistics_table
@@ -45,14 +47,19 @@ def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
         yield from _tables(view, output, is_folded=True)
         return
-    first = main_statistics(view, output, found)
+    first = main_statistics(found)
     yield comparison_charts(view, output, first, rows)
     others = [each for each in found if each not in first]
-    charts = (comparison_charts(view, output, others, rows),) if others else ()
-    tables = _tables(view, output)
+    charts = [comparison_charts(view, output, others, rows)] if others else []
+    costs = interval_cost_charts(view, output, found)
     yield Fold(
         "All statistics by all methods, and what their intervals cost",
-        (*charts, *tables, *interval_costs(view, output, found)),
+        (
+            *charts,
+            *_tables(view, output),
+            *(replace(each, tables=()) for each in costs),
+            *(Table(table) for each in costs for table in each.tables),
+        ),
     )
 
 
