@@ -22,7 +22,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
-from uqpen.report.sections.missing_runs import missing_count
+from uqpen.report.sections.failures import missing_count
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number, percent_text

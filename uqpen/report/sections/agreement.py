@@ -1,21 +1,27 @@
-"""A study's estimates against published ones, in sentences."""
+"""Agreement of a study's estimates with other designs and with published ones, in sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
+from uqpen.report.sections.quoted_statistics import (
+    QuotedStatistic,
+    no_break,
+    other_design_estimates,
+)
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, number_text
+from uqpen.results.digits import count_text, estimate_text, number_text
 from uqpen.results.input_ranking import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["published_sentences"]
+__all__ = ["agreement_text", "published_sentences"]
 
 _COMPARED = {"mean": "mean", "std": "standard deviation"}
+# Quantities that are compared.
+_MOST_COMPARED = 3
 
 
 def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
@@ -23,7 +29,7 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     for publication in view.statistics.publications:
         texts = []
         for output in view.numeric_outputs:
-            parts = [*_estimates(view, output, publication, design)]
+            parts = [*_published_estimates(view, output, publication, design)]
             parts += _largest_contribution(view, output, publication)
             if parts:
                 texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
@@ -33,7 +39,9 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
             yield from texts
 
 
-def _estimates(view: ArchiveView, output: str, publication: str, design: str) -> Iterator[str]:
+def _published_estimates(
+    view: ArchiveView, output: str, publication: str, design: str
+) -> Iterator[str]:
     for statistic, label in _COMPARED.items():
         quantity = QuotedStatistic(view, output, statistic)
         there, here = quantity.estimate(publication), _own_estimate(quantity, design)
@@ -83,3 +91,47 @@ def _largest_contribution(view: ArchiveView, output: str, publication: str) -> I
         f"the largest contribution differs ({input_label(view, named)}, which has {other} here; "
         f"{input_label(view, here)} has {own})"
     )
+
+
+def agreement_text(quantities: Sequence[QuotedStatistic], design: str) -> str:
+    """Return whether other designs agree on the first quantities; empty if there are none.
+
+    Two agree if their intervals overlap.
+    """
+    parts: list[str] = []
+    apart: dict[str, list[str]] = {}
+    by: set[str] = set()
+    output = ""
+    for quantity in quantities[:_MOST_COMPARED]:
+        own, others = quantity.leading_estimate(design), other_design_estimates(quantity, design)
+        if own is None or not others:
+            continue
+        label = quantity.label if quantity.output == output else quantity.heading
+        output, by = quantity.output, by | set(others)
+        parts.append(f"{label}: {_range_text(quantity, own, others)}")
+        if far := [name for name, each in others.items() if not _overlap(own, each)]:
+            apart[label] = far
+    if not parts:
+        return ""
+    few = count_text(len(by), "other design")
+    verdict = f"Yes, {few} within their intervals" if not apart else "Not in all"
+    lines = [f"{verdict}. {'; '.join(parts)}."]
+    lines += [
+        f"{label}: the interval of {', '.join(far)} lies apart." for label, far in apart.items()
+    ]
+    return " ".join(lines)
+
+
+def _overlap(one: xr.DataArray, other: xr.DataArray) -> bool:
+    """Return whether two intervals overlap, as far as they have ends."""
+    (_, low, high), (_, lower, upper) = one.values.tolist(), other.values.tolist()
+    return not (low > upper or lower > high)
+
+
+def _range_text(
+    quantity: QuotedStatistic, own: xr.DataArray, others: dict[str, xr.DataArray]
+) -> str:
+    """Return the smallest and the largest estimate, in the digits of the leading design's."""
+    values = [float(quantity.bounds(array)[0]) for array in (own, *others.values())]
+    *_, lowest, highest = quantity.texts(own, float(np.min(values)), float(np.max(values)))
+    return lowest if lowest == highest else f"{lowest} to {highest}"
