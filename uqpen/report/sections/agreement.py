@@ -17,7 +17,7 @@ from uqpen.results.digits import count_text, estimate_text, number_text
 from uqpen.results.input_ranking import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["agreement_text", "published_sentences"]
+__all__ = ["agreement_sentences", "published_sentences"]
 
 _COMPARED = {"mean": "mean", "std": "standard deviation"}
 # Quantities that are compared.
@@ -29,7 +29,12 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     for publication in view.statistics.publications:
         texts = []
         for output in view.numeric_outputs:
-            parts = [*_published_estimates(view, output, publication, design)]
+            parts = []
+            for statistic, label in _COMPARED.items():
+                quantity = QuotedStatistic(view, output, statistic)
+                there, here = quantity.estimate(publication), _own_estimate(quantity, design)
+                if there is not None and here is not None:
+                    parts.append(_comparison(quantity, label, there, here))
             parts += _largest_contribution(view, output, publication)
             if parts:
                 texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
@@ -37,16 +42,6 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
             citation = plain_text(view.statistics.citation(publication) or publication, 80)
             yield f"Against {citation}, its value first."
             yield from texts
-
-
-def _published_estimates(
-    view: ArchiveView, output: str, publication: str, design: str
-) -> Iterator[str]:
-    for statistic, label in _COMPARED.items():
-        quantity = QuotedStatistic(view, output, statistic)
-        there, here = quantity.estimate(publication), _own_estimate(quantity, design)
-        if there is not None and here is not None:
-            yield _comparison(quantity, label, there, here)
 
 
 def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None:
@@ -93,8 +88,8 @@ def _largest_contribution(view: ArchiveView, output: str, publication: str) -> I
     )
 
 
-def agreement_text(quantities: Sequence[QuotedStatistic], design: str) -> str:
-    """Return whether other designs agree on the first quantities; empty if there are none.
+def agreement_sentences(quantities: Sequence[QuotedStatistic], design: str) -> Iterator[str]:
+    """Yield whether other designs agree on the first quantities, if there are any.
 
     Two agree if their intervals overlap.
     """
@@ -111,15 +106,12 @@ def agreement_text(quantities: Sequence[QuotedStatistic], design: str) -> str:
         parts.append(f"{label}: {_range_text(quantity, own, others)}")
         if far := [name for name, each in others.items() if not _overlap(own, each)]:
             apart[label] = far
-    if not parts:
-        return ""
-    few = count_text(len(by), "other design")
-    verdict = f"Yes, {few} within their intervals" if not apart else "Not in all"
-    lines = [f"{verdict}. {'; '.join(parts)}."]
-    lines += [
-        f"{label}: the interval of {', '.join(far)} lies apart." for label, far in apart.items()
-    ]
-    return " ".join(lines)
+    if parts:
+        few = count_text(len(by), "other design")
+        yield "Not in all." if apart else f"Yes, {few} within their intervals."
+        yield f"{'; '.join(parts)}."
+    for label, far in apart.items():
+        yield f"{label}: the interval of {', '.join(far)} lies apart."
 
 
 def _overlap(one: xr.DataArray, other: xr.DataArray) -> bool:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 from uqpen.archive.read import read_group
-from uqpen.charts.chart import Block, Chart
+from uqpen.charts.chart import Block
 from uqpen.core.labels import RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Quote, Text
-from uqpen.report.sections.agreement import agreement_text, published_sentences
+from uqpen.report.sections.agreement import agreement_sentences, published_sentences
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.curve_overview import first_curves
 from uqpen.report.sections.drivers import driver_sentences
@@ -68,23 +69,26 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
         if (entry := output_sentences(view, output, design)) is not None
     ]
     stated = tuple(_stated_blocks(view, design, shown, len(outputs) - _MOST_OUTPUTS))
+    main = main_outputs(view)
     if view.numeric_outputs:
-        yield Columns(stated, _picture(view, design))
+        # The runs of the first main output in bins, with the study's limits.
+        first = next(each for each in main if each in view.numeric_outputs)
+        chart = histogram(view, first, design)
+        title = f"{capitalized(output_title(view, first))}: {chart.title}"
+        yield Columns(stated, replace(chart, title=title))
     else:
         yield from stated
     if not view.model:
         yield from first_curves(view)
     quantities = [each for entry in shown for each in entry.quantities]
-    findings = (
-        Finding("What drives it?", _driver_text(view)),
-        Finding("Did all runs succeed?", " ".join(missing_run_sentences(view, design))),
-        Finding(
-            "Does it agree with published values?", " ".join(published_sentences(view, design))
-        ),
-        Finding("Do the other methods agree?", agreement_text(quantities, design)),
-    )
-    yield Findings(tuple(each for each in findings if each.text))
-    main = main_outputs(view)
+    findings = {
+        "What drives it?": chain(*(driver_sentences(view, output) for output in main)),
+        "Did all runs succeed?": missing_run_sentences(view, design),
+        "Does it agree with published values?": published_sentences(view, design),
+        "Do the other methods agree?": agreement_sentences(quantities, design),
+    }
+    texts = ((head, " ".join(sentences)) for head, sentences in findings.items())
+    yield Findings(tuple(Finding(head, text) for head, text in texts if text))
     yield Alerts(tuple(alerts(view, design, [each for each in quantities if each.output in main])))
 
 
@@ -170,28 +174,21 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
     return f"the first {taken}sample of the inputs in the study{text}"
 
 
-def _picture(view: ArchiveView, design: str) -> Chart:
-    """Return the runs of the first main output in bins, with the study's limits."""
-    (output, *_) = [each for each in main_outputs(view) if each in view.numeric_outputs]
-    chart = histogram(view, output, design)
-    title = f"{capitalized(output_title(view, output))}: {chart.title}"
-    return replace(chart, title=title)
-
-
-def _driver_text(view: ArchiveView) -> str:
-    found = (driver_sentences(view, output) for output in main_outputs(view))
-    return " ".join(text for sentences in found for text in sentences)
-
-
 def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     """Yield what an archive says whose designs give no distribution, and the reason."""
     if of_events := tuple(rare_event_findings(view)):
         yield Findings(of_events, is_verdict=True)
-    means = list(_quadrature_means(view))
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
     every = [read_group(view.tree, RUNS, design) for design in view.designs]
     if not any(status_counts(runs)[Status.OK] for runs in every):
-        yield Text(_no_completed_runs_text(view, failed))
+        runs = sum(map(run_count, every))
+        count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
+        yield Text(
+            f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "
+            "Mend the model, raise its time limit, or change the inputs to values that it allows; "
+            "then run the study again. The archive has the inputs of every failed run, so you can "
+            "try a single one."
+        )
         return
     if view.sample_designs:
         yield Text(
@@ -204,8 +201,8 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
             f"outputs and all {'other ' * bool(of_events)}probabilities are unknown. The results "
             "of its designs are further down."
         )
-    if means:
-        yield Quote(tuple(means))
+    if means := tuple(_quadrature_means(view)):
+        yield Quote(means)
     if SURROGATES in view.tree.children:
         yield Text(
             "Estimates by surrogates have no interval of their own, so they are not quoted here."
@@ -223,17 +220,6 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
                 stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
                 yield f"By the integration rule {design}, the mean of {name} is {stated}."
                 break
-
-
-def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
-    runs = sum(run_count(read_group(view.tree, RUNS, design)) for design in view.designs)
-    count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
-    return (
-        f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "
-        "Mend the model, raise its time limit, or change the inputs to values that it allows; then "
-        "run the study again. The archive has the inputs of every failed run, so you can try a "
-        "single one."
-    )
 
 
 def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
