@@ -27,8 +27,8 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number
+from uqpen.results.output_tables import runs_spent
 from uqpen.results.statistic_entries import COMPARED, THRESHOLD_PROBABILITIES, labelled_entries
-from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (
     NOTHING,
     Conversion,

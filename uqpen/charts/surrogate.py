@@ -19,7 +19,7 @@ from uqpen.core.labels import REFUTED, RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, number_text
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
+from uqpen.results.surrogate_tables import fit_diagnostics, fitted_outputs
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_unit, unit_suffix
 from uqpen.surrogates.diagnostics import quality_text

@@ -34,7 +34,7 @@ from uqpen.report.sections.sentences import (
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
-from uqpen.results.statistics_rows import runs_spent
+from uqpen.results.output_tables import runs_spent
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["answer"]

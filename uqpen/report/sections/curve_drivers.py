@@ -11,11 +11,11 @@ from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.marks import Band, Mark
 from uqpen.core.labels import INPUT
 from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
-from uqpen.results.best_sources import best_sources
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.index_titles import index_titles
 from uqpen.results.input_ranking import input_label
 from uqpen.results.measure_labels import INDICES
+from uqpen.results.source_statistics import best_sources
 
 __all__ = ["driver_areas", "driver_lines", "measures_along"]
 

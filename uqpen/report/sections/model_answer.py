@@ -31,10 +31,10 @@ from uqpen.report.sections.sentences import EVENTS
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, percent_texts
+from uqpen.results.output_tables import tolerance_cell
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
 from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity, unit_suffix
-from uqpen.results.tolerance_rows import tolerance_cell
 
 __all__ = ["caveat_text", "model_answer"]
 # Verdicts on a limit, the gravest first.

@@ -10,9 +10,7 @@ from uqpen.charts.surrogate import prediction_charts
 from uqpen.core.labels import SURROGATES
 from uqpen.report.blocks import Heading, Table, Text
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import correction_tables
-from uqpen.results.missing_run_tables import missing_run_tables
-from uqpen.results.output_tables import fit_table
+from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
 from uqpen.surrogates.restoring import is_restorable
 
 __all__ = ["surrogates"]
