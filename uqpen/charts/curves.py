@@ -25,10 +25,11 @@ from uqpen.charts.marks import (
     series_dash,
     series_marker,
 )
+from uqpen.charts.scatter import thin_runs
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INPUT, INTERVAL_LEVEL, NOTE, RUN
-from uqpen.results.archive_view import ArchiveView, input_label, output_title, thin_runs
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import (
     count_text,
@@ -39,6 +40,7 @@ from uqpen.results.digits import (
     typeset_unit,
 )
 from uqpen.results.index_titles import index_titles
+from uqpen.results.input_ranking import input_label
 from uqpen.results.measure_labels import INDICES
 from uqpen.results.source_statistics import best_sources
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES

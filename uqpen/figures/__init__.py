@@ -12,11 +12,12 @@ FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
     "exceedance": "uqpen.figures.exceedance:exceedance",
     "histogram": "uqpen.figures.histogram:histogram",
-    "scatter": "uqpen.figures.scatter:scatter_panels",
+    "scatter": "uqpen.charts.scatter:scatter_charts",
+    "convergence": "uqpen.charts.convergence_history:convergence_charts",
     "methods": "uqpen.charts.source_comparison:source_charts",
     "sensitivity": "uqpen.figures.sensitivity:sensitivity_panels",
     "responses": "uqpen.figures.sensitivity:response_panels",
-    "surrogate": "uqpen.figures.surrogate:surrogate_panels",
+    "surrogate": "uqpen.charts.surrogate:surrogate_charts",
     "models": "uqpen.figures.distributions:model_panels",
     "fan": "uqpen.charts.curves:fan_charts",
     "model-curves": "uqpen.charts.curves:model_curve_charts",
@@ -24,7 +25,7 @@ FIGURES = {
     "map": "uqpen.charts.curves:moment_maps",
     "trajectory": "uqpen.charts.trajectory:trajectory_charts",
     "velocity-profile": "uqpen.charts.trajectory:velocity_profile_chart",
-    "losses": "uqpen.figures.failure_panels:failure_panels",
+    "losses": "uqpen.charts.failed_runs:failure_charts",
 }
 
 # Likewise of an archive of a benchmark of methods; these take the archive itself.

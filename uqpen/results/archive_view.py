@@ -18,7 +18,6 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.core.streams import Stream
 from uqpen.core.units import Scale, scale
 from uqpen.execution import status_counts
 from uqpen.execution.omitted_runs import are_omitted
@@ -26,20 +25,18 @@ from uqpen.results.digits import grouped_number, number_text, percent_text
 from uqpen.results.source_statistics import SourceStatistics, is_sample_design
 from uqpen.results.source_style import SourceStyle, source_slots, source_style
 from uqpen.results.table import Conversion, conversion
-from uqpen.results.texts import plain_text, title_with_name, title_with_unit, unit_suffix
+from uqpen.results.texts import title_with_name, title_with_unit, unit_suffix
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.run_samples import input_sample
 
 __all__ = [
     "ArchiveView",
     "DesignView",
-    "input_label",
     "is_logarithmic",
     "linear_scale_note",
     "output_heading",
     "output_title",
     "select_view",
-    "thin_runs",
 ]
 
 
@@ -180,15 +177,6 @@ def _completed_values(
         known = values[np.isfinite(values)]
         if known.size:
             yield view, known
-
-
-def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
-    """A random part of the runs, the same each time, in order; the first runs may not be random."""
-    size = runs.sizes[RUN]
-    if size <= most:
-        return runs
-    chosen = Stream(0, "figures", "runs").generator().choice(size, most, replace=False)
-    return runs.isel({RUN: np.sort(chosen)})
 
 
 @dataclass(frozen=True)
@@ -401,13 +389,6 @@ def _check_name(what: str, name: str | None, known: Iterable[str]) -> None:
 def output_title(view: ArchiveView, output: str) -> str:
     """Return the title of an output, for a reader."""
     return str(view.attributes(output).get("long_name", output))
-
-
-def input_label(view: ArchiveView, name: str) -> str:
-    """Return the title of an input for a reader, which no other input of the model has."""
-    title = view.input_titles.get(name, name)
-    is_alone = list(view.input_titles.values()).count(title) < 2
-    return plain_text(title if is_alone else f"{title} ({name})", 50)
 
 
 def output_heading(view: ArchiveView, output: str) -> str:

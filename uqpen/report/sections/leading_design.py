@@ -1,22 +1,16 @@
-"""Basis of the page's main results: a design, and its runs as a sample."""
+"""What a distribution function leaves out."""
 
 from __future__ import annotations
 
 from uqpen.core.labels import MISSING
-from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["leading_design", "missing_runs_note"]
-
-
-def leading_design(view: ArchiveView) -> str | None:
-    """Return the design of the main results; None where no run of a sample completed."""
-    return view.leading_design
+__all__ = ["missing_runs_note"]
 
 
 def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
     """Return a note on the runs that a distribution function leaves out, if any."""
-    missing = sample_account(view, design).get(MISSING)
+    missing = view.statistics.run_accounts(design).get(MISSING)
     if not missing:
         return []
     return [
