@@ -224,11 +224,14 @@ def _draw_rule(axes: Axes, rule: Rule) -> None:
 def _draw_key(axes: Axes, key: LegendKey) -> None:
     """Add an entry of the legend, without anything on the axes."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+    from matplotlib.patches import Rectangle
 
     label = plain_text(key.text, 80)
     if key.mark in ("band", "bar"):
-        axes.add_patch(Patch(color=_colour(key.series), alpha=0.35, linewidth=0, label=label))
+        # Without width and height it does not move the ends of the axes.
+        area = Rectangle((0, 0), 0, 0, alpha=0.35, linewidth=0, label=label)
+        area.set_color(_colour(key.series))
+        axes.add_patch(area)
         return
     if key.mark == "line":
         style = {"color": _colour(key.series), "linestyle": _DASHES[key.dash]}
