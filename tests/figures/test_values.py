@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
-from uqpen.figures import FIGURES
+from uqpen.figures import FIGURES, OF_BENCHMARKS
 from uqpen.figures.page import available, panels
 from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
@@ -52,12 +52,13 @@ def dots(axes: Axes) -> list[tuple[float, float, float]]:
 
 # Of outputs with dimensions, which these archives do not have.
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
+OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS)
 # What each has something for.
 EXPECTED = {
     "beam": {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"},
     "lost": {"scatter", "losses"},
-    "rods": set(FIGURES) - FIELDS - {"responses", "surrogate", "losses"},
-    "schema_1": set(FIGURES) - FIELDS - {"models", "trajectory", "velocity-profile"},
+    "rods": OF_STUDIES - FIELDS - {"responses", "surrogate", "losses"},
+    "schema_1": OF_STUDIES - FIELDS - {"models", "trajectory", "velocity-profile"},
     "schema_1_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
 }
 

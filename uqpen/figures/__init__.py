@@ -6,7 +6,7 @@ for, and yields the panels that this has something for; nothing is drawn before 
 
 from __future__ import annotations
 
-__all__ = ["BENCHMARK_FIGURES", "FIGURES"]
+__all__ = ["FIGURES", "OF_BENCHMARKS"]
 
 FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
@@ -25,10 +25,10 @@ FIGURES = {
     "trajectory": "uqpen.figures.trajectory:trajectory_panels",
     "velocity-profile": "uqpen.figures.velocity_profile:velocity_profile_panels",
     "losses": "uqpen.figures.failure_panels:failure_panels",
+    "errors": "uqpen.charts.method_comparison:error_charts",
+    "rates": "uqpen.charts.method_comparison:slope_charts",
+    "coverage": "uqpen.charts.method_comparison:coverage_charts",
 }
 
-# Likewise of an archive of a benchmark of methods; these take the archive itself.
-BENCHMARK_FIGURES = {
-    "errors": "uqpen.figures.benchmark_panels:error_panels",
-    "coverage": "uqpen.figures.benchmark_panels:coverage_panels",
-}
+# Those of an archive of a benchmark of methods, which has no others.
+OF_BENCHMARKS = ("errors", "rates", "coverage")

@@ -7,9 +7,9 @@ from itertools import islice
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.core.html import html_table
-from uqpen.core.labels import KIND, RUNS
+from uqpen.core.labels import RUNS
 from uqpen.results.field_texts import field_lines
 from uqpen.results.output_tables import statistics_tables
 
@@ -25,7 +25,7 @@ def archive_html(tree: xr.DataTree) -> str:
     Nothing that the archive contains is taken as HTML.
     """
     title = f"<p><b>{escape(str(tree.attrs.get('title', '')))}</b></p>"
-    if KIND in tree.attrs or not any(
+    if is_benchmark(tree) or not any(
         RUNS in model.children for model in model_trees(tree).values()
     ):
         groups = ", ".join(map(str, tree.children))

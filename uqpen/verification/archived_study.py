@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, StudyError
-from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.core.labels import RUN, RUNS, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.study.analyses_section import ANALYSES_KEY
@@ -168,7 +168,7 @@ def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> 
         If that code may not be executed, or its runs come from a file. The message names the models
         and analyses, or the file.
     """
-    if KIND in tree.attrs:
+    if is_benchmark(tree):
         raise ArchiveError(
             f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
         )

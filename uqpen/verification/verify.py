@@ -12,10 +12,10 @@ import xarray as xr
 
 from uqpen.archive.files import FILES
 from uqpen.archive.provenance import of_python_functions, provenance
-from uqpen.archive.read import read_tree
+from uqpen.archive.read import is_benchmark, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import DEPENDENCIES, KIND, NOT_MADE_AGAIN, REUSED_RUNS
+from uqpen.core.labels import DEPENDENCIES, NOT_MADE_AGAIN, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.document import Objects
@@ -128,7 +128,7 @@ def verify(
     yield check_text(tree)
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
-    elif KIND in tree.attrs:
+    elif is_benchmark(tree):
         message = "runs of a benchmark of methods are not repeated; only hashes are checked"
         yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
     else:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from uqpen.archive.content import recorded_hashes
 from uqpen.archive.files import FILES, archived_files
-from uqpen.archive.read import read_group
+from uqpen.archive.read import is_benchmark, read_group
 from uqpen.charts.chart import Block
 from uqpen.core.labels import CONTENT
 from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
@@ -23,7 +23,7 @@ from uqpen.results.field_texts import field_lines
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import plain_text
 
-__all__ = ["archive", "study_blocks"]
+__all__ = ["archive"]
 
 # Characters of a text, and files whose texts are shown.
 _LONGEST = 20_000
@@ -40,8 +40,9 @@ uqpen diff ARCHIVE AGAIN
 
 def archive(view: ArchiveView) -> Iterator[Block]:
     """The study's text, inputs and designs of each model, and the archive's provenance."""
-    yield from study_blocks(view)
-    for each in view.model_views:
+    is_study = not is_benchmark(view.archive)
+    yield from _study_blocks(view)
+    for each in view.model_views if is_study else []:
         if each.model:
             yield Heading(each.model)
             yield Table(model_table(each))
@@ -54,17 +55,18 @@ def archive(view: ArchiveView) -> Iterator[Block]:
     if found := archive_notes(view.archive):
         yield Remarks("Notes in this archive, and the number of estimates with each", found)
     yield Table(provenance_table(view))
-    yield Text(
-        "These commands check the archive of this page, and repeat it. A model or an analysis of "
-        "its author's own is executed only with --trust."
-    )
-    yield Listing("Commands", _COMMANDS)
+    if is_study:
+        yield Text(
+            "These commands check the archive of this page, and repeat it. A model or an analysis "
+            "of its author's own is executed only with --trust."
+        )
+        yield Listing("Commands", _COMMANDS)
     if recorded_hashes(view.archive):
         title = "SHA-256 of the content of each of the archive's groups"
         yield _listing(title, str(view.archive.attrs[CONTENT]), is_folded=True)
 
 
-def study_blocks(view: ArchiveView) -> Iterator[Block]:
+def _study_blocks(view: ArchiveView) -> Iterator[Block]:
     """The study as its author wrote it, and the files that it names."""
     attributes = view.archive.attrs
     yield _listing(
