@@ -6,6 +6,7 @@ import pytest
 import xarray as xr
 
 from uqpen.charts.marks import DASHES, MARKERS
+from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.method_comparison import MethodComparison
 from uqpen.results.source_slots import source_slots
@@ -58,7 +59,8 @@ def test_there_are_as_many_styles_on_the_page_as_in_figures() -> None:
 def test_study_page_and_comparison_page_agree(archives: dict[str, xr.DataTree]) -> None:
     view = ArchiveView(archives["rods"], "original")
     budgets = {"budget": [16], "runs": ("budget", [16]), "replicates": ("budget", [1])}
-    groups = {"/": xr.Dataset(attrs={"study_text": view.archive.attrs["study_text"]})}
+    root = {"study_text": view.archive.attrs["study_text"], KIND: BENCHMARK}
+    groups = {"/": xr.Dataset(attrs=root)}
     for source in view.sources[::-1]:
         attributes = {"source": source, "variants": "single"}
         groups[f"/statistics/{source}"] = xr.Dataset(attrs=attributes)

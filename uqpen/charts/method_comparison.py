@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.marks import Band, Dots, Line, Mark, Points, Rule, Shade, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATED, SINGLE
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading
 from uqpen.results.benchmark_tables import (
     IS_DOUBTFUL,
     IS_LEVEL,
@@ -104,7 +104,9 @@ def coverage_charts(view: ArchiveView) -> Iterator[Chart]:
 def error_chart(entry: ComparedEntry, variant: str) -> Chart | None:
     """Return the errors of an entry in one of the comparisons; None where no method has any."""
     methods, budgets = entry.comparison.methods_in(variant), entry.comparison.budgets
-    errors = np.array([entry.percent_errors(method) for method in methods])
+    errors = 100 * np.array([entry.of(method, "error").values for method in methods])
+    # A logarithmic axis has no place for an error of 0.
+    errors = np.where(np.isfinite(errors) & (errors > 0), errors, np.nan)
     if not np.isfinite(errors[..., 0]).any():
         return None
     runs, own = np.array(budgets, dtype=np.float64), entry.reference_error
@@ -125,8 +127,11 @@ def error_chart(entry: ComparedEntry, variant: str) -> Chart | None:
             for budget, row in zip(budgets, bounds.tolist(), strict=True)
         ]
         places = runs * _APART ** (place - (len(methods) - 1) / 2)
-        dots = Dots(bounds, places, method.series, hovers, method.source, along="y", is_joined=True)
-        marks.append(replace(dots, marker=series_marker(method.series)))
+        marker = series_marker(method.series)
+        dots = Dots(
+            bounds, places, method.series, hovers, method.source, marker, "y", is_joined=True
+        )
+        marks.append(dots)
     last = [
         f"{method.source} {estimate_text(*bounds[-1])} %"
         for method, bounds in zip(methods, errors.tolist(), strict=True)
@@ -213,150 +218,125 @@ def _error_table(entry: ComparedEntry, variant: str) -> OutputTable:
 
 def of_slopes(comparison: MethodComparison, variant: str) -> Iterator[Chart]:
     """Yield the slopes of each output in one of the comparisons."""
-    yield from _row_charts(comparison, variant, "slope", "Slopes of", _with_slopes)
+    methods = comparison.methods_in(variant)
+    for chart, found, slopes, places in _rows(comparison, variant, "slope", "Slopes of"):
+        is_known, has_interval = np.isfinite(slopes[..., 0]), np.isfinite(slopes).all(axis=-1)
+        # An axis with all intervals, a slope of 0, and that of Monte Carlo.
+        shown = slopes[has_interval] if has_interval.any() else slopes[is_known, :1]
+        lower, upper = padded_limits(
+            min(float(shown.min()), _MONTE_CARLO_SLOPE), max(float(shown.max()), 0.0), 0.05
+        )
+        is_outside = is_known & ((slopes[..., 0] < lower) | (slopes[..., 0] > upper))
+        outside = [
+            f"{found[row].label} by {methods[at].source} {slopes[row, at, 0]:.2f}"
+            for row, at in zip(*np.nonzero(is_outside), strict=True)
+        ]
+        notes = [f"Outside of the axis: {', '.join(outside)}."] if outside else []
+        if (is_known & ~has_interval).any():
+            notes.append("Hollow: no interval, as few of the repeats decide an error on the line.")
+        steepest = [
+            f"{entry.label}: steepest by {methods[at].source}, {estimate_text(*row[at])}"
+            for entry, row in zip(found, slopes, strict=True)
+            for at in ([int(np.nanargmin(row[:, 0]))] if np.isfinite(row[:, 0]).any() else [])
+        ]
+        dots = []
+        for at, method in enumerate(methods):
+            hovers = [
+                f"{method.source}, {entry.label}: {estimate_text(*row)}"
+                + ("" if np.isfinite(row).all() else f"; {_NO_INTERVAL}")
+                for entry, row in zip(found, slopes[:, at], strict=True)
+            ]
+            marker = series_marker(method.series)
+            dots.append(
+                Dots(slopes[:, at], places[at], method.series, hovers, method.source, marker)
+            )
+        yield replace(
+            chart,
+            summary="; ".join(steepest),
+            x=Axis("slope of log error over log runs", (lower, upper)),
+            marks=(Rule(_MONTE_CARLO_SLOPE, "quiet", "dash"), *dots),
+            notes=tuple(notes),
+            tables=(_slope_table(found, methods, slopes),),
+        )
+
+
+def _slope_table(
+    found: Sequence[ComparedEntry], methods: Sequence[ComparedMethod], slopes: FloatArray
+) -> OutputTable:
+    table = OutputTable("Slopes, with their 95 % intervals", [m.source for m in methods])
+    for entry, row in zip(found, slopes.tolist(), strict=True):
+        cells = []
+        for bounds in row:
+            has_interval = math.isfinite(bounds[1]) and math.isfinite(bounds[2])
+            note = _NO_SLOPE if math.isnan(bounds[0]) else "" if has_interval else _NO_INTERVAL
+            cells.append(estimate_text(*bounds) + table.note_mark(note))
+        table.rows.append((entry.label, cells))
+    return table
 
 
 def of_coverage(comparison: MethodComparison, variant: str) -> Iterator[Chart]:
     """Yield the coverage of the methods' own intervals of each output, likewise."""
-    yield from _row_charts(comparison, variant, "coverage", "Intervals of", _with_coverage)
+    if not comparison.entries:
+        return
+    methods, budgets = comparison.methods_in(variant), list(map(grouped_number, comparison.budgets))
+    level = _nominal_level(comparison)
+    least = lowest_expected_coverage(level, comparison.repeats)
+    behind = Shade(100 * least, 100, "quiet"), Rule(100 * level, "quiet", "dash")
+    for chart, found, shares, places in _rows(comparison, variant, "coverage", "Intervals of"):
+        points = []
+        for at, method in enumerate(methods):
+            rows, columns = np.nonzero(np.isfinite(shares[:, at]))
+            known = 100 * shares[rows, at, columns]
+            texts = [
+                f"{method.source}, {found[row].label}, {budgets[column]} runs: "
+                f"coverage {share:.1f} %"
+                for row, column, share in zip(rows, columns, known, strict=True)
+            ]
+            mark = Points(known, places[at][rows], method.series, "%{text}", method.source, texts)
+            points.append(replace(mark, marker=series_marker(method.series), size=7))
+        table = OutputTable("Coverage of the reference, in %", budgets)
+        for entry, of_entry in zip(found, shares.tolist(), strict=True):
+            for method, row in zip(methods, of_entry, strict=True):
+                cells = [NOTHING if math.isnan(share) else f"{100 * share:.0f}" for share in row]
+                table.rows.append((f"{entry.label}, {method.source}", cells))
+        ends = np.nanmin(shares), np.nanmax(shares)
+        lowest, highest = (percent_text(round(float(share), 3)) for share in ends)
+        yield replace(
+            chart,
+            summary=f"The coverage is between {lowest} and {highest}; it should be "
+            f"{percent_text(level)}.",
+            x=Axis("coverage [%]", (min(78.0, 100 * ends[0]) - 2, 102)),
+            marks=(*behind, *points),
+            tables=(table,),
+        )
 
 
-# Puts marks into a chart of some entries by some methods, from the values along both and the places
-# of each method's marks.
-_Fill = Callable[
-    [Chart, Sequence[ComparedEntry], Sequence[ComparedMethod], FloatArray, Sequence[FloatArray]],
-    Chart,
-]
+# A chart without marks, its entries, the values of each by each method, and the places of each
+# method's marks.
+_Rows = tuple[Chart, Sequence[ComparedEntry], FloatArray, FloatArray]
 
 
-def _row_charts(
-    comparison: MethodComparison, variant: str, what: str, title: str, fill: _Fill
-) -> Iterator[Chart]:
+def _rows(comparison: MethodComparison, variant: str, what: str, title: str) -> Iterator[_Rows]:
+    """Yield the rows of a chart for each output that has any values."""
     methods = comparison.methods_in(variant)
     taken = f", {_VARIANT_TEXTS[variant]}" if len(comparison.variants) > 1 else ""
-    # One below the other in each row.
-    shifts = [(at - (len(methods) - 1) / 2) * 0.8 / len(methods) for at in range(len(methods))]
     for output, found in comparison.by_output.items():
         values = np.array([[each.of(m, what).values for m in methods] for each in found])
-        if np.isfinite(values).any():
-            rows = tuple(entry.label for entry in found)
-            chart = Chart(
-                title=f"{title} {comparison.heading(output)}{taken}",
-                summary="",
-                x=Axis(""),
-                y=Axis("", rows=rows),
-                marks=(),
-                height=_FRAME + (_ROW_HEIGHT + _METHOD_HEIGHT * max(2, len(methods))) * len(rows),
-                of=output,
-            )
-            places = [np.arange(len(rows), dtype=np.float64) + shift for shift in shifts]
-            yield fill(chart, found, methods, values, places)
-
-
-def _with_slopes(
-    chart: Chart,
-    found: Sequence[ComparedEntry],
-    methods: Sequence[ComparedMethod],
-    slopes: FloatArray,
-    places: Sequence[FloatArray],
-) -> Chart:
-    is_known, has_interval = np.isfinite(slopes[..., 0]), np.isfinite(slopes).all(axis=-1)
-    # An axis with all intervals, a slope of 0, and that of Monte Carlo.
-    shown = slopes[has_interval] if has_interval.any() else slopes[is_known, :1]
-    lower, upper = padded_limits(
-        min(float(shown.min()), _MONTE_CARLO_SLOPE), max(float(shown.max()), 0.0), 0.05
-    )
-    is_outside = is_known & ((slopes[..., 0] < lower) | (slopes[..., 0] > upper))
-    outside = [
-        f"{found[row].label} by {methods[at].source} {slopes[row, at, 0]:.2f}"
-        for row, at in zip(*np.nonzero(is_outside), strict=True)
-    ]
-    notes = [f"Outside of the axis: {', '.join(outside)}."] if outside else []
-    if (is_known & ~has_interval).any():
-        notes.append("Hollow: no interval, as few of the repeats decide an error on the line.")
-    steepest = []
-    table = OutputTable("Slopes, with their 95 % intervals", [m.source for m in methods])
-    for entry, row in zip(found, slopes.tolist(), strict=True):
-        known = [bounds[0] for bounds in row if math.isfinite(bounds[0])]
-        if known:
-            at = [bounds[0] for bounds in row].index(min(known))
-            text = f"steepest by {methods[at].source}, {estimate_text(*row[at])}"
-            steepest.append(f"{entry.label}: {text}")
-        cells = []
-        for bounds in row:
-            is_bounded = math.isfinite(bounds[1]) and math.isfinite(bounds[2])
-            note = _NO_SLOPE if math.isnan(bounds[0]) else "" if is_bounded else _NO_INTERVAL
-            cells.append(estimate_text(*bounds) + table.note_mark(note))
-        table.rows.append((entry.label, cells))
-    dots = [
-        Dots(
-            slopes[:, at],
-            places[at],
-            method.series,
-            hovers=[
-                f"{method.source}, {entry.label}: {estimate_text(*row)}"
-                + ("" if np.isfinite(row).all() else f"; {_NO_INTERVAL}")
-                for entry, row in zip(found, slopes[:, at], strict=True)
-            ],
-            name=method.source,
-            marker=series_marker(method.series),
+        if not np.isfinite(values).any():
+            continue
+        height = _FRAME + (_ROW_HEIGHT + _METHOD_HEIGHT * max(2, len(methods))) * len(found)
+        chart = Chart(
+            f"{title} {output_heading(comparison.view, output)}{taken}",
+            summary="",
+            x=Axis(""),
+            y=Axis("", rows=tuple(entry.label for entry in found)),
+            marks=(),
+            height=height,
+            of=output,
         )
-        for at, method in enumerate(methods)
-    ]
-    return replace(
-        chart,
-        summary="; ".join(steepest),
-        x=Axis("slope of log error over log runs", (lower, upper)),
-        marks=(Rule(_MONTE_CARLO_SLOPE, "quiet", "dash"), *dots),
-        notes=tuple(notes),
-        tables=(table,),
-    )
-
-
-def _with_coverage(
-    chart: Chart,
-    found: Sequence[ComparedEntry],
-    methods: Sequence[ComparedMethod],
-    shares: FloatArray,
-    places: Sequence[FloatArray],
-) -> Chart:
-    comparison = found[0].comparison
-    level, budgets = _nominal_level(comparison), list(map(grouped_number, comparison.budgets))
-    least = lowest_expected_coverage(level, comparison.repeats)
-    marks: list[Mark] = [Shade(100 * least, 100, "quiet"), Rule(100 * level, "quiet", "dash")]
-    for at, method in enumerate(methods):
-        rows, columns = np.nonzero(np.isfinite(shares[:, at]))
-        texts = [
-            f"{method.source}, {found[row].label}, {budgets[column]} runs: "
-            f"coverage {100 * shares[row, at, column]:.1f} %"
-            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-        ]
-        points = Points(
-            100 * shares[rows, at, columns],
-            places[at][rows],
-            method.series,
-            "%{text}",
-            method.source,
-            texts,
-            marker=series_marker(method.series),
-            size=7,
-        )
-        marks.append(points)
-    table = OutputTable("Coverage of the reference, in %", budgets)
-    for entry, of_entry in zip(found, shares.tolist(), strict=True):
-        for method, row in zip(methods, of_entry, strict=True):
-            cells = [NOTHING if math.isnan(share) else f"{100 * share:.0f}" for share in row]
-            table.rows.append((f"{entry.label}, {method.source}", cells))
-    known = shares[np.isfinite(shares)]
-    lowest, highest = (percent_text(round(share, 3)) for share in (known.min(), known.max()))
-    return replace(
-        chart,
-        summary=f"The coverage is between {lowest} and {highest}; it should be "
-        f"{percent_text(level)}.",
-        x=Axis("coverage [%]", (min(78.0, 100 * known.min()) - 2, 102)),
-        marks=tuple(marks),
-        tables=(table,),
-    )
+        # One below the other in each row.
+        shifts = (np.arange(len(methods)) - (len(methods) - 1) / 2) * 0.8 / len(methods)
+        yield chart, found, values, np.arange(len(found)) + shifts[:, np.newaxis]
 
 
 def coverage_note(comparison: MethodComparison) -> str:

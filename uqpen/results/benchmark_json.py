@@ -35,10 +35,10 @@ def benchmark_json(tree: xr.DataTree) -> dict[str, Any]:
     outputs: dict[str, dict[str, Any]] = {}
     for entry in comparison.entries:
         output, statistic = outputs.setdefault(entry.output, {}), entry.statistic
-        if entry.position is None:
-            output[statistic.name] = _statistic_json(entry)
-        else:
+        if statistic.dims:
             output.setdefault(statistic.shown.json, {})[entry.entry_name] = _statistic_json(entry)
+        else:
+            output[statistic.name] = _statistic_json(entry)
     return {
         **archive_identity(tree),
         "kind": tree.attrs[KIND],

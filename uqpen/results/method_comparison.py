@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +12,12 @@ import xarray as xr
 
 from uqpen.archive.comparison import reference_name
 from uqpen.archive.estimates import unpack
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.arrays import FloatArray
+from uqpen.archive.labelled_arrays import array_entries
+from uqpen.archive.read import group_names, is_benchmark, read_group
 from uqpen.core.catalogue import BENCHMARK_STATISTICS
 from uqpen.core.labels import (
     BUDGET,
     COMPARISON_GROUP,
-    NOTE,
     REPEAT,
     REPLICATED,
     REPLICATES_OF_BUDGET,
@@ -35,7 +33,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import conversion, entry_label
-from uqpen.results.texts import title_with_name
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 
@@ -56,20 +53,20 @@ class ComparedMethod(NamedTuple):
         Name of its source in the archive.
     source : str
         The name of its design or surrogate in the study.
-    variants : tuple of str
+    variants : sequence of str
         The comparisons that it is in: of single sets of points, of replicated sets, or both.
     series : int
         Number of its colour and marker; the same for a design as one set and in replicates.
-    runs, replicates : tuple of int
+    runs, replicates : sequence of int
         At each budget; no runs where it takes no part.
     """
 
     group: str
     source: str
-    variants: tuple[str, ...]
+    variants: Sequence[str]
     series: int
-    runs: tuple[int, ...]
-    replicates: tuple[int, ...]
+    runs: Sequence[int]
+    replicates: Sequence[int]
 
     @property
     def name(self) -> str:
@@ -88,6 +85,10 @@ class MethodComparison:
     """
 
     view: ArchiveView
+    # By group and name: to take an array out of its group takes its time.
+    _arrays: dict[tuple[str, ...], list[xr.DataArray]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> MethodComparison:
@@ -102,22 +103,23 @@ class MethodComparison:
     @cached_property
     def methods(self) -> list[ComparedMethod]:
         """All methods, in the order of the archive."""
-        return list(self._methods())
-
-    def _methods(self) -> Iterator[ComparedMethod]:
-        output = next(iter(group_names(self.view.tree, COMPARISON_GROUP)), "")
-        for name in self.view.sources if output else ():
-            if name == self.reference:
-                continue
+        found = []
+        for name in self.view.sources if is_benchmark(self.view.tree) else ():
             attributes = read_group(self.view.tree, STATISTICS_GROUP, name).attrs
-            runs, replicates = (
-                read_group(self.view.tree, STATISTICS_GROUP, name, output)[each].values.tolist()
-                for each in (RUNS_OF_BUDGET, REPLICATES_OF_BUDGET)
-            )
-            source = str(attributes[SOURCE])
-            variants = tuple(str(attributes[VARIANTS]).split())
-            series = self.view.series(source)
-            yield ComparedMethod(name, source, variants, series, tuple(runs), tuple(replicates))
+            if name != self.reference:
+                by_budget = self._of_budgets(name)
+                runs, replicates = (
+                    tuple(by_budget[each].values.tolist())
+                    for each in (RUNS_OF_BUDGET, REPLICATES_OF_BUDGET)
+                )
+                source, variants = str(attributes[SOURCE]), str(attributes[VARIANTS]).split()
+                series = self.view.series(source)
+                found.append(ComparedMethod(name, source, variants, series, runs, replicates))
+        return found
+
+    def _of_budgets(self, method: str) -> xr.Dataset:
+        """Return what a method has of the first output."""
+        return read_group(self.view.tree, STATISTICS_GROUP, method, self.view.outputs[0])
 
     def methods_in(self, variant: str) -> list[ComparedMethod]:
         """Return the methods of one of the comparisons."""
@@ -130,41 +132,45 @@ class MethodComparison:
         return [SINGLE, REPLICATED] if has_replicates else [SINGLE]
 
     @cached_property
-    def entries(self) -> list[ComparedEntry]:
-        """All entries of all statistics, output by output."""
-        return list(self._entries())
-
-    def _entries(self) -> Iterator[ComparedEntry]:
-        for output in group_names(self.view.tree, COMPARISON_GROUP):
-            truths = self.view.statistics.statistics(self.reference, output)
-            verdicts = read_group(self.view.tree, COMPARISON_GROUP, output)
-            for statistic in BENCHMARK_STATISTICS:
-                if f"{statistic.name}_verdict" in verdicts and self.view.output in (None, output):
-                    sizes = truths[statistic.name].sizes
-                    positions = range(sizes[statistic.dims[0]]) if statistic.dims else (None,)
-                    yield from (ComparedEntry(self, output, statistic, at) for at in positions)
-
-    @property
     def by_output(self) -> dict[str, list[ComparedEntry]]:
         """The entries of all statistics of each output."""
-        outputs = groupby(self.entries, lambda entry: entry.output)
-        return {output: list(found) for output, found in outputs}
-
-    def heading(self, output: str) -> str:
-        """Return an output's title as a heading has it."""
-        described = read_group(self.view.tree, COMPARISON_GROUP, output).attrs
-        return title_with_name(str(described.get("long_name", "")) or output, output)
+        found: dict[str, list[ComparedEntry]] = {}
+        for output in group_names(self.view.tree, COMPARISON_GROUP):
+            verdicts = read_group(self.view.tree, COMPARISON_GROUP, output)
+            for statistic in BENCHMARK_STATISTICS if self.view.output in (None, output) else ():
+                if f"{statistic.name}_verdict" in verdicts:
+                    sizes = [verdicts.sizes[dimension] for dimension in statistic.dims]
+                    positions = range(sizes[0] if sizes else 1)
+                    entries = (ComparedEntry(self, output, statistic, at) for at in positions)
+                    found.setdefault(output, []).extend(entries)
+        return found
 
     @property
+    def entries(self) -> list[ComparedEntry]:
+        """All entries of all statistics, output by output."""
+        return [entry for entries in self.by_output.values() for entry in entries]
+
+    @cached_property
     def budgets(self) -> list[int]:
         """The numbers of runs that the methods are given."""
-        errors = self.entries[0].of(self.methods[0])
-        return [int(budget) for budget in errors[BUDGET].values]
+        budgets: list[int] = self._of_budgets(self.methods[0].group)[BUDGET].values.tolist()
+        return budgets
 
-    @property
+    @cached_property
     def repeats(self) -> int:
         """The number of repeats of each method at each budget."""
-        return int(self.entries[0].of(self.methods[0]).sizes[REPEAT])
+        return int(self._of_budgets(self.methods[0].group).sizes[REPEAT])
+
+    def entry_arrays(
+        self, path: tuple[str, ...], name: str, along: Sequence[str]
+    ) -> list[xr.DataArray]:
+        """Return a variable of a group, by its entries along the dimension of a statistic."""
+        if (*path, name) not in self._arrays:
+            array = unpack(read_group(self.view.tree, *path), name)
+            assert array is not None, name
+            found = array_entries(array.transpose(*along, ...)) if along else [array]
+            self._arrays[*path, name] = found
+        return self._arrays[*path, name]
 
     @property
     def reference_runs(self) -> int:
@@ -175,11 +181,6 @@ class MethodComparison:
     def reference_runs_used(self) -> int:
         """The number of completed runs of the reference, which all outputs share."""
         return int(self.entries[0].reference.attrs["runs_used"])
-
-    @property
-    def runs_charged(self) -> int:
-        """The number of runs of all methods in all repeats."""
-        return sum(sum(method.runs) for method in self.methods) * self.repeats
 
 
 @dataclass(frozen=True)
@@ -192,45 +193,36 @@ class ComparedEntry:
     output : str
     statistic : Statistic
         Of the catalogue.
-    position : int or None
-        Among the entries; None for a statistic with a single one.
+    position : int
+        Among the entries; 0 for a statistic with a single one.
     """
 
     comparison: MethodComparison
     output: str
     statistic: Statistic
-    position: int | None
+    position: int
 
-    def of(self, method: ComparedMethod, what: str = "") -> xr.DataArray:
-        """Return the estimates of a method, or its ``"error"``, ``"coverage"`` or ``"slope"``."""
-        return self._archived(method.group, f"{self.statistic.name}_{what}".removesuffix("_"))
+    def of(self, method: ComparedMethod, what: str) -> xr.DataArray:
+        """Return the ``"error"`` of a method, its ``"coverage"`` or its ``"slope"``."""
+        return self._archived(STATISTICS_GROUP, method.group, self.output, what=f"_{what}")
+
+    def finding(self, what: str) -> xr.DataArray:
+        """Return what is said of all methods: ``"verdict"``, say, along variant and budget."""
+        return self._archived(COMPARISON_GROUP, self.output, what=f"_{what}")
 
     @property
     def reference(self) -> xr.DataArray:
         """The reference's estimate, as its analysis made it."""
-        return self._archived(self.comparison.reference, self.statistic.name)
+        return self._archived(STATISTICS_GROUP, self.comparison.reference, self.output)
 
-    def _archived(self, source: str, name: str) -> xr.DataArray:
-        array = self.comparison.view.statistics.get(source, self.output, name)
-        assert array is not None, name
-        return self._selected(array)
-
-    def finding(self, what: str) -> xr.DataArray:
-        """Return what is said of all methods: ``"verdict"``, say, along variant and budget."""
-        verdicts = read_group(self.comparison.view.tree, COMPARISON_GROUP, self.output)
-        array = unpack(verdicts, f"{self.statistic.name}_{what}")
-        assert array is not None, what
-        return self._selected(array)
-
-    def _selected(self, array: xr.DataArray) -> xr.DataArray:
-        if self.position is None:
-            return array
-        return array[dict.fromkeys(self.statistic.dims, self.position)]
+    def _archived(self, *path: str, what: str = "") -> xr.DataArray:
+        name, along = f"{self.statistic.name}{what}", self.statistic.dims
+        return self.comparison.entry_arrays(path, name, along)[self.position]
 
     @property
     def entry_name(self) -> str | float:
         """The coordinate that identifies it within its statistic; empty for a single one."""
-        if self.position is None:
+        if not self.statistic.dims:
             return ""
         entry: str | float = self.reference[self.statistic.dims[0]].values.tolist()
         return entry
@@ -262,27 +254,6 @@ class ComparedEntry:
         _, lower, upper = self.reference.values.tolist()
         relative_to = self.error_scale
         return 100 * (upper - lower) / 2 / relative_to if relative_to > 0 else float("nan")
-
-    def percent_errors(self, method: ComparedMethod) -> FloatArray:
-        """Return the errors of a method in per cent, for a logarithmic axis.
-
-        Returns
-        -------
-        ndarray, shape (budget, bound)
-            NaN where there is none, and for an error of 0, which such an axis does not show.
-        """
-        found: FloatArray = 100 * self.of(method, "error").values.astype(np.float64)
-        return np.where(np.isfinite(found) & (found > 0), found, np.nan)
-
-    @property
-    def error_notes(self) -> list[str]:
-        """The notes on the intervals of its errors, each once."""
-        notes = (
-            note
-            for method in self.comparison.methods
-            for note in np.ravel(self.of(method, "error").coords[NOTE].values)
-        )
-        return [note for note in dict.fromkeys(map(str, notes)) if note]
 
     @property
     def single_set_standings(self) -> list[tuple[str, float]]:

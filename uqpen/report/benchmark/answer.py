@@ -7,12 +7,14 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import islice
 
+import numpy as np
+
 from uqpen.charts.chart import Axis, Block, Chart, Charts
 from uqpen.charts.marks import Mark, Points, series_marker
 from uqpen.charts.method_comparison import method_keys
-from uqpen.core.labels import SINGLE
+from uqpen.core.labels import NOTE, SINGLE
 from uqpen.report.blocks import Quote, Remarks, Table, Text
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading
 from uqpen.results.benchmark_tables import (
     IS_DOUBTFUL,
     IS_LEVEL,
@@ -72,7 +74,7 @@ def leading_methods(view: ArchiveView) -> Iterator[Block]:
     )
     for output, found in outputs.items():
         lines = (f"{each.label}: {'; '.join(single_set_verdicts(each))}." for each in found)
-        head = f"In words: {comparison.heading(output)}"
+        head = f"In words: {output_heading(comparison.view, output)}"
         yield Remarks(head, tuple(lines), is_folded=True)
 
 
@@ -116,40 +118,31 @@ def _caveat_sentences(comparison: MethodComparison) -> Iterator[str]:
     notes = [str(note) for each in found for note in each.finding("remark").values[0]]
     for note, count in Counter(filter(None, notes)).items():
         yield f"For {count} of {len(notes)} verdicts: {note}."
-    marks = [_is_doubtful(*contest) for each in found for contest in each.single_set_standings]
-    if any(marks):
+    contests = [contest for each in found for contest in each.single_set_standings]
+    firsts = (standing_mark(level.partition(" ")[0], level, lead) for level, lead in contests)
+    if doubtful := list(firsts).count(IS_DOUBTFUL):
         yield (
-            f"In {sum(marks)} of {len(marks)} comparisons the lead is uncertain: few of the "
+            f"In {doubtful} of {len(contests)} comparisons the lead is uncertain: few of the "
             "repeats decide it, or the errors are no larger than the reference's own."
         )
     for method in comparison.methods_in(SINGLE):
         counts = zip(comparison.budgets, method.runs, strict=True)
         if where := [grouped_number(budget) for budget, count in counts if not count]:
             yield f"{method.source} takes no part at {join_names(where)} runs."
-    if without := sum(map(_count_without_error, found)):
+    without = sum(
+        runs > 0 and math.isnan(error)
+        for each in found
+        for method in comparison.methods_in(SINGLE)
+        for runs, error in zip(method.runs, each.of(method, "error").values[:, 0], strict=True)
+    )
+    if without:
         yield (
             f"{without} {'error is' if without == 1 else 'errors are'} unknown, as some repeat "
             "has no estimate, or the reference has none."
         )
-    yield from dict.fromkeys(
-        f"Intervals of errors: {note}." for each in found for note in each.error_notes
-    )
-
-
-def _is_doubtful(level: str, lowest: float) -> bool:
-    first = level.partition(" ")[0]
-    return standing_mark(first, level, lowest) == IS_DOUBTFUL if first else False
-
-
-def _count_without_error(entry: ComparedEntry) -> int:
-    """Return the number of methods that made their runs, as single sets, but have no error."""
-    return sum(
-        runs > 0 and math.isnan(error)
-        for method in entry.comparison.methods_in(SINGLE)
-        for runs, error in zip(
-            method.runs, entry.of(method, "error").values[:, 0].tolist(), strict=True
-        )
-    )
+    errors = (each.of(method, "error") for each in found for method in comparison.methods)
+    notes = [note for error in errors for note in np.ravel(error.coords[NOTE].values).tolist()]
+    yield from (f"Intervals of errors: {note}." for note in dict.fromkeys(filter(None, notes)))
 
 
 def _leaders(comparison: MethodComparison, output: str, found: list[ComparedEntry]) -> Chart:
@@ -161,7 +154,7 @@ def _leaders(comparison: MethodComparison, output: str, found: list[ComparedEntr
     best = [(entry.label, entry.single_set_standings[-1][0].split()) for entry in found]
     texts = [f"{label}: {join_names(names)}" for label, names in best if names]
     return Chart(
-        title=f"Who leads in {comparison.heading(output)}",
+        title=f"Who leads in {output_heading(comparison.view, output)}",
         summary=f"Nearest to the reference at {grouped_number(budgets[-1])} runs: "
         f"{'; '.join(texts) or 'none'}. The other numbers of runs are in the sentences below.",
         x=Axis("runs", ends, ticks=ticks),

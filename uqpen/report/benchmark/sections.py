@@ -22,7 +22,7 @@ from uqpen.core.labels import INTERVAL, REPLICATED, SINGLE
 from uqpen.core.units import scale
 from uqpen.report.benchmark.answer import MOST_CHARTS
 from uqpen.report.blocks import Heading, Table, Text
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading
 from uqpen.results.benchmark_tables import LEGEND, entry_table, methods_table, percentage_text
 from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.method_comparison import ComparedEntry, MethodComparison
@@ -66,7 +66,7 @@ def _error_blocks(comparison: MethodComparison, variant: str) -> Iterator[Block]
         return
     keys = method_keys(comparison.methods_in(variant))
     for output, found in charts.items():
-        yield Heading(comparison.heading(output))
+        yield Heading(output_heading(comparison.view, output))
         yield Charts(tuple(found), keys=(*keys, *error_keys(found)))
     drawn = sum(map(len, charts.values()))
     if without:
@@ -114,9 +114,10 @@ def cost(view: ArchiveView) -> Iterator[Block]:
     """Yield the runs that each method makes of those that it is given."""
     comparison = MethodComparison(view)
     yield Table(_indented(methods_table(comparison)))
+    charged = sum(sum(method.runs) for method in comparison.methods) * comparison.repeats
     yield Text(
-        f"All repeats together cost {grouped_number(comparison.runs_charged)} runs, and the "
-        f"reference {grouped_number(comparison.reference_runs)}."
+        f"All repeats together cost {grouped_number(charged)} runs, and the reference "
+        f"{grouped_number(comparison.reference_runs)}."
     )
     if any(
         0 < runs < budget
@@ -144,7 +145,7 @@ def reference(view: ArchiveView) -> Iterator[Block]:
     yield Text(f"Of its {grouped_number(run_count)} runs, {completed} completed.")
     columns = ["value", "its own error", "errors are relative to", "method of its interval"]
     for output, found in comparison.by_output.items():
-        table = OutputTable(f"Reference of {comparison.heading(output)}", columns)
+        table = OutputTable(f"Reference of {output_heading(comparison.view, output)}", columns)
         for entry in found:
             truth, own = entry.reference, entry.reference_error
             value = entry.reference_text if math.isfinite(truth.values[0]) else NOTHING
