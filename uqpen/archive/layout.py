@@ -51,7 +51,6 @@ __all__ = [
     "find_attribute_faults",
     "find_dataset_faults",
     "find_statistics_faults",
-    "has_bound_names",
     "has_kind",
 ]
 
@@ -86,7 +85,7 @@ def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
-def has_bound_names(dataset: xr.Dataset) -> bool:
+def _has_bound_names(dataset: xr.Dataset) -> bool:
     """Return True if a dataset names the bounds of its estimates."""
     # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
     return BOUND in dataset.coords and dataset.variables[BOUND].values.tolist() == list(BOUNDS)
@@ -188,7 +187,7 @@ def _field_faults(
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
     """Find what is wrong with the bounds of a statistic, and with the texts on them."""
     variable = dataset.variables[name]
-    if not has_bound_names(dataset):
+    if not _has_bound_names(dataset):
         yield f"{name}: not the bounds of an estimate"
     elif not has_interval_texts(dataset, name):
         yield f"{name}: does not say how its interval was made"

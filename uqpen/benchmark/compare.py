@@ -85,7 +85,7 @@ def compare(
     truth = runner.estimates(runner.run_design(SobolSequence(runs, replicates), stream))
     progress.finish_repeat(0)
     statistics = list(benchmark_statistics(study.quantities_of_interest))
-    record = EstimateRecord.empty(methods, settings, statistics, truth)
+    record = EstimateRecord(methods, settings, statistics, truth)
     # Repeat by repeat: each takes as long as the one before, so the end can be predicted.
     for repeat in range(settings.repeats):
         for position, method in enumerate(methods):

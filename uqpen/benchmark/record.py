@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
@@ -15,7 +14,7 @@ from uqpen.benchmark.accuracy import Accuracy, convergence_slope, root_mean_squa
 from uqpen.benchmark.methods import BenchmarkMethod, MethodCost, SurrogateMethod
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
-from uqpen.benchmark.verdicts import Verdict, find_verdict, reference_remark, verdict_sentence
+from uqpen.benchmark.verdicts import find_verdict, reference_remark, verdict_sentence
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import COMPARISON_STATISTICS, METHOD_STATISTICS
 from uqpen.core.labels import (
@@ -58,9 +57,8 @@ _INTERVAL_NOTE = (
 )
 
 
-@dataclass(frozen=True)
 class EstimateRecord:
-    """Estimates along method, budget, repeat, entry and bound.
+    """Estimates along method, budget, repeat, entry and bound; NaN where there is none.
 
     Parameters
     ----------
@@ -68,62 +66,50 @@ class EstimateRecord:
         In the order of the first axis.
     settings : BenchmarkSettings
         Budgets and repeats.
-    estimates : dict of BenchmarkStatistic to ndarray
-        Of shape (method, budget, repeat, entry, bound); NaN where there is none.
-    reference : dict of BenchmarkStatistic to ndarray
-        The reference's, of shape (entry, bound).
-    scales : dict of BenchmarkStatistic to ndarray
-        Scales of the relative errors, of shape (entry,).
+    statistics : sequence of BenchmarkStatistic
+        Those that methods are compared by, output by output.
     truth : mapping of str to mapping
         The reference's estimate arrays, by output and statistic.
     """
 
-    methods: tuple[BenchmarkMethod, ...]
-    settings: BenchmarkSettings
-    estimates: Mapping[BenchmarkStatistic, FloatArray]
-    reference: Mapping[BenchmarkStatistic, FloatArray]
-    scales: Mapping[BenchmarkStatistic, FloatArray]
-    truth: Estimates
-
-    @classmethod
-    def empty(
-        cls,
+    def __init__(
+        self,
         methods: tuple[BenchmarkMethod, ...],
         settings: BenchmarkSettings,
         statistics: Sequence[BenchmarkStatistic],
-        reference: Estimates,
-    ) -> EstimateRecord:
-        """Return a record of nothing but the reference's estimates of some statistics."""
+        truth: Estimates,
+    ) -> None:
+        self._methods, self._settings, self._truth = methods, settings, truth
+        # Along entry and bound, and the scales of the relative errors along entry.
+        self._reference = {each: each.estimates(truth) for each in statistics}
+        self._scales = {
+            each: each.error_scale(values[:, 0], float(truth[each.output]["std"].values[0]))
+            for each, values in self._reference.items()
+        }
         shape = (len(methods), len(settings.budgets), settings.repeats)
-        truth = {each: each.estimates(reference) for each in statistics}
-        spreads = {each: float(reference[each.output]["std"].values[0]) for each in statistics}
-        return cls(
-            methods,
-            settings,
-            {each: np.full((*shape, *truth[each].shape), np.nan) for each in statistics},
-            truth,
-            {each: each.error_scale(truth[each][:, 0], spreads[each]) for each in statistics},
-            reference,
-        )
+        self._estimates = {
+            each: np.full((*shape, *values.shape), np.nan)
+            for each, values in self._reference.items()
+        }
 
     def add(self, method: int, budget: int, repeat: int, estimates: Estimates) -> None:
         """Take the estimates of a method from one repeat, all given by their positions."""
-        for statistic, found in self.estimates.items():
+        for statistic, found in self._estimates.items():
             found[method, budget, repeat] = statistic.estimates(estimates)
 
     def accuracy(self, statistic: BenchmarkStatistic) -> Accuracy:
         """Return the relative errors, of shape (method, budget, entry)."""
-        values = np.moveaxis(self.estimates[statistic][..., 0], 2, -1)
-        truth = self.reference[statistic][:, :1]
-        return root_mean_square_errors((values - truth) / self.scales[statistic][:, np.newaxis])
+        values = np.moveaxis(self._estimates[statistic][..., 0], 2, -1)
+        truth = self._reference[statistic][:, :1]
+        return root_mean_square_errors((values - truth) / self._scales[statistic][:, np.newaxis])
 
     def coverage(self, statistic: BenchmarkStatistic) -> FloatArray:
         """Return the share of the intervals that contain the reference; NaN for no intervals.
 
         Its shape is (method, budget, entry).
         """
-        lower, upper = np.moveaxis(self.estimates[statistic][..., 1:], -1, 0)
-        truth = self.reference[statistic][:, 0]
+        lower, upper = np.moveaxis(self._estimates[statistic][..., 1:], -1, 0)
+        truth = self._reference[statistic][:, 0]
         has_interval = ~(np.isnan(lower) | np.isnan(upper))
         held = (has_interval & (lower <= truth) & (truth <= upper)).sum(axis=2)
         with np.errstate(invalid="ignore"):
@@ -134,7 +120,7 @@ class EstimateRecord:
         """Return convergence rates over the usable budgets, of shape (method, entry, bound)."""
         errors = self.accuracy(statistic)
         slopes = []
-        for position in range(len(self.methods)):
+        for position in range(len(self._methods)):
             runs = np.array([cost.runs for cost in self._costs(position)])
             used = errors[position, runs > 0]
             runs = runs[runs > 0].astype(np.float64)
@@ -142,36 +128,20 @@ class EstimateRecord:
             slopes.append(convergence_slope(used.logarithm, error, runs, errors.repeats))
         return np.stack(slopes)
 
-    def verdict(
-        self, statistic: BenchmarkStatistic, variant: str, budget: int, entry: int
-    ) -> tuple[Verdict | None, str]:
-        """Return the verdict of one comparison, and a remark on the reference's own error.
-
-        Budget and entry are given by their positions.
-        """
-        inside = [i for i, method in enumerate(self.methods) if variant in method.variants]
-        errors = self.accuracy(statistic)[inside, budget, entry]
-        _, lower, upper = self.reference[statistic][entry]
-        own = float((upper - lower) / 2 / self.scales[statistic][entry])
-        verdict = find_verdict([self.methods[i].source for i in inside], errors, own)
-        if verdict is None or verdict.doubt:
-            return verdict, ""
-        return verdict, reference_remark(float(np.nanmin(errors.bounds[:, 0])), own)
-
     def groups(self, reference_runs: int) -> Iterator[tuple[str, xr.Dataset]]:
         """Yield the groups of an archive: the reference and each method, then the verdicts."""
         by_output = {
             output: list(found)
-            for output, found in groupby(self.reference, lambda statistic: statistic.output)
+            for output, found in groupby(self._reference, lambda statistic: statistic.output)
         }
-        of_methods = {statistic: self._method_values(statistic) for statistic in self.reference}
-        taken = {method.source for method in self.methods}
+        of_methods = {statistic: self._method_values(statistic) for statistic in self._reference}
+        taken = {method.source for method in self._methods}
         place = f"/{STATISTICS_GROUP}/{_free_name(REFERENCE, taken)}"
         yield place, xr.Dataset(attrs={SOURCE_KIND: REFERENCE, RUNS_SPENT: reference_runs})
-        for output, arrays in self.truth.items():
+        for output, arrays in self._truth.items():
             yield f"{place}/{output}", pack(arrays)
-        for position, method in enumerate(self.methods):
-            runs = sum(cost.runs for cost in self._costs(position)) * self.settings.repeats
+        for position, method in enumerate(self._methods):
+            runs = sum(cost.runs for cost in self._costs(position)) * self._settings.repeats
             name = method.source
             if SINGLE not in method.variants:
                 name = _free_name(f"{name}_{REPLICATED}", taken)
@@ -200,12 +170,12 @@ class EstimateRecord:
             yield f"/{COMPARISON_GROUP}/{output}", pack(arrays).assign_attrs(described)
 
     def _costs(self, method: int) -> list[MethodCost]:
-        return [self.methods[method].cost(budget) for budget in self.settings.budgets]
+        return [self._methods[method].cost(budget) for budget in self._settings.budgets]
 
     def _method_values(self, statistic: BenchmarkStatistic) -> dict[str, FloatArray]:
         """Return the estimates of all methods, and the statistics of their errors."""
         return {
-            statistic.name: self.estimates[statistic][..., 0],
+            statistic.name: self._estimates[statistic][..., 0],
             f"{statistic.name}_error": self.accuracy(statistic).bounds,
             f"{statistic.name}_coverage": self.coverage(statistic),
             f"{statistic.name}_slope": self.slopes(statistic),
@@ -225,7 +195,7 @@ class EstimateRecord:
         self, statistic: BenchmarkStatistic
     ) -> Iterator[tuple[str, xr.DataArray]]:
         """Yield what errors are relative to, and the verdicts along variant, budget and entry."""
-        budgets = self.settings.budgets
+        errors, budgets = self.accuracy(statistic), self._settings.budgets
         shape = (len(_VARIANTS), len(budgets), len(statistic.entries))
         found: dict[str, Any] = {
             name: np.full(shape, "", dtype=object)
@@ -233,14 +203,24 @@ class EstimateRecord:
         }
         found["lead"] = np.full((*shape, len(BOUNDS)), np.nan)
         for at in np.ndindex(shape):
-            verdict, found["remark"][at] = self.verdict(statistic, _VARIANTS[at[0]], *at[1:])
-            found["verdict"][at] = verdict_sentence(verdict, budgets[at[1]])
-            if verdict is not None:
-                found["winner"][at], found["runner_up"][at] = verdict.winner, verdict.runner_up
-                found["level"][at] = " ".join(verdict.level)
-                lead = verdict.lead
-                found["lead"][at] = lead.factor, lead.lower, lead.upper
-        for said, values in {"scale": self.scales[statistic], **found}.items():
+            variant, budget, entry = at
+            inside = [
+                i for i, each in enumerate(self._methods) if _VARIANTS[variant] in each.variants
+            ]
+            compared = errors[inside, budget, entry]
+            _, lower, upper = self._reference[statistic][entry]
+            own = float((upper - lower) / 2 / self._scales[statistic][entry])
+            verdict = find_verdict([self._methods[i].source for i in inside], compared, own)
+            found["verdict"][at] = verdict_sentence(verdict, budgets[budget])
+            if verdict is None:
+                continue
+            found["winner"][at], found["runner_up"][at] = verdict.winner, verdict.runner_up
+            found["level"][at] = " ".join(verdict.level)
+            found["lead"][at] = verdict.lead.factor, verdict.lead.lower, verdict.lead.upper
+            if not verdict.doubt:
+                least = float(np.nanmin(compared.bounds[:, 0]))
+                found["remark"][at] = reference_remark(least, own)
+        for said, values in {"scale": self._scales[statistic], **found}.items():
             name = f"{statistic.name}_{said}"
             yield name, self._array(COMPARISON_STATISTICS[name], statistic, values, {})
 
@@ -259,8 +239,8 @@ class EstimateRecord:
             values = np.take(values, 0, axis=len(described.dims))
         known = {
             VARIANT: (VARIANT, np.array(_VARIANTS, dtype=object), "how the points are taken"),
-            BUDGET: (BUDGET, np.array(self.settings.budgets), "runs that a method may make"),
-            REPEAT: (REPEAT, np.arange(self.settings.repeats), "number of the repeat"),
+            BUDGET: (BUDGET, np.array(self._settings.budgets), "runs that a method may make"),
+            REPEAT: (REPEAT, np.arange(self._settings.repeats), "number of the repeat"),
         }
         along = {name: known[name] for name in described.dims if name in known}
         along |= beside if BUDGET in described.dims else {}
@@ -268,7 +248,7 @@ class EstimateRecord:
         # The labels of the entries are those that the reference has.
         coordinates |= {
             str(name): coordinate.variable
-            for name, coordinate in self.truth[statistic.output][statistic.name].coords.items()
+            for name, coordinate in self._truth[statistic.output][statistic.name].coords.items()
             if coordinate.dims == (statistic.dimension,) and name not in INTERVAL_TEXTS
         }
         attributes = {"long_name": f"{described.title} of {statistic.quantity.output.title}"}

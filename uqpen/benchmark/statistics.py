@@ -71,11 +71,6 @@ class BenchmarkStatistic:
         return self.quantity.display_unit if self._has_unit else DIMENSIONLESS
 
     @property
-    def long_name(self) -> str:
-        """The statistic in words."""
-        return f"{self._described.title} of {self.quantity.output.title}"
-
-    @property
     def _described(self) -> Statistic:
         return CATALOGUE[self.name]
 

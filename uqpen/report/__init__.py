@@ -1,9 +1,8 @@
 """The report: one page for a person, made from an archive alone.
 
 A page is made of sections. Each is a family member: it takes a part of an archive, and yields the
-blocks that this part has content for. The sections of a study are in `sections`, those of a
-benchmark of methods in `benchmark`; the last serves both. The template sets how a block looks. The
-page's script sets what a chart does under a pointer. The chart itself is data.
+blocks that this part has content for. The template sets how a block looks. The page's script sets
+what a chart does under a pointer. The chart itself is data.
 """
 
 from __future__ import annotations
@@ -104,7 +103,7 @@ SECTIONS = {
         "Which method is best",
         "Every method had the same numbers of runs, many times each. Its estimates are compared "
         "with a large reference. The best method is nearest to it, by more than the noise.",
-        "uqpen.report.benchmark.answer:leading_methods",
+        "uqpen.report.sections.benchmark:leaders",
         of="benchmark",
     ),
     "errors": ReportSection(
@@ -112,14 +111,14 @@ SECTIONS = {
         "The root mean square of each method's errors over the repeats, relative to the reference, "
         "with 95 % intervals. Read across to compare the runs that methods need for the same "
         "error. Markers for the same number of runs stand side by side.",
-        "uqpen.report.benchmark.sections:errors",
+        "uqpen.report.sections.benchmark:errors",
         of="benchmark",
     ),
     "replicates": ReportSection(
         "The same in replicates",
         "The scatter of replicates gives the error of a design. This may cost accuracy, as each "
         "replicate has fewer points. Methods without replicates are the same as above.",
-        "uqpen.report.benchmark.sections:replicates",
+        "uqpen.report.sections.benchmark:replicates",
         of="benchmark",
         is_folded=True,
     ),
@@ -127,7 +126,7 @@ SECTIONS = {
         "How fast errors fall",
         "The slope of a straight line through the logarithms of errors over those of runs, with "
         "95 % intervals of the noise. Further to the left, errors fall faster with more runs.",
-        "uqpen.report.benchmark.sections:rates",
+        "uqpen.report.sections.benchmark:rates",
         of="benchmark",
         is_folded=True,
     ),
@@ -135,14 +134,14 @@ SECTIONS = {
         "Coverage of the methods' own intervals",
         "The share of the repeats in which the interval of an estimate contains the reference. "
         "Where the reference's own error is as large as the interval, it counts too.",
-        "uqpen.report.benchmark.sections:coverage",
+        "uqpen.report.sections.benchmark:coverage",
         of="benchmark",
     ),
     "cost": ReportSection(
         "Cost",
         "The cost of a method is its number of runs of the model. For a surrogate these are its "
         "training and validation runs; the time of its fit is not counted.",
-        "uqpen.report.benchmark.sections:cost",
+        "uqpen.report.sections.benchmark:cost",
         of="benchmark",
         is_folded=True,
     ),
@@ -151,14 +150,14 @@ SECTIONS = {
         "One large design of the study's own model: scrambled Sobol' points in replicates. Its "
         "estimates replace the true values, so an error below its own cannot be distinguished "
         "from 0.",
-        "uqpen.report.benchmark.sections:reference",
+        "uqpen.report.sections.benchmark:reference",
         of="benchmark",
         is_folded=True,
     ),
     "tables": ReportSection(
         "All tables",
         "As the command line shows them.",
-        "uqpen.report.benchmark.sections:tables",
+        "uqpen.report.sections.benchmark:tables",
         of="benchmark",
         is_folded=True,
     ),
