@@ -32,6 +32,7 @@ from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
+from uqpen.results.source_slots import source_slots
 from uqpen.results.table import conversion, entry_label
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
@@ -103,18 +104,23 @@ class MethodComparison:
     @cached_property
     def methods(self) -> list[ComparedMethod]:
         """All methods, in the order of the archive."""
+        if not is_benchmark(self.view.tree):
+            return []
+        described = {
+            name: read_group(self.view.tree, STATISTICS_GROUP, name).attrs
+            for name in self.view.sources
+            if name != self.reference
+        }
+        text = str(self.view.archive.attrs.get("study_text", ""))
+        slots = source_slots(text, (str(each[SOURCE]) for each in described.values()))
         found = []
-        for name in self.view.sources if is_benchmark(self.view.tree) else ():
-            attributes = read_group(self.view.tree, STATISTICS_GROUP, name).attrs
-            if name != self.reference:
-                by_budget = self._of_budgets(name)
-                runs, replicates = (
-                    tuple(by_budget[each].values.tolist())
-                    for each in (RUNS_OF_BUDGET, REPLICATES_OF_BUDGET)
-                )
-                source, variants = str(attributes[SOURCE]), str(attributes[VARIANTS]).split()
-                series = self.view.series(source)
-                found.append(ComparedMethod(name, source, variants, series, runs, replicates))
+        for name, attributes in described.items():
+            by_budget = self._of_budgets(name)
+            runs, replicates = (
+                by_budget[each].values.tolist() for each in (RUNS_OF_BUDGET, REPLICATES_OF_BUDGET)
+            )
+            source, variants = str(attributes[SOURCE]), str(attributes[VARIANTS]).split()
+            found.append(ComparedMethod(name, source, variants, slots[source], runs, replicates))
         return found
 
     def _of_budgets(self, method: str) -> xr.Dataset:
