@@ -32,7 +32,7 @@ from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.source_slots import source_slots
+from uqpen.results.source_style import source_slots
 from uqpen.results.table import conversion, entry_label
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson

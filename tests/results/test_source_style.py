@@ -9,8 +9,7 @@ from uqpen.charts.marks import DASHES, MARKERS
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.method_comparison import MethodComparison
-from uqpen.results.source_slots import source_slots
-from uqpen.results.source_style import STYLES, source_style
+from uqpen.results.source_style import STYLES, source_slots, source_style
 
 STUDY = """
 [designs.first]
