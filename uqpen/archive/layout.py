@@ -44,14 +44,13 @@ from uqpen.core.labels import (
     STOPPING_CLAIM,
     STOPPING_STATISTICS,
 )
-from uqpen.core.statistic import Statistic
+from uqpen.core.statistic import EntryDimension, Statistic
 from uqpen.core.units import scale
 
 __all__ = [
     "find_attribute_faults",
     "find_dataset_faults",
     "find_statistics_faults",
-    "has_bound_names",
     "has_kind",
 ]
 
@@ -67,7 +66,7 @@ _ATTRIBUTES = {
         (AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED), "text"
     ),
     **dict.fromkeys(
-        (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
+        (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used"),
         "count",
     ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
@@ -86,7 +85,7 @@ def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
-def has_bound_names(dataset: xr.Dataset) -> bool:
+def _has_bound_names(dataset: xr.Dataset) -> bool:
     """Return True if a dataset names the bounds of its estimates."""
     # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
     return BOUND in dataset.coords and dataset.variables[BOUND].values.tolist() == list(BOUNDS)
@@ -135,11 +134,16 @@ def find_statistics_faults(node: xr.DataTree) -> Iterator[str]:
                         yield f"/{source}/{output}: another {dimension} than elsewhere"
 
 
-def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+def find_dataset_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension] = DIMENSIONS,
+) -> Iterator[str]:
     """Yield the faults of the statistics of one group.
 
     A statistic that is not in the catalogue may have any dimensions. A statistic that the group
-    lacks is no fault.
+    lacks is no fault. The entries of statistics lie along `dimensions`, those of fields along any
+    others.
     """
     for name in statistic_names(dataset):
         variable = dataset.variables[name]
@@ -151,19 +155,23 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
             of_statistic = dims[len(of_field) :]
             if (
                 of_statistic != expected
-                or not DIMENSIONS.keys().isdisjoint(of_field)
-                or not has_kind(variable, "number")
+                or not dimensions.keys().isdisjoint(of_field)
+                or not has_kind(variable, entry.kind)
             ):
-                yield f"{name} is not of numbers along {', '.join(expected)}"
+                yield f"{name} is not of {entry.kind}s along {', '.join(expected)}"
                 continue
         if BOUND in dims:
             yield from _interval_faults(dataset, name)
         for dimension in dims:
-            yield from _coordinate_faults(dataset, dimension)
-    yield from _field_faults(dataset, catalogue)
+            yield from _coordinate_faults(dataset, dimension, dimensions)
+    yield from _field_faults(dataset, catalogue, dimensions)
 
 
-def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+def _field_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension],
+) -> Iterator[str]:
     """Find dimensions of a field that have no coordinates with a unit."""
     known = {
         str(dim)
@@ -171,7 +179,7 @@ def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> It
         if name in catalogue
         for dim in dataset.variables[name].dims
     }
-    for dimension in sorted(known.difference(DIMENSIONS, (BOUND,))):
+    for dimension in sorted(known.difference(dimensions, (BOUND,))):
         if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:
             yield f"no coordinates with a unit along {dimension}"
 
@@ -179,7 +187,7 @@ def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> It
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
     """Find what is wrong with the bounds of a statistic, and with the texts on them."""
     variable = dataset.variables[name]
-    if not has_bound_names(dataset):
+    if not _has_bound_names(dataset):
         yield f"{name}: not the bounds of an estimate"
     elif not has_interval_texts(dataset, name):
         yield f"{name}: does not say how its interval was made"
@@ -194,9 +202,11 @@ def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
             yield f"{beside} is not of a number for each entry of {name}"
 
 
-def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
+def _coordinate_faults(
+    dataset: xr.Dataset, dimension: str, dimensions: Mapping[str, EntryDimension]
+) -> Iterator[str]:
     """Find what is wrong with the coordinates along a dimension of the catalogue."""
-    described = DIMENSIONS.get(dimension)
+    described = dimensions.get(dimension)
     if described is None:
         return
     is_there = dimension in dataset.coords

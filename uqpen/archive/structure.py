@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.benchmark_structure import find_benchmark_faults
+from uqpen.archive.comparison import find_comparison_faults
 from uqpen.archive.estimates import has_interval_texts
 from uqpen.archive.fields import find_field_faults
 from uqpen.archive.files import find_file_faults
@@ -19,11 +19,10 @@ from uqpen.archive.layout import (
     has_kind,
 )
 from uqpen.archive.requirements import find_level_faults, find_model_faults
-from uqpen.archive.tree import model_trees
+from uqpen.archive.tree import is_benchmark, model_trees
 from uqpen.core.blocks import block_ranges, is_true_by_blocks
 from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS, MODEL_FORM_STATISTICS
 from uqpen.core.labels import (
-    BENCHMARK,
     BOUND,
     DIFFERENCES,
     FAILED_RUN,
@@ -64,13 +63,12 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     if not _SEED.match(str(tree.attrs.get("seed", ""))):
         yield "a seed that is no number"
     yield from find_attribute_faults(tree)
-    kind = tree.attrs.get(KIND)
-    if kind is None:
+    if KIND not in tree.attrs:
         yield from _study_faults(tree)
-    elif kind == BENCHMARK:
-        yield from find_benchmark_faults(tree)
+    elif is_benchmark(tree):
+        yield from find_comparison_faults(tree)
     else:
-        yield f'of kind "{kind}", which this uqpen does not know'
+        yield f'of kind "{tree.attrs[KIND]}", which this uqpen does not know'
     yield from _estimate_faults(tree)
     yield from find_level_faults(tree)
     yield from find_file_faults(tree.children)

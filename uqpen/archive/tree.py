@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from uqpen.core.labels import MODELS
+from uqpen.core.labels import BENCHMARK, KIND, MODELS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["group_names", "model_trees", "read_group"]
+__all__ = ["group_names", "is_benchmark", "model_trees", "read_group"]
 
 
 def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
@@ -17,6 +17,11 @@ def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     if MODELS not in tree.children:
         return {"": tree}
     return {str(name): model for name, model in tree.children[MODELS].children.items()}
+
+
+def is_benchmark(tree: xr.DataTree) -> bool:
+    """Return True for the archive of a benchmark of methods, False for that of a study."""
+    return bool(tree.attrs.get(KIND) == BENCHMARK)
 
 
 def group_names(tree: xr.DataTree, name: str) -> list[str]:
