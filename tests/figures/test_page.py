@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partialmethod
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ from uqpen.core.lookup import resolve
 from uqpen.figures import FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
+from uqpen.figures.panel import Panel
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text, typeset_unit
 from uqpen.results.texts import plain_text
 
@@ -241,3 +243,17 @@ def test_a_constant_output_is_drawn(study_of: Any) -> None:
     tree = uqpen.run(study_of("2 + 0 * x", x=(0, 1)))
     for name in available(tree):
         assert all(np.isfinite(axes.get_xlim()).all() for axes in figure(tree, name).axes)
+
+
+def test_panels_of_one_output_each_share_a_row(study_of: Any) -> None:
+    tree = uqpen.run(study_of("a", '[designs.mc]\nkind = "monte-carlo"\nruns = 20', a=(0, 1)))
+
+    def rows(*groups: str) -> list[int]:
+        def drawn(_: ArchiveView) -> Iterator[Panel]:
+            """Empty panels."""
+            yield from (Panel(each, lambda _: (), group=each) for each in groups)
+
+        return [each.get_subplotspec().rowspan.start for each in figure(tree, drawn).axes]
+
+    assert rows("y", "z") == [0, 0]
+    assert rows("y", "y", "z") == [0, 0, 1]

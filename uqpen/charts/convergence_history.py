@@ -14,14 +14,10 @@ from uqpen.charts.axes import logarithmic_axis, padded_limits
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Dots, Rule, all_bounded, has_interval, series_marker
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
-from uqpen.core.statistic_dimensions import (
-    CATEGORY,
-    LOWER_THRESHOLD,
-    PROBABILITY,
-    RUNS_SO_FAR,
-    THRESHOLD,
-)
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
+from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
 from uqpen.results.archive_view import ArchiveView, output_title
@@ -30,10 +26,7 @@ from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
     Conversion,
     OutputTable,
-    below_label,
-    exceedance_label,
-    identity,
-    quantile_label,
+    entry_label,
     shown_estimate,
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
@@ -116,32 +109,32 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
 def _estimate_histories(
     view: ArchiveView, output: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[_EstimateHistory]:
-    unit, convert = view.unit(output), view.scale(output).from_si
-    values: dict[str, xr.DataArray] = {}
-    probabilities: dict[str, xr.DataArray] = {}
-    if (array := statistics.get("convergence_mean")) is not None:
-        values["mean"] = array
-    if (array := statistics.get("convergence_quantile")) is not None:
-        asked = array[PROBABILITY].values.tolist()
-        for p in [0.5] if 0.5 in asked else [asked[0], asked[-1]]:
-            values[quantile_label(p)] = array[{PROBABILITY: asked.index(p)}]
-    if (array := statistics.get("convergence_exceedance")) is not None:
-        first = array[{THRESHOLD: 0}]
-        probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
-    elif (array := statistics.get("convergence_below")) is not None:
-        first = array[{LOWER_THRESHOLD: 0}]
-        probabilities[below_label(str(first[LOWER_THRESHOLD].values))] = first
-    if (array := statistics.get("convergence_share")) is not None:
-        for position, label in enumerate(
-            array["category_label"].values.tolist()[:_MOST_CATEGORIES]
-        ):
-            probabilities[f"share {label}"] = array[{CATEGORY: position}]
-    found = [_EstimateHistory(label, unit, convert, each) for label, each in values.items()]
-    found += [
-        _EstimateHistory(label, DIMENSIONLESS, identity, each)
-        for label, each in probabilities.items()
-    ]
-    yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
+    has_threshold = False
+    for each in (each for each in CATALOGUE.values() if each.prefix == BY_RUNS):
+        of, array = CATALOGUE[each.of], statistics.get(each.name)
+        # One threshold is enough, be it one to exceed or one to lie below.
+        if array is None or (of.shown.has_verdict and has_threshold):
+            continue
+        has_threshold = has_threshold or of.shown.has_verdict
+        unit = DIMENSIONLESS if of.unit is UnitRule.NONE else view.unit(output)
+        for label, entry in _shown_entries(of, array):
+            history = _EstimateHistory(label, unit, view.conversion(output, of), entry)
+            if np.isfinite(history.bounds[:, 0]).any():
+                yield history
+
+
+def _shown_entries(of: Statistic, array: xr.DataArray) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the entries that are drawn: of quantiles the median, or else the first and the last."""
+    if not of.dims:
+        yield entry_label(of, ""), array
+        return
+    entries = array[of.shown.coordinate or of.dims[0]].values.tolist()
+    places: Sequence[int] = range(len(entries))[: 1 if of.shown.has_verdict else _MOST_CATEGORIES]
+    if of.shown.entry == "probability":
+        ends = sorted({0, len(entries) - 1})
+        places = [entries.index(0.5)] if 0.5 in entries else ends
+    for place in places:
+        yield entry_label(of, entries[place]), array[{of.dims[0]: place}]
 
 
 def _history_charts(

@@ -27,7 +27,7 @@ from uqpen.charts.marks import (
 )
 from uqpen.charts.scatter import thin_runs
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.labels import INPUT, INTERVAL_LEVEL, NOTE, RUN
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.curve_estimates import CurveEstimates, curves
@@ -39,9 +39,8 @@ from uqpen.results.digits import (
     percent_text,
     typeset_unit,
 )
-from uqpen.results.index_titles import index_titles
+from uqpen.results.input_measures import index_titles
 from uqpen.results.input_ranking import input_label
-from uqpen.results.measure_labels import INDICES
 from uqpen.results.source_statistics import best_sources
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, first_runs, quantile_label
@@ -502,15 +501,15 @@ def driver_charts(view: ArchiveView) -> Iterator[Charts]:
 def measures_along(curve: CurveEstimates) -> list[_Index]:
     """Return the indices along the places: label, source and array of each that is known."""
     found = []
-    for measure in index_titles(curve.view.tree).ordered(INDICES):
+    for each in index_titles(curve.view.tree).ordered(MEASURES["shares"]):
         arrays = {
             source: array
-            for source in curve.view.estimates(curve.output, measure.statistic)
-            if (array := curve.array(measure.statistic, source)) is not None
+            for source in curve.view.estimates(curve.output, each.name)
+            if (array := curve.array(each.name, source)) is not None
         }
         best = best_sources(curve.view.tree, arrays.items())[:1]
         known = (source for source in best if np.isfinite(arrays[source].values[..., 0]).any())
-        found += [(measure.label, source, arrays[source]) for source in known]
+        found += [(each.measure.label, source, arrays[source]) for source in known]
     return found
 
 
@@ -705,7 +704,8 @@ def _map(
     view: ArchiveView, field: str, source: str, label: str, array: xr.DataArray, notes: list[str]
 ) -> Chart:
     """Return the map of a statistic along two dimensions and ``bound``."""
-    bounds = np.asarray(view.conversion(field, str(array.name))(array.values), dtype=np.float64)
+    convert = view.conversion(field, CATALOGUE[str(array.name)])
+    bounds = np.asarray(convert(array.values), dtype=np.float64)
     across, along = (str(dim) for dim in array.dims[:2])
     x, y = (np.asarray(view.scale(dim).from_si(array[dim].values)) for dim in (along, across))
     unit = unit_suffix(view.unit(field))

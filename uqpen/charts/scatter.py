@@ -16,6 +16,7 @@ from uqpen.charts.axes import ValueAxis, output_axis, padded_limits, quantity, q
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import CROSS, Points, escape_text
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.streams import Stream
@@ -46,7 +47,7 @@ _MOST_RUNS, _MOST_FAILED = 400, 100
 _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 # Measures of association, shown in the table.
-_ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
+_ASSOCIATIONS = [*MEASURES["associations"][:2], *MEASURES["shares"][:1]]
 
 
 def scatter_charts(view: ArchiveView) -> Iterator[Charts]:
@@ -275,8 +276,8 @@ def _association_estimates(cloud: PlottedRuns, output: str, name: str) -> dict[s
     """Return the measures of association of an output with an input, by their labels."""
     statistics = cloud.view.statistics
     every = (
-        (label, statistics.entries(cloud.design, output, statistic).get(name))
-        for statistic, label in _ASSOCIATIONS
+        (each.measure.label, statistics.entries(cloud.design, output, each.name).get(name))
+        for each in _ASSOCIATIONS
     )
     return {label: found for label, found in every if found is not None}
 

@@ -21,14 +21,18 @@ from uqpen.charts.marks import (
     interval_notes,
     series_marker,
 )
-from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.output_tables import runs_spent
-from uqpen.results.statistic_entries import COMPARED, THRESHOLD_PROBABILITIES, labelled_entries
+from uqpen.results.statistic_entries import (
+    COMPARED,
+    described_statistics,
+    labelled_entries,
+)
 from uqpen.results.table import (
     NOTHING,
     Conversion,
@@ -75,8 +79,7 @@ class ComparedStatistic(NamedTuple):
 
     Attributes
     ----------
-    statistic : str
-        An entry of the catalogue.
+    statistic : Statistic
     label : str
         Its name in tables.
     convert : callable
@@ -85,7 +88,7 @@ class ComparedStatistic(NamedTuple):
         By source; along ``bound``.
     """
 
-    statistic: str
+    statistic: Statistic
     label: str
     convert: Conversion
     estimates: Mapping[str, xr.DataArray]
@@ -103,11 +106,11 @@ class ComparedStatistic(NamedTuple):
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
     """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
-    for statistic in COMPARED:
-        name = statistic.name
-        convert = view.conversion(output, name)
-        for label, found in labelled_entries(statistic, view.estimates(output, name)):
-            yield ComparedStatistic(name, label, convert, found)
+    described = described_statistics(view.statistics, output)
+    for statistic in (*COMPARED, *(each for each in described if each.shown.is_compared)):
+        convert = view.conversion(output, statistic)
+        for label, found in labelled_entries(statistic, view.estimates(output, statistic.name)):
+            yield ComparedStatistic(statistic, label, convert, found)
 
 
 def available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:
@@ -174,8 +177,8 @@ _ComparedWidths = tuple[ComparedStatistic, Mapping[str, _IntervalWidth]]
 
 def main_statistics(found: Sequence[ComparedStatistic]) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""
-    thresholds = [each for each in found if CATALOGUE[each.statistic] in THRESHOLD_PROBABILITIES]
-    shares = [each for each in found if each.statistic == "share"]
+    thresholds = [each for each in found if each.statistic.shown.has_verdict]
+    shares = [each for each in found if each.statistic.shown.axis == "share"]
     by_label = {each.label: each for each in found}
     first = [by_label[label] for label in ("mean", quantile_label(0.5)) if label in by_label]
     return [*first, *thresholds[:1], *shares[:_MOST_SHARES]]

@@ -118,6 +118,15 @@ SHARES = "shares"
 SENSITIVITY = "sensitivity"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
+
+# Beginnings of the names of statistics that follow from others: of the logarithm of an output, of
+# whether it exceeds a value or is in a category, of a whole field, and by the runs so far.
+OF_LOGARITHM = "log_"
+OF_EXCEEDANCE = "exceedance_"
+OF_CATEGORY = "category_"
+OF_FIELD = "generalized_"
+BY_RUNS = "convergence_"
+
 TRAJECTORY = "trajectory"
 
 # Attributes that an analysis or a reader needs.

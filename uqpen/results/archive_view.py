@@ -17,6 +17,7 @@ from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic
 from uqpen.core.status import Status
 from uqpen.core.units import Scale, scale
 from uqpen.execution import status_counts
@@ -260,7 +261,7 @@ class ArchiveView:
         sources = None if self.source is None else [self.source]
         return self.statistics.by_source(output, statistic, sources)
 
-    def conversion(self, output: str, statistic: str) -> Conversion:
+    def conversion(self, output: str, statistic: Statistic) -> Conversion:
         """Return the conversion of a statistic from SI to the unit that is shown."""
         return conversion(statistic, self.scale(output))
 

@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUND, LEFT_OUT, RUNS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import first_runs
@@ -125,7 +126,7 @@ class CurveEstimates:
         }
 
     def _shown(self, array: xr.DataArray, statistic: str) -> FloatArray:
-        convert = self.view.conversion(self.output, statistic)
+        convert = self.view.conversion(self.output, CATALOGUE[statistic])
         values = array.transpose(self.dimension, BOUND).values
         return np.asarray(convert(values), dtype=np.float64)
 

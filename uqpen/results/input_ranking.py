@@ -1,4 +1,4 @@
-"""Inputs by their importance for an output."""
+"""Inputs by their importance for an output: the measure that ranks them, and their order."""
 
 from __future__ import annotations
 
@@ -8,53 +8,45 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
+from uqpen.core.catalogue import CATALOGUE, MEASURES
+from uqpen.core.labels import BOUND, INPUT, OF_LOGARITHM
+from uqpen.core.statistic import Statistic
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.input_measures import index_titles
 from uqpen.results.texts import plain_text
 
 __all__ = [
-    "OF_LOGARITHM",
     "InputOrder",
     "Ranking",
     "best_ranking",
-    "has_dependent_inputs",
     "input_label",
     "input_order",
     "input_ranking",
 ]
 
-
-# Measures of the inputs' part, the most telling first.
-_MEASURES = ("first_order", "mu_star", "contribution", "spearman")
-_OF_DEPENDENT_INPUTS = ("shapley", *_MEASURES)
-# Before these, of an output that is shown by its logarithm.
-OF_LOGARITHM = "log_"
-_REASONS = {
-    "first_order": "the largest first order",
-    "shapley": "the largest Shapley effects",
-    "mu_star": "the largest mean elementary effects",
-    "contribution": "the largest response times uncertainty",
-    "spearman": "the strongest rank correlations",
-}
+# Measures that the inputs can be ordered by, the most telling first.
+_MEASURES = sorted(
+    (each for each in CATALOGUE.values() if each.measure.reason),
+    key=lambda each: each.measure.rank,
+)
 
 
 class Ranking(NamedTuple):
     """Estimates of one measure of all inputs by one source, the largest first."""
 
-    statistic: str
+    statistic: Statistic
     source: str
     estimates: Mapping[str, xr.DataArray]
 
     @property
-    def measure(self) -> str:
-        """The measure, be it of the output or of its logarithm."""
-        return self.statistic.removeprefix(OF_LOGARITHM)
-
-    @property
     def is_of_logarithm(self) -> bool:
         """True if it is of the logarithm of the output."""
-        return self.measure != self.statistic
+        return self.statistic.prefix == OF_LOGARITHM
+
+    @property
+    def divides(self) -> bool:
+        """True if its estimates add up to the variance, also where inputs depend on each other."""
+        return self.statistic.measure.share == "divided"
 
 
 class InputOrder(NamedTuple):
@@ -79,52 +71,51 @@ def input_label(view: ArchiveView, name: str) -> str:
 def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
     """Return the inputs by the first measure that the archive has, with its best-known source.
 
-    That is the source with the narrowest interval of its largest estimate. One without intervals is
-    taken only where there is no other.
+    Of an output that is shown by its logarithm, the measures of that come first. What divides a
+    variance comes first where the inputs depend on each other. Where they do not, the parts that
+    they cause alone add up as well, and nothing is ranked by it.
     """
-    measures = _OF_DEPENDENT_INPUTS if has_dependent_inputs(view) else _MEASURES
-    if view.is_logarithmic(output):
-        indices = measures[: measures.index("first_order") + 1]
-        measures = (*(f"{OF_LOGARITHM}{each}" for each in indices), *measures)
-    for statistic in measures:
-        if found := best_ranking(view, output, statistic):
-            return found
+    shares = index_titles(view.tree)
+    for prefix in (OF_LOGARITHM, "") if view.is_logarithmic(output) else ("",):
+        for statistic in shares.ordered(_MEASURES):
+            is_telling = shares.is_dependent or statistic.measure.share != "divided"
+            if statistic.prefix != prefix or not is_telling:
+                continue
+            if ranking := best_ranking(view, output, statistic):
+                return ranking
     return None
 
 
-def best_ranking(view: ArchiveView, output: str, statistic: str) -> Ranking | None:
-    """Return the inputs by one measure, with its best-known source; None without any."""
-    found = []
-    for source in view.estimates(output, statistic):
-        entries = view.statistics.entries(source, output, statistic)
+def best_ranking(view: ArchiveView, output: str, statistic: Statistic) -> Ranking | None:
+    """Return the inputs by a measure, by the source with the narrowest interval of the largest.
+
+    One without intervals is taken only where there is no other. None where no source has an
+    estimate of its own.
+    """
+    found: list[tuple[float, Ranking]] = []
+    for source in view.estimates(output, statistic.name):
+        entries = view.statistics.entries(source, output, statistic.name)
         known = {name: each for name, each in entries.items() if np.isfinite(each.values[0])}
-        if known and not view.statistics.citation(source):
-            ordered = sorted(known, key=lambda name: -abs(float(known[name].values[0])))
-            found.append(Ranking(statistic, source, {name: known[name] for name in ordered}))
-    return min(found, key=_width, default=None)
+        if not known or view.statistics.citation(source):
+            continue
+        ordered = sorted(known, key=lambda name: -abs(float(known[name].values[0])))
+        _, lower, upper = known[ordered[0]].values.tolist()
+        width = upper - lower if np.isfinite([lower, upper]).all() else np.inf
+        estimates = {str(name): known[name] for name in ordered}
+        found.append((width, Ranking(statistic, source, estimates)))
+    return min(found, key=lambda each: each[0])[1] if found else None
 
 
 def input_order(view: ArchiveView, output: str) -> InputOrder:
     """Return the inputs in the order of their importance; without names if it is unknown."""
     if ranking := input_ranking(view, output):
         of = " of the logarithm" * ranking.is_of_logarithm
-        reason = f"{_REASONS[ranking.measure]}{of} by {ranking.source}"
+        reason = f"{ranking.statistic.measure.reason}{of} by {ranking.source}"
         return InputOrder(tuple(ranking.estimates), reason)
-    for source, array in view.estimates(output, "category_first_order").items():
+    of_category = MEASURES["categories"][0]
+    for source, array in view.estimates(output, of_category.name).items():
         largest = np.nan_to_num(array.isel({BOUND: 0})).max(axis=0)
         if largest.any():
             names = array[INPUT].values[np.argsort(-largest, kind="stable")]
-            return InputOrder(tuple(names.tolist()), f"{_REASONS['first_order']} by {source}")
+            return InputOrder(tuple(names.tolist()), f"{of_category.measure.reason} by {source}")
     return InputOrder()
-
-
-def has_dependent_inputs(view: ArchiveView) -> bool:
-    """Return whether any inputs of the model depend on each other."""
-    return any(DEPENDENCE in read_group(view.tree, RUNS, name).attrs for name in view.designs)
-
-
-def _width(ranking: Ranking) -> tuple[bool, float]:
-    first = next(iter(ranking.estimates.values()))
-    _, lower, upper = first.values
-    is_known = bool(np.isfinite([lower, upper]).all())
-    return not is_known, float(upper - lower) if is_known else 0.0

@@ -271,7 +271,7 @@ class ComparedEntry:
     def reference_text(self) -> str:
         """The reference's estimate in the unit that the study shows."""
         unit = self.display_units
-        convert = conversion(self.statistic.name, scale(unit))
+        convert = conversion(self.statistic, scale(unit))
         text = estimate_text(*(float(value) for value in convert(self.reference.values)))
         return text if unit == DIMENSIONLESS else f"{text} {unit}"
 

@@ -210,13 +210,12 @@ class SourceStatistics:
         """
         key = (source, output, statistic)
         if key not in self._entries:
-            along = CATALOGUE[statistic].dims[0]
-            arrays = {
-                name: array.transpose(along, ...)
-                for name, array in self.by_source(output, statistic, [source]).items()
-            }
-            found = source_entries(arrays, along)
-            self._entries[key] = {label: entry[source] for label, entry in found}
+            found: dict[Any, xr.DataArray] = {}
+            if (array := self.get(*key)) is not None:
+                dims = CATALOGUE[statistic].dims if statistic in CATALOGUE else array.dims
+                entries = source_entries({source: array.transpose(dims[0], ...)}, str(dims[0]))
+                found = {label: entry[source] for label, entry in entries}
+            self._entries[key] = found
         return self._entries[key]
 
     def by_source(

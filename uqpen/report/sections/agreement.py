@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
+    moments,
     no_break,
     other_design_estimates,
 )
@@ -19,7 +20,6 @@ from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["agreement_sentences", "published_sentences"]
 
-_COMPARED = {"mean": "mean", "std": "standard deviation"}
 # Quantities that are compared.
 _MOST_COMPARED = 3
 
@@ -30,11 +30,10 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
         texts = []
         for output in view.numeric_outputs:
             parts = []
-            for statistic, label in _COMPARED.items():
-                quantity = QuotedStatistic(view, output, statistic)
+            for quantity in moments(view, output):
                 there, here = quantity.estimate(publication), _own_estimate(quantity, design)
                 if there is not None and here is not None:
-                    parts.append(_comparison(quantity, label, there, here))
+                    parts.append(_comparison(quantity, there, here))
             parts += _largest_contribution(view, output, publication)
             if parts:
                 texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
@@ -52,9 +51,8 @@ def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None
     return next(iter((*bounded, *found)), None)
 
 
-def _comparison(
-    quantity: QuotedStatistic, label: str, there: xr.DataArray, here: xr.DataArray
-) -> str:
+def _comparison(quantity: QuotedStatistic, there: xr.DataArray, here: xr.DataArray) -> str:
+    label = quantity.label
     published = float(quantity.bounds(there)[0])
     bounds = quantity.bounds(here).tolist()
     unit = quantity.unit_text

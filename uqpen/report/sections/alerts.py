@@ -23,7 +23,7 @@ from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
 from uqpen.report.sections.failures import missing_count
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, moments, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number, percent_text
 from uqpen.results.table import telling_note
@@ -60,9 +60,9 @@ def _with_moments(
 ) -> Iterator[QuotedStatistic]:
     """Yield quantities, and then the moments of their outputs."""
     outputs = dict.fromkeys(each.output for each in quantities)
-    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    further = [moment for output in outputs for moment in moments(view, output)]
     stated = {each.heading for each in quantities}
-    yield from (*quantities, *(each for each in moments if each.heading not in stated))
+    yield from (*quantities, *(each for each in further if each.heading not in stated))
 
 
 def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:

@@ -22,7 +22,7 @@ from uqpen.report.sections.fields import field_sentences, first_curves
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
 from uqpen.report.sections.model_answer import caveat_text, model_answer
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
+from uqpen.report.sections.quoted_statistics import moments, output_name
 from uqpen.report.sections.sentences import (
     OutputSentences,
     decision_findings,
@@ -211,7 +211,7 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
 def _quadrature_means(view: ArchiveView) -> Iterator[str]:
     rules = [each for each in view.designs if view.design(each).sampling is Sampling.QUADRATURE]
     for output in view.numeric_outputs[:_MOST_OUTPUTS]:
-        quantity = QuotedStatistic(view, output, "mean")
+        quantity = moments(view, output)[0]
         for design in rules:
             array = quantity.estimate(design)
             if array is not None:

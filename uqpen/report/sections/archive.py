@@ -93,12 +93,7 @@ _SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions", DEPENDENCIES)
 _MOST_NOTES = 20
 
 # Diagnostics of other estimates, which have notes of their own.
-_DIAGNOSES = (
-    "kurtosis",
-    "effective_runs",
-    "effective_size",
-    *(name for name in CATALOGUE if name.startswith("tail_")),
-)
+_DIAGNOSES = [each.name for each in CATALOGUE.values() if each.is_diagnosis]
 # Growing parts of the runs repeat the notes of the whole, and so do all percentiles.
 _REPEATED = UNLISTED_DIMENSIONS - {RANK}
 # Heavy tails are one warning, however heavy.

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import xarray as xr
 
 from uqpen.charts.marks import has_interval
+from uqpen.core.catalogue import MEASURES
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.input_ranking import (
-    OF_LOGARITHM,
-    Ranking,
-    best_ranking,
-    has_dependent_inputs,
-    input_label,
-    input_ranking,
-)
+from uqpen.results.input_measures import index_titles
+from uqpen.results.input_ranking import Ranking, best_ranking, input_label, input_ranking
 from uqpen.results.texts import capitalized
 
 __all__ = ["driver_sentences"]
@@ -53,38 +49,32 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     if not has_interval(ranking.estimates[first].values):
         text = f"{text} by {ranking.source}, without an interval"
     start = capitalized(input_label(view, first))
-    if ranking.measure in ("first_order", "shapley"):
-        share = float(ranking.estimates[first].values[0])
-        if share < _LEAST:
-            yield f"No single input causes more than {text} of the variance of {name} by itself."
-        else:
-            part = f"about {_fraction(share)} of the variance of {name}"
-            yield f"{start} {_share_text(view, ranking, part, text)}"
-    elif ranking.statistic == "spearman":
-        yield f"{start} has the strongest rank correlation with {name} ({text})."
+    measure = ranking.statistic.measure
+    if not measure.share:
+        words = {"{input}": start, "{output}": name, "{estimate}": text}
+        # All in one pass, as a name may have braces itself.
+        yield re.sub(r"\{\w+\}", lambda found: words[found[0]], measure.sentence)
+    elif (share := float(ranking.estimates[first].values[0])) < _LEAST:
+        yield f"No single input causes more than {text} of the variance of {name} by itself."
     else:
-        yield f"{start} changes {name} most ({_MEASURE_TEXTS[ranking.statistic]})."
+        part = f"about {_fraction(share)} of the variance of {name}"
+        yield f"{start} {_share_text(view, ranking, part, text)}"
     if further := _next_inputs(view, ranking, others):
         yield f"Next: {further}."
     yield from _interactions(view, output, ranking)
 
 
-_MEASURE_TEXTS = {
-    "mu_star": "by its mean elementary effect",
-    "contribution": "by its response at the nominal point times its uncertainty",
-}
-
-
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
-    if ranking.measure == "shapley":
+    if ranking.divides:
         return f"causes {part}: its Shapley effect is {text}."
-    if has_dependent_inputs(view):
+    if index_titles(view.tree).is_dependent:
         return f"goes with {part} ({text}), which includes what dependent inputs share."
     return f"causes {part} by itself ({text})."
 
 
 def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
-    if ranking.statistic in ("mu_star", "contribution"):
+    measure = ranking.statistic.measure
+    if not measure.share and "{estimate}" not in measure.sentence:
         shown = others[:_NEXT]
         return " and ".join(input_label(view, each) for each in shown)
     shown = [each for each in others if abs(float(ranking.estimates[each].values[0])) >= _LEAST][
@@ -96,9 +86,12 @@ def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
 
 def _interactions(view: ArchiveView, output: str, ranking: Ranking) -> Iterator[str]:
     """Yield the inputs whose interactions count, by the best-known total order."""
-    prefix = OF_LOGARITHM * ranking.is_of_logarithm
-    total = best_ranking(view, output, f"{prefix}total_order")
-    if ranking.measure != "first_order" or total is None or has_dependent_inputs(view):
+    measure = ranking.statistic.measure
+    if measure.share != "alone" or index_titles(view.tree).is_dependent:
+        return
+    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
+    total = best_ranking(view, output, of_total)
+    if total is None:
         return
     shown = {
         name: _estimate_text(array)

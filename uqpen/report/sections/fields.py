@@ -25,6 +25,7 @@ from uqpen.charts.curves import (
     tolerance_chart,
 )
 from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import NOTE
 from uqpen.report.blocks import Fold, Heading
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break, output_name
@@ -187,7 +188,7 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     if not np.isfinite(estimates).any():
         return ""
     index = np.unravel_index(int(np.nanargmax(estimates)), estimates.shape)
-    quantity = QuotedStatistic(view, field, statistic)
+    quantity = QuotedStatistic(view, field, CATALOGUE[statistic])
     value, interval = quantity.texts(array[index])[0], quantity.interval(array[index])
     if statistic == "mean_band":
         interval = interval.replace("without an interval", "without a band", 1)

@@ -12,7 +12,7 @@ from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.distributions import output_span, scale_notes
 from uqpen.figures.histogram import marked_estimates
 from uqpen.report.sections.limit_marks import limit_marks
-from uqpen.report.sections.quoted_statistics import QuotedStatistic
+from uqpen.report.sections.quoted_statistics import usual_statistics
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
 from uqpen.results.output_tables import add_shares
@@ -94,7 +94,7 @@ def _estimate_marks(
 
 
 def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
-    usual = [QuotedStatistic(view, output, "quantile", 0.5), QuotedStatistic(view, output, "mean")]
+    usual = usual_statistics(view, output)
     return any(each.leading_surrogate is not None for each in usual)
 
 

@@ -10,7 +10,6 @@ import xarray as xr
 
 from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block
-from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
@@ -23,11 +22,11 @@ from uqpen.report.sections.model_comparison import model_chart
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     default_statistic,
+    moments,
     no_break,
     output_name,
     requested_statistics,
 )
-from uqpen.report.sections.sentences import EVENTS
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, percent_texts
@@ -39,8 +38,8 @@ from uqpen.results.texts import capitalized, join_names, plain_text, typeset_qua
 __all__ = ["caveat_text", "model_answer"]
 # Verdicts on a limit, the gravest first.
 _VERDICTS = (AcceptanceVerdict.NOT_MET, AcceptanceVerdict.NOT_DECIDED, AcceptanceVerdict.MET)
-# Of a tolerance limit, the words before its bound, and the place of that.
-_BOUNDS = {"tolerance_limit": ("at most", 2), "lower_tolerance_limit": ("at least", 1)}
+# The ends that a tolerance limit states, and the place of its bound.
+_BOUNDS = {"at most": 2, "at least": 1}
 _SCOPE = (
     "Each model counts the same. They are no sample of all models: another one can lie outside "
     "them."
@@ -90,10 +89,11 @@ def _differences(view: ArchiveView, design: str) -> Iterator[Finding]:
         statistics = SourceStatistics.of_differences(view.archive, other)
         texts = []
         for output in view.numeric_outputs:
-            array = statistics.get(design, output, "mean")
+            mean, _ = moments(view, output)
+            array = statistics.get(design, output, mean.statistic.name)
             if array is None or not np.isfinite(array.values[0]):
                 continue
-            convert = conversion("mean", view.scale(output), is_difference=True)
+            convert = conversion(mean.statistic, view.scale(output), is_difference=True)
             bounds = np.asarray(convert(array.values), dtype=np.float64)
             size = no_break(f"{estimate_text(*bounds.tolist())}{unit_suffix(view.unit(output))}")
             texts.append(f"{output_name(view, output)} {size}")
@@ -144,16 +144,15 @@ def _cell(table: OutputTable, view: ArchiveView, quantity: QuotedStatistic, desi
     if quantity.output not in view.numeric_outputs:
         return NOTHING
     array = replace(quantity, view=view).estimate(design)
-    statistic = CATALOGUE[quantity.statistic]
-    if statistic.shown.ends:
-        return tolerance_cell(table, statistic, array, view.scale(quantity.output))
+    if quantity.statistic.shown.ends:
+        return tolerance_cell(table, quantity.statistic, array, view.scale(quantity.output))
     return table.cell(array, view.conversion(quantity.output, quantity.statistic))
 
 
 def _verdicts(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[Finding]:
     """Yield what the models say of each limit of the study on a probability of an output."""
     for quantity in requested_statistics(views[0], output, design):
-        if quantity.statistic in EVENTS:
+        if quantity.statistic.shown.event:
             own = (
                 (view.model, replace(quantity, view=view).leading_estimate(design))
                 for view in views
@@ -169,11 +168,11 @@ def _limits(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[
 
     They are those of the first content, and of the largest that all models have a bound for.
     """
-    for statistic, (beyond, end) in _BOUNDS.items():
+    for beyond, end in _BOUNDS.items():
         found = [
             (quantity, bounds)
             for quantity in requested_statistics(views[0], output, design)
-            if quantity.statistic == statistic
+            if quantity.statistic.shown.ends == beyond
             and (bounds := _bounds(views, quantity, design, end)) is not None
         ]
         found.sort(key=lambda each: each[0].entry)
@@ -216,7 +215,7 @@ def _verdict(quantity: QuotedStatistic, found: Mapping[str, xr.DataArray]) -> Fi
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
     name = capitalized(output_name(quantity.view, quantity.output))
     return Finding(
-        f"{name} {EVENTS[quantity.statistic]} {threshold}",
+        f"{name} {quantity.statistic.shown.event} {threshold}",
         f"The limit of the study, {limit} of cases, is {', and '.join(parts)}.",
     )
 

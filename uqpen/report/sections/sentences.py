@@ -33,7 +33,6 @@ from uqpen.results.table import entry_text, estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
 __all__ = [
-    "EVENTS",
     "OutputSentences",
     "decision_findings",
     "joint_findings",
@@ -46,9 +45,6 @@ _MOST_STATED = 3
 # Further ones of an output in the table below the sentences.
 _MOST_FURTHER = 9
 _MOST_CATEGORIES = 4
-
-# Where an output lies in the event of a probability.
-EVENTS = {"exceedance": "above", "below": "below"}
 
 
 class OutputSentences(NamedTuple):
@@ -77,8 +73,8 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     estimates = [(each, array) for each, array in found if array is not None]
     if not estimates:
         return None
-    limits = [each for each in estimates if each[0].statistic in EVENTS]
-    others = [each for each in estimates if each[0].statistic not in EVENTS]
+    limits = [each for each in estimates if each[0].statistic.shown.event]
+    others = [each for each in estimates if not each[0].statistic.shown.event]
     return OutputSentences(
         output,
         tuple(_verdict(*each, design) for each in limits),
@@ -95,7 +91,7 @@ def _further(quantity: QuotedStatistic, design: str) -> Finding:
     if array is None:
         reason = quantity.reason_without_estimate(design)
         return Finding(quantity.heading, f"No estimate: {plain_text(reason, 240)}.")
-    if quantity.statistic in EVENTS:
+    if quantity.statistic.shown.event:
         return _verdict(quantity, array, design)
     return Finding(quantity.heading, _sentence(quantity, array, design))
 
@@ -114,7 +110,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     elif counts_events and array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
-    event = f"{name} {EVENTS[quantity.statistic]} {threshold}"
+    event = f"{name} {quantity.statistic.shown.event} {threshold}"
     return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 
@@ -132,7 +128,7 @@ def acceptance_sentence(array: xr.DataArray) -> str:
 
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> str:
-    name, shown = output_name(quantity.view, quantity.output), CATALOGUE[quantity.statistic].shown
+    name, shown = output_name(quantity.view, quantity.output), quantity.statistic.shown
     if shown.ends == "between":
         return _tolerance_interval_sentence(quantity, array, capitalized(name))
     if shown.ends:
@@ -141,16 +137,16 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if _is_constant(quantity, design):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if (quantity.statistic, quantity.entry) == ("quantile", 0.5):
+    if shown.entry == "probability" and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
-    # All in one pass, as the name of an output may have braces itself.
+    # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
         "{entry}": entry_text(shown, quantity.entry),
         "{label}": quantity.label,
         "{output}": name,
         "{estimate}": f"{value} {quantity.interval(array)}",
     }
-    return re.sub(r"\{\w+\}", lambda place: words[place[0]], sentence)
+    return re.sub(r"\{\w+\}", lambda place: words.get(place[0], place[0]), sentence)
 
 
 def _tolerance_limit_sentence(
@@ -223,7 +219,7 @@ def _category_statistics(
         flags = shares[CATEGORY].values.tolist()
         labels = shares["category_label"].values.tolist()
         for flag, label in zip(flags, labels, strict=True):
-            quantity = QuotedStatistic(view, output, "share", flag)
+            quantity = QuotedStatistic(view, output, CATALOGUE["share"], flag)
             if (array := quantity.estimate(design)) is not None:
                 yield f"“{plain_text(str(label), 40)}”", quantity, array
 
