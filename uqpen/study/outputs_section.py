@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from uqpen.core.catalogue import REQUESTED
-from uqpen.core.model import Model, Output
+from uqpen.core.model import Output
 from uqpen.core.units import scale
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.derived_section import is_derived, requests_table
-from uqpen.study.table_reader import TableReader, check_names
+from uqpen.study.table_reader import StudyParts, TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
 
@@ -21,14 +21,15 @@ _OF_SCALARS = {each.asked.key: each.asked.refusal for each in REQUESTED if each.
 
 
 def read_quantities_of_interest(
-    table: TableReader, model: Model, confidence_level: float
+    table: TableReader, parts: StudyParts
 ) -> tuple[QuantityOfInterest, ...]:
     """Read the quantity of interest of each output, derived ones too, in the model's order."""
+    model = parts.model
     refused = [name for name in table if is_derived(table.content[name])]
     known = [output.name for output in model.all_outputs]
     check_names(table, [*known, *refused], "output", model)
     return tuple(
-        _read_quantity(requests_table(table, output, model), output, confidence_level)
+        _read_quantity(requests_table(table, output, model), output, parts.confidence_level)
         for output in model.all_outputs
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.errors import Problem, QuantityError
-from uqpen.core.lookup import family_name
+from uqpen.core.lookup import family_name, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
 from uqpen.core.setting_fields import written_settings
@@ -25,10 +25,10 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.elliptical_copulas import EllipticalCopula
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare
 from uqpen.distributions.truncated import Truncated
-from uqpen.execution.failures import FailurePolicy
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
+from uqpen.study import SECTIONS
 from uqpen.study.data_objects import data_content, data_table, is_data
 from uqpen.study.derived_section import is_derived
 from uqpen.study.frozen_section import SETTINGS
@@ -62,7 +62,7 @@ class StudyContent:
         self.folder = folder
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
-        given = {name: value for name, value in arguments.items() if value is not None}
+        given = {name: arguments[name] for name in SECTIONS if arguments.get(name) is not None}
         self.problems += find_tuple_faults(given.get("inputs"))
         given = with_joint_tables(given)
         model = given.get("model")
@@ -173,7 +173,9 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
         return value.table()
     if isinstance(value, Precision):
         return dict(value.targets)
-    if isinstance(value, FailurePolicy):
+    if isinstance(
+        value, tuple(resolve(each.settings) for each in SECTIONS.values() if each.settings)
+    ):
         return written_settings(value)
     for kind, family, key in (
         (Design, DESIGNS, "kind"),
