@@ -1,8 +1,7 @@
 """Trees as an archive contains them: with the hashes of their groups."""
 
 import xarray as xr
-
-from uqpen.archive.content import hash_record
+from uqpen.archive.hashes import hash_record
 
 
 def with_hashes(tree: xr.DataTree) -> xr.DataTree:

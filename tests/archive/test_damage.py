@@ -10,9 +10,9 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
+from uqpen.archive.hashes import is_broken
 
 import uqpen
-from uqpen.archive.checksum import is_broken
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import open_archive
 from uqpen.core.errors import ArchiveError

@@ -13,9 +13,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from uqpen.archive.hashes import append_checksum, is_broken
 
 import uqpen
-from uqpen.archive.checksum import append_checksum, is_broken
 from uqpen.archive.read import is_archive, open_archive
 from uqpen.core.errors import ArchiveError
 from uqpen.core.netcdf.content import ARCHIVE_LIMITS, ContentLimits, RefusedContentError

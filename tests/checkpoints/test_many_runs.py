@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from uqpen.archive.hashes import group_hashes
+from uqpen.archive.lazy_variables import is_in_memory
 
 import uqpen
-from uqpen.archive.content import group_hashes
-from uqpen.archive.file_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import make_archive

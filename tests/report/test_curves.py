@@ -16,8 +16,7 @@ from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
 from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts
 from uqpen.report.page import report_page
 from uqpen.report.sections.curves import curves

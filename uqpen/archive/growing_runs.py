@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import CodedTexts, OpenFile, lazy_dataset
+from uqpen.archive.lazy_variables import CodedTexts, OpenFile, lazy_dataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
 from uqpen.core.netcdf.opening import open_own
 

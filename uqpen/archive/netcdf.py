@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
+from uqpen.archive.lazy_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.netcdf.opening import open_own
 

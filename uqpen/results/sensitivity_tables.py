@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.labelled_arrays import array_entries
+from uqpen.archive.estimates import array_entries
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources

@@ -8,9 +8,8 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.labelled_arrays import array_entries
+from uqpen.archive.estimates import UnpackedStatistics, array_entries
 from uqpen.archive.tree import model_trees, read_group
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,

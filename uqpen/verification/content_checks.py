@@ -6,8 +6,8 @@ import hashlib
 
 import xarray as xr
 
-from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.read import read_group
 from uqpen.core.errors import ArchiveError
 from uqpen.verification.check_result import CheckOutcome, CheckResult

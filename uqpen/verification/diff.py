@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.content import group_hashes
 from uqpen.archive.files import FILES, archived_files, find_file_faults
+from uqpen.archive.hashes import group_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT, STATUS

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_name
-from uqpen.archive.files_extraction import extract_files
+from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
 from uqpen.archive.read import read_group
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
 from uqpen.study.document import Objects

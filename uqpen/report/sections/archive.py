@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from uqpen.archive.content import recorded_hashes
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import recorded_hashes
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
