@@ -14,6 +14,7 @@ import xarray as xr
 from scipy import stats
 
 import uqpen
+from uqpen.charts.chart import Block
 from uqpen.core.labels import RUN
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Arrays, Input, Model, Output, Results
@@ -26,7 +27,7 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.figures.panel import Panel
-from uqpen.report.blocks import Block, Text
+from uqpen.report.blocks import Text
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

@@ -76,7 +76,11 @@ def test_texts_of_an_archive_are_plain(archive: Path) -> None:
         ("own.py:other", "yield", '"own.py" has no function "other"; it defines own'),
         ("own.py:", "yield", 'is not of the form "my_figure.py:my_figure"'),
         ("own.py:own", "return 1 / 0", "own.py:own: ZeroDivisionError: division by zero (line 3)"),
-        ("own.py:own", "yield 1", "own.py:own: it yields an object of class int, not a Panel"),
+        (
+            "own.py:own",
+            "yield 1",
+            "own.py:own: it yields an object of class int, not a Chart or a Panel",
+        ),
         (
             "own.py:own",
             "yield Panel('title', lambda axes: axes.plots())",

@@ -153,8 +153,9 @@ class TestEstimates:
         rows = [each.get_text() for each in page.axes[0].get_yticklabels()]
         (dot,) = page.axes[0].containers[rows.index("report")].lines[:1]
         assert dot.get_markerfacecolor() == "white"
-        notes = page.legends[0].get_title().get_text().splitlines()
-        assert notes[:2] == ["bars: 95 % intervals", "hollow: no interval"]
+        legend = page.legends[0]
+        assert legend.get_title().get_text() == "Bars: 95 % intervals."
+        assert [each.get_text() for each in legend.get_texts()] == ["no interval"]
 
     def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
         tree = archives["schema_1"]

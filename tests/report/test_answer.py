@@ -10,7 +10,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Alerts, Block, Columns, Findings, Fold, Quote, Text
+from uqpen.charts.chart import Block
+from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts

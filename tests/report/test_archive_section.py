@@ -9,7 +9,8 @@ import pytest
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
+from uqpen.charts.chart import Block
+from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive import archive
 from uqpen.report.sections.archive_notes import archive_notes
 from uqpen.results.archive_view import ArchiveView

@@ -15,22 +15,13 @@ import xarray as xr
 
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.charts.chart import Block, Chart, Charts
 from uqpen.core.errors import ArchiveError
 from uqpen.core.lookup import resolve
 from uqpen.report import BENCHMARK_SECTIONS
-from uqpen.report.blocks import (
-    Block,
-    Chart,
-    Charts,
-    Heading,
-    Listing,
-    Quote,
-    Remarks,
-    Table,
-    Text,
-    find_charts,
-)
+from uqpen.report.blocks import Heading, Listing, Quote, Remarks, Table, Text, find_charts
 from uqpen.report.page import report_page
+from uqpen.report.plotly import shapes, traces
 from uqpen.study.load import parse_study
 
 pytestmark = pytest.mark.slow
@@ -86,7 +77,7 @@ def charts_of(tree: xr.DataTree, name: str) -> list[Chart]:
 
 
 def traced(chart: Chart, name: str) -> dict[str, Any]:
-    return next(trace for trace in chart.traces if trace.get("name") == name)
+    return next(trace for trace in traces(chart.marks) if trace.get("name") == name)
 
 
 class TestAnswer:
@@ -188,7 +179,7 @@ class TestErrors:
         mean = charts_of(tree, "errors")[0]
         _, lower, upper = tree["reference/y/mean"].values
         own = 100 * (upper - lower) / 2 / tree["benchmark/y/mean/scale"].item()
-        shaded = [trace for trace in mean.traces if "fillcolor" in trace]
+        shaded = [trace for trace in traces(mean.marks) if "fillcolor" in trace]
         if shaded:
             assert shaded[0]["y"][0] == pytest.approx(own, rel=1e-5)
         else:
@@ -200,7 +191,7 @@ class TestRates:
         single, replicated = charts_of(tree, "rates")
         assert single.title == "Slopes of y, as single sets"
         assert replicated.title == "Slopes of y, in replicates"
-        assert [shape["x0"] for shape in single.shapes] == [-0.5]
+        assert [shape["x0"] for shape in shapes(single.marks)] == [-0.5]
         slope = traced(single, "monte_carlo")
         assert slope["x"][0] == pytest.approx(tree["benchmark/y/mean/slope"].values[0, 0], rel=1e-5)
 

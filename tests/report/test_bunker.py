@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.report.plotly import shapes
 from uqpen.report.sections.model_comparison import model_chart
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
@@ -77,10 +78,10 @@ def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_draw
     view = ArchiveView(bunker, "walker_anderson")
     chart = model_chart(view, "penetration_depth", "monte_carlo")
     assert chart is not None
-    places = [shape["x0"] for shape in chart.shapes]
+    places = [shape["x0"] for shape in shapes(chart.marks)]
     np.testing.assert_allclose(places, [60, 54, 80, 100, 150, 200, 300][: len(places)])
     assert len(places) >= 6
-    labels = [shape["label"]["text"] for shape in chart.shapes if "label" in shape]
+    labels = [shape["label"]["text"] for shape in shapes(chart.marks) if "label" in shape]
     assert labels[0] == "60 cm"
     keys = [key.text for key in chart.keys if key.text.startswith("limit")]
     assert keys[0] == "limit 60 cm, at most 5 % of cases"

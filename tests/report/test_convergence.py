@@ -9,7 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Block, Chart, Charts, Heading, Remarks, Text
+from uqpen.charts.chart import Block, Chart, Charts
+from uqpen.report.blocks import Heading, Remarks, Text
+from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.convergence import convergence
 from uqpen.results.archive_view import ArchiveView
 
@@ -38,7 +40,7 @@ def charts(blocks: list[Block]) -> list[Charts]:
 
 def bounds(chart: Chart) -> np.ndarray:
     """Estimates with their bounds, as they are drawn."""
-    (trace,) = chart.traces
+    (trace,) = traces(chart.marks)
     y = np.array(trace["y"], dtype=float)
     below, above = (np.array(trace["error_y"][side], float) for side in ("arrayminus", "array"))
     return np.column_stack([y, y - below, y + above])
@@ -71,7 +73,7 @@ def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
     assert [each.title for each in end.charts] == ["mean", "median"]
     assert [each.title for each in kinds.charts] == ["share v = u", "share u = 0", "share rigid"]
     mean, median, exceeding = depth.charts
-    assert mean.traces[0]["x"] == [20, 30, 50, 100, 200, 300, 400]
+    assert traces(mean.marks)[0]["x"] == [20, 30, 50, 100, 200, 300, 400]
     expected = [
         concrete["statistics/monte_carlo/penetration_depth"]["mean"],
         concrete["statistics/monte_carlo/penetration_depth"]["quantile"][1],
@@ -79,7 +81,7 @@ def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
     ]
     for chart, array in zip((mean, median, exceeding), expected, strict=True):
         assert bounds(chart)[-1] == pytest.approx(array.values, rel=1e-5)
-        (guide,) = chart.shapes
+        (guide,) = shapes(chart.marks)
         assert guide["y0"] == guide["y1"] == array.values[0]
     assert [each.y.title for each in depth.charts] == ["mean [m]", "median [m]", "P(> 60 cm)"]
     assert [key.text for key in depth.keys] == ["with its 95 % interval", "by all runs"]
@@ -92,7 +94,7 @@ def test_the_table_has_the_same_figures(concrete: xr.DataTree, archives: Archive
     assert table.columns == ["mean [m]", "median [m]", "P(> 60 cm)"]
     labels, cells = zip(*table.rows, strict=True)
     assert labels == ("20", "30", "50", "100", "200", "300", "400")
-    hovers = depth.charts[0].traces[0]["text"]
+    hovers = traces(depth.charts[0].marks)[0]["text"]
     for label, (cell, *_), hover in zip(labels, cells, hovers, strict=True):
         assert hover == f"{label} runs: {cell.rstrip(' ¹²³⁴⁵⁶⁷⁸⁹⁰')} m"
 
@@ -105,7 +107,7 @@ def test_replicates_are_not_divided(archives: Archives) -> None:
         "less than a whole replicate would not be a sample of the same type."
     )
     depth = charts(blocks)[0].charts[0]
-    assert depth.traces[0]["x"] == [20, 30, 40, 50, 70, 100]
+    assert traces(depth.marks)[0]["x"] == [20, 30, 40, 50, 70, 100]
     archived = archives["rods"]["models/smoothed/statistics/latin/penetration_depth"]["mean"]
     assert bounds(depth)[-1] == pytest.approx(archived.values * 100, rel=1e-5)
 

@@ -10,7 +10,9 @@ import xarray as xr
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.report.blocks import Block, Chart, find_charts
+from uqpen.charts.chart import Block, Chart
+from uqpen.report.blocks import find_charts
+from uqpen.report.plotly import traces
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.model_comparison import model_comparison
 from uqpen.results.archive_view import ArchiveView
@@ -73,8 +75,8 @@ def test_curves_of_several_models_come_first(pair: xr.DataTree) -> None:
 
 def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair: xr.DataTree) -> None:
     (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
-    lower, upper = drawn.traces[:2]
-    line = next(each for each in drawn.traces if each.get("name") == "first")
+    lower, upper = traces(drawn.marks)[:2]
+    line = next(each for each in traces(drawn.marks) if each.get("name") == "first")
     found = pair["models/first/statistics/mc/c2"].to_dataset()["quantile"].values[:, :, 0] * 100
     np.testing.assert_allclose(line["y"], found[:, 1], rtol=1e-3, atol=0.02)
     np.testing.assert_allclose(lower["y"], found[:, 0], rtol=1e-3, atol=0.02)
@@ -83,7 +85,7 @@ def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair: xr.D
 
 def test_a_pointer_reads_the_interval_of_a_median(pair: xr.DataTree) -> None:
     (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
-    line = next(each for each in drawn.traces if each.get("name") == "first")
+    line = next(each for each in traces(drawn.marks) if each.get("name") == "first")
     bounds = pair["models/first/statistics/mc/c2"].to_dataset()["quantile"].values[-1, 1] * 100
     assert line["text"][-1].startswith(estimate_text(*bounds.tolist()))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,8 +18,10 @@ from playwright.sync_api import Page
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
-from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts
+from uqpen.charts.chart import Block, Chart
+from uqpen.report.blocks import Fold, Heading, find_charts
 from uqpen.report.page import report_page
+from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.curves import curves
 from uqpen.report.sections.field_sentences import field_sentences
 from uqpen.results.archive_view import ArchiveView
@@ -111,9 +114,9 @@ def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> No
     fan = chart(moving, "Curve along time [day]")
     read = fan.place
     assert read is not None
-    assert read.values == list(range(41))
+    assert list(read.values) == list(range(41))
     assert read.start == 40
-    at = read.values.index(30.0)
+    at = list(read.values).index(30.0)
     estimates = moving["statistics/mc/curve"].to_dataset().isel(time=30)
     mean = estimate_text(*(100 * estimates["mean"].values).tolist())
     chance = estimate_text(*estimates["exceedance"].values[0].tolist())
@@ -141,8 +144,8 @@ def test_where_all_curves_have_ended_only_their_share_is_told(moving: xr.DataTre
 
 
 def test_the_lines_behind_are_runs(moving: xr.DataTree) -> None:
-    traces = chart(moving, "Curve along time").traces
-    (thin,) = [each["y"] for each in traces if each["line"]["width"] == 0.6]
+    drawn = traces(chart(moving, "Curve along time").marks)
+    (thin,) = [each["y"] for each in drawn if each["line"]["width"] == 0.6]
     lines = np.array(thin, dtype=np.float64).reshape(20, 42)
     ends = 100 * moving["runs/mc/curve"].values[:, -1]
     assert np.isnan(lines[:, -1]).all()  # a gap before the next run
@@ -154,18 +157,19 @@ def test_each_place_has_its_runs_in_bins(moving: xr.DataTree) -> None:
     drawn = chart(moving, "Runs at the chosen place", 2)
     assert drawn.slices is not None
     known = np.isfinite(moving["runs/mc/ending"].values).sum(axis=0)
-    counts = [sum((drawn.traces[0] | bars[0])["y"]) for bars in drawn.slices.traces]
+    counts = [sum(traces(bars)[0]["y"]) for bars in drawn.slices.marks]
     assert counts == [known[int(place)] for place in drawn.slices.values]
 
 
 def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
     areas = chart(driven, "Shares of the variance, first order by mc")
-    tops = [trace["y"][0] for trace in areas.traces if "fill" in trace]
+    tops = [trace["y"][0] for trace in traces(areas.marks) if "fill" in trace]
     assert tops == pytest.approx([0.6, 0.9, 1.0])
     assert [key.text for key in areas.keys] == ["x", "z", "interactions"]
-    at_place = chart(driven, "Shares of the variance at the chosen place").slices
-    assert at_place is not None
-    first, last = (traces[0] for traces in (at_place.traces[0], at_place.traces[-1]))
+    (drawn,) = json.loads(
+        charts_json([chart(driven, "Shares of the variance at the chosen place")])
+    )["charts"]
+    first, last = (drawn["slices"]["traces"][place][0] for place in (0, -1))
     assert first["x"] == pytest.approx([0.6, 0.3])
     assert set(first) == {"x", "text"}  # what differs from the place that is shown first
     assert last == {}
@@ -210,7 +214,7 @@ def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     tree = finer(moving, 321)
     fan = chart(tree, "Curve along time")
     assert fan.notes[0] == "161 of 321 places are shown."
-    assert all(len(set(trace["x"])) == 161 for trace in fan.traces)
+    assert all(len(set(trace["x"])) == 161 for trace in traces(fan.marks))
     assert chart(tree, "Runs at").notes == ("At the nearest of 21 of 321 places.",)
     assert len(report_page(tree).encode()) < 2_000_000
 
@@ -250,13 +254,14 @@ def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
     mean = found[0]
     assert mean.notes == ("At layer = 2, the place of the largest mean.",)
     assert (mean.x.ends, mean.y.ends) == ((0.0, 3.0), (0.0, 1.0))
-    points = mean.traces[0]
+    points = traces(mean.marks)[0]
     middle = float(tree["runs/mc/x"].mean())
     assert points["marker"]["color"] == pytest.approx(
         [0, 2 * middle, 4 * middle, 0, 0, 0], rel=1e-4
     )
     assert (points["x"], points["y"]) == ([0, 1, 3, 0, 1, 3], [0, 0, 0, 1, 1, 1])
-    pixels = imread(io.BytesIO(base64.b64decode(mean.images[0]["source"].partition(",")[2])))
+    (image,) = json.loads(charts_json([mean]))["charts"][0]["images"]
+    pixels = imread(io.BytesIO(base64.b64decode(image["source"].partition(",")[2])))
     # The brightest cell is the last one of the lowest row, from half-way to the one before.
     bright = pixels[..., 0] > 0.9
     assert bright[-1].sum() == pytest.approx(pixels.shape[1] / 3, abs=1)

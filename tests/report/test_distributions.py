@@ -10,8 +10,10 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.chart import Block, Chart, Charts
 from uqpen.core.status import Status
-from uqpen.report.blocks import Block, Chart, Charts, Fold, Heading, Table, find_charts
+from uqpen.report.blocks import Fold, Heading, Table, find_charts
+from uqpen.report.plotly import traces
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.model_comparison import model_chart, model_comparison
@@ -100,7 +102,7 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
     _, tail = find_charts(beam)
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
-    drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
+    drawn = next(trace for trace in traces(tail.marks) if trace.get("name") == "only")
     # No run exceeds the largest, so the step before it reaches up to it.
     share = 1 - np.arange(1, values.size) / values.size
     np.testing.assert_allclose(drawn["x"], np.sort(values), rtol=1e-5)
@@ -112,7 +114,7 @@ def test_the_largest_run_is_marked_and_told(archives: Archives, beam: list[Block
     name = f"largest of {values.size} runs"
     _, tail = find_charts(beam)
     assert f"{name}: {values.max():.4g} mm" in [key.text for key in tail.keys]
-    (end,) = (trace for trace in tail.traces if trace.get("name", "").startswith("largest"))
+    (end,) = (trace for trace in traces(tail.marks) if trace.get("name", "").startswith("largest"))
     assert end["x"] == [pytest.approx(values.max(), rel=1e-4)]
     assert end["y"] == [pytest.approx(1 / values.size, rel=1e-4)]
     assert tail.notes[1].startswith("Larger values may")
@@ -135,12 +137,12 @@ def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(
 def test_only_the_leading_curve_is_drawn_and_the_others_on_demand(concrete: xr.DataTree) -> None:
     _, first, _, fold, _ = distributions(ArchiveView(concrete, ""))
     assert isinstance(first, Charts)
-    lines = [trace["name"] for trace in first.charts[0].traces if trace.get("name")]
+    lines = [trace["name"] for trace in traces(first.charts[0].marks) if trace.get("name")]
     assert lines == ["monte_carlo"]
     assert isinstance(fold, Fold)
     (every,) = find_charts(fold.blocks)
     assert every.reading is None
-    assert [trace["name"] for trace in every.traces if trace.get("name")] == [
+    assert [trace["name"] for trace in traces(every.marks) if trace.get("name")] == [
         "monte_carlo",
         "latin_hypercube",
         "sobol_sequence",
@@ -169,7 +171,7 @@ class TestThresholdsFarAway:
         return list(find_charts(distributions(ArchiveView(tree, ""))))
 
     def test_the_tail_can_be_seen_all_the_same(self, told: list[Chart]) -> None:
-        (asked,) = (trace for trace in told[1].traces if trace.get("name") == "requested")
+        (asked,) = (trace for trace in traces(told[1].marks) if trace.get("name") == "requested")
         assert asked["x"] == [1.5]
         assert told[1].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
         assert [label for label, _ in told[1].tables[0].rows] == [

@@ -10,7 +10,9 @@ import xarray as xr
 import uqpen
 from uqpen.archive.estimates import pack
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Block, Chart, Fold, Table, Text
+from uqpen.charts.chart import Block, Chart
+from uqpen.report.blocks import Fold, Table, Text
+from uqpen.report.plotly import traces
 from uqpen.report.sections.failures import failures
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
@@ -37,7 +39,7 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
     assert chances.notes == ("Bars: 95 % intervals.",)
     group = read_group(archives["beam"], "failures", "only")
     told = group["probability"].sel(status="failed").values
-    (trace,) = chances.traces
+    (trace,) = traces(chances.marks)
     sides = trace["error_x"]
     drawn = [
         trace["x"][0],
@@ -58,7 +60,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
         "(0.812 … 0.935)."
     )
     # All lost runs have larger loads than the others, which no interval can be told of.
-    larger, further = chart.traces
+    larger, further = traces(chart.marks)
     assert larger["marker"]["symbol"] == ["pentagon-open", "pentagon"]
     assert further["marker"]["symbol"] == ["cross", "cross"]
     assert [key.mark for key in chart.keys] == ["pentagon", "cross"]
@@ -79,7 +81,7 @@ def test_where_no_input_has_an_interval_the_legend_is_hollow_too(
         group[name][:, 1:] = np.nan
     _, chart, _ = failures(ArchiveView(tree, ""))
     assert isinstance(chart, Chart)
-    drawn = {mark for trace in chart.traces for mark in trace["marker"]["symbol"]}
+    drawn = {mark for trace in traces(chart.marks) for mark in trace["marker"]["symbol"]}
     assert drawn == {key.mark for key in chart.keys} == {"pentagon-open", "cross-open"}
 
 

@@ -13,6 +13,7 @@ from playwright.sync_api import Page
 import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.report.blocks import Alerts, Findings, find_charts, flattened
+from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.histograms import histogram
@@ -72,7 +73,7 @@ class TestCharts:
         assert 10 ** across[0].ends[0] < np.min(view.tree["runs/mc"]["y"].values)
 
     def test_no_run_is_dropped_from_the_bins(self, view: ArchiveView) -> None:
-        (bars,) = histogram(view, "y", "mc").traces
+        (bars,) = traces(histogram(view, "y", "mc").marks)
         assert sum(bars["y"]) == 200
         edges = np.array(bars["x"]) - np.array(bars["width"]) / 2
         assert (edges > 0).all()
@@ -104,7 +105,7 @@ class TestTheLimit:
         share, _, _ = reading.bounds[reading.values.index(0.01)]
         exceeded = tree["statistics/mc/y/exceedance"].values[0, 0]
         assert share == pytest.approx(1 - exceeded, abs=1e-9)
-        (line,) = (shape for shape in chart.shapes if "label" in shape)
+        (line,) = (shape for shape in shapes(chart.marks) if "label" in shape)
         assert (line["x0"], line["label"]["text"]) == (0.01, "1 &#37;")
 
     @pytest.mark.parametrize("name", ["tenfolds", "tenfolds_linear"])

@@ -14,9 +14,11 @@ import xarray as xr
 from playwright.sync_api import Browser
 
 import uqpen
+from uqpen.charts.chart import Chart
 from uqpen.core.errors import ReportError
 from uqpen.core.labels import BENCHMARK, KIND
-from uqpen.report.blocks import Chart, Listing, Remarks, Table, Text, find_charts
+from uqpen.report.blocks import Listing, Remarks, Table, Text, find_charts
+from uqpen.report.plotly import traces
 from uqpen.report.revisions.cdf_charts import cdf_charts
 from uqpen.report.revisions.estimate_changes import estimate_changes
 from uqpen.report.revisions.pair import ArchivePair, unpaired
@@ -98,7 +100,7 @@ def test_another_unit_is_shown_in_that_of_the_first(first: xr.DataTree) -> None:
     assert table["mean"][0] == table["mean"][1], "in cm"
     assert float(table["mean"][2]) == 0
     (chart,) = find_charts(cdf_charts(pair))
-    curves = [trace for trace in chart.traces if trace.get("name") in ("A", "B")]
+    curves = [trace for trace in traces(chart.marks) if trace.get("name") in ("A", "B")]
     medians = [
         float(np.interp(0.5, np.array(c["y"], dtype=float), np.array(c["x"], dtype=float)))
         for c in curves
@@ -110,7 +112,7 @@ def test_both_functions_are_on_one_chart(first: xr.DataTree, second: xr.DataTree
     (chart,) = [each for each in cdf_charts(ArchivePair(first, second)) if isinstance(each, Chart)]
     assert [key.text for key in chart.keys] == ["A", "B"]
     assert len({(key.series, key.dash) for key in chart.keys}) == 2
-    values = [trace["x"] for trace in chart.traces if trace.get("name") in ("A", "B")]
+    values = [trace["x"] for trace in traces(chart.marks) if trace.get("name") in ("A", "B")]
     assert values[0] == values[1], "a pointer reads both off"
 
 

@@ -10,17 +10,10 @@ import pytest
 import xarray as xr
 from hashed_trees import with_hashes
 
+from uqpen.charts.chart import Axis, Chart, Charts
 from uqpen.report.anchors import block_anchors
-from uqpen.report.blocks import (
-    Axis,
-    Chart,
-    Charts,
-    Heading,
-    RunExplorer,
-    find_charts,
-    find_explorers,
-)
-from uqpen.report.chart_json import charts_json
+from uqpen.report.blocks import Heading, RunExplorer, find_charts, find_explorers
+from uqpen.report.plotly import charts_json
 from uqpen.report.reference import page_reference
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.scatter import scatter

@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Charts, Fold
-from uqpen.report.chart_json import charts_json
+from uqpen.charts.chart import Charts
+from uqpen.report.blocks import Fold
+from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
@@ -35,7 +36,7 @@ def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
     is_ok = runs["status"].values == 0
     first, second = group.charts
     assert [first.title, second.title] == ["deflection against load", "deflection against span"]
-    came_back, lost = first.traces
+    came_back, lost = traces(first.marks)
     np.testing.assert_allclose(came_back["x"], runs["load"].values[is_ok] / 1e3, rtol=1e-4)
     np.testing.assert_allclose(came_back["y"], 1e3 * runs["deflection"].values[is_ok], rtol=1e-4)
     assert came_back["customdata"] == np.flatnonzero(is_ok).tolist()
@@ -86,7 +87,7 @@ def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
     titles = [chart.title for chart in group.charts]
     assert titles == [f"y against {name}" for name in ranked if f"y against {name}" in titles]
     assert "y against x29" in titles
-    assert len(group.charts[0].traces[0]["x"]) == 400
+    assert len(traces(group.charts[0].marks)[0]["x"]) == 400
     assert group.notes == (
         "Runs of some in the charts: 400 of 1\u202f000 completed.",
         "Shown are the 24 of 30 inputs with the largest first order by some.",
@@ -99,7 +100,7 @@ def test_kinds_are_rows_and_have_the_ranges_of_inputs(archives: Archives) -> Non
     runs = archives["rods"]["models/original/runs/latin"]
     rows = group.charts[0].y.rows
     assert rows == ("v = u", "u = 0", "rigid")
-    trace = group.charts[0].traces[0]
+    trace = traces(group.charts[0].marks)[0]
     at = {label: row for row, label in enumerate(rows)}
     assert all(abs(y - at[text]) <= 0.25 for y, text in zip(trace["y"], trace["text"], strict=True))
     (table,) = group.tables

@@ -9,7 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Block, Chart, Fold, Table, find_charts
+from uqpen.charts.chart import Block, Chart
+from uqpen.report.blocks import Fold, Table, find_charts
+from uqpen.report.plotly import traces
 from uqpen.report.sections.drivers import input_ranking
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
@@ -31,7 +33,7 @@ def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
 
 def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:
     (chart,) = charts(archives["beam"])
-    (trace,) = chart.traces
+    (trace,) = traces(chart.marks)
     told = archives["beam"]["statistics/only/deflection"]["first_order"].values
     np.testing.assert_allclose(trace["x"], told[:, 0], rtol=1e-5)
     np.testing.assert_allclose(trace["error_x"]["array"], told[:, 2] - told[:, 0], rtol=1e-5)
@@ -126,14 +128,14 @@ def test_what_is_published_is_written_alike_in_table_and_pointer(study_of: Any) 
     )
     tree = uqpen.run(study_of("a + b", asked, a=(1.0, 2.0), b=(1.0, 2.0)))
     (chart,) = [each for each in charts(tree) if each.title.startswith("Response, near")]
-    (trace,) = [each for each in chart.traces if each["name"] == "report"]
+    (trace,) = [each for each in traces(chart.marks) if each["name"] == "report"]
     assert trace["text"] == ["a, report: 42.3 &#37; (published in a report)"]
 
 
 def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
     tree = archives["schema_1"]
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
-    (trace,) = [each for each in chart.traces if each["name"] == "steps"]
+    (trace,) = [each for each in traces(chart.marks) if each["name"] == "steps"]
     told = tree["statistics/steps/y"]["response"].values[:, 0]
     # The inputs stand in their order of importance for the output, in all charts of it.
     order = [list(tree["statistics/steps/y"]["input"].values).index(row) for row in chart.y.rows]

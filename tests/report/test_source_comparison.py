@@ -9,9 +9,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.axes import logarithmic_axis
-from uqpen.report.blocks import Block, Chart, Charts, Fold, Heading, Table, Text
-from uqpen.report.chart_json import charts_json
+from uqpen.charts.axes import logarithmic_axis
+from uqpen.charts.chart import Block, Chart, Charts
+from uqpen.report.blocks import Fold, Heading, Table, Text
+from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.source_comparison import source_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -71,9 +72,9 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]
 def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block]) -> None:
     main, others = groups(told)[:2]
     for group, title, name in ((main, "mean", "mean"), (others, "sd", "std")):
-        traces = chart(group, title).traces
-        assert [trace["name"] for trace in traces][:7] == list(chart(group, title).y.rows)
-        for row, trace in enumerate(traces[:7]):
+        drawn = traces(chart(group, title).marks)
+        assert [trace["name"] for trace in drawn][:7] == list(chart(group, title).y.rows)
+        for row, trace in enumerate(drawn[:7]):
             estimate, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"][
                 name
             ].values
@@ -88,7 +89,7 @@ def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block])
             assert symbol.endswith("-open") == bool(np.isnan(lower))
     (shown, *_) = (block.table for block in flat(told) if isinstance(block, Table))
     table = dict(shown.rows)
-    hover = chart(main, "mean").traces[0]["text"][0]
+    hover = traces(chart(main, "mean").marks)[0]["text"][0]
     assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
 
 
@@ -99,7 +100,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
         "Width of the interval: median",
         "Width of the interval: P(> 60 cm)",
     ]
-    guide, *dots = widths.charts[0].traces
+    guide, *dots = traces(widths.charts[0].marks)
     assert [trace["name"] for trace in dots] == SOURCES
     for trace in dots:
         _, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"]["mean"].values
@@ -165,7 +166,7 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives)
     )
     blocks = list(source_comparison(ArchiveView(without, "")))
     assert [type(block) for block in blocks] == [Heading, Charts, Fold]
-    assert [trace["name"] for trace in groups(blocks)[2].charts[0].traces] == [
+    assert [trace["name"] for trace in traces(groups(blocks)[2].charts[0].marks)] == [
         "latin_hypercube",
         "blocks",
         "chaos",

@@ -9,7 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Block, Charts, Table
+from uqpen.charts.chart import Block, Charts
+from uqpen.report.blocks import Table
+from uqpen.report.plotly import traces
 from uqpen.report.sections.surrogates import surrogates
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
@@ -58,7 +60,7 @@ def line_of(tree: xr.DataTree) -> tuple[float, float, float]:
 def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
     charts = one(tree, Charts)
     (chart,) = charts.charts
-    diagonal, cloud, worst = chart.traces
+    diagonal, cloud, worst = traces(chart.marks)
     assert diagonal["x"] == diagonal["y"]
     runs = tree["runs/many"]
     at = cloud["customdata"]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.charts.chart import Charts
 from uqpen.report import SECTIONS
-from uqpen.report.blocks import Charts
 from uqpen.report.page import report_page
+from uqpen.report.plotly import traces
 from uqpen.report.sections.trajectory import trajectory
 from uqpen.results.archive_view import ArchiveView
 
@@ -26,8 +27,8 @@ def test_all_models_share_the_charts(archives: Archives) -> None:
     }
     assert [key.text for key in group.keys] == list(told)
     first = group.charts[0]
-    assert {trace["name"].split()[0] for trace in first.traces} == set(told)
-    for trace in first.traces:
+    assert {trace["name"].split()[0] for trace in traces(first.marks)} == set(told)
+    for trace in traces(first.marks):
         model, quantity = trace["name"].split()
         array = told[model][quantity]
         scale = 1e3 if first.y.title.endswith("[ms]") else 1

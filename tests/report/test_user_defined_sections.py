@@ -11,9 +11,10 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
-from uqpen.report.blocks import Block, Heading, Remarks, Text
+from uqpen.report.blocks import Heading, Remarks, Text
 from uqpen.report.page import report_page
 from uqpen.results.archive_view import ArchiveView
 from uqpen.testing import check_section
@@ -94,15 +95,15 @@ def test_texts_are_escaped(tree: xr.DataTree) -> None:
     [
         ("no.py:own", "", 'there is no file "no.py"; expected a reference like "my_section.py:my_'),
         ("own.py:other", "yield", '"own.py" has no function "other"; it defines own'),
-        ("own.py:own", "return 1 / 0", "own.py:own: ZeroDivisionError: division by zero (line 3)"),
+        ("own.py:own", "return 1 / 0", "own.py:own: ZeroDivisionError: division by zero (line 4)"),
         ("own.py:own", "yield 'text'", "own.py:own: it yields an object of class str, not a Block"),
         ("own.py:own", "yield Table(None)", "own.py:own: UndefinedError: "),
         (
             "own.py:own",
-            "yield Chart('t', 's', Axis('x'), Axis('y'), ({'y': [float('nan')]},))",
-            "own.py:own: ValueError: Out of range float values are not JSON compliant",
+            "yield Chart('t', 's', Axis('x'), Axis('y'), ({'y': [1.0]},))",
+            "own.py:own: TypeError: a mark of a chart is of class dict",
         ),
-        ("own.py:own", "import sys; sys.exit(3)", "own.py:own: SystemExit: 3 (line 3)"),
+        ("own.py:own", "import sys; sys.exit(3)", "own.py:own: SystemExit: 3 (line 4)"),
         ("answer", "", 'the section "answer" is on every page already'),
     ],
 )
@@ -111,7 +112,8 @@ def test_a_mistake_is_one_sentence(
 ) -> None:
     uqpen.write(tree, "a.nc")
     Path("own.py").write_text(
-        f"from uqpen.report.blocks import Axis, Chart, Table\ndef own(view):\n    {body}\n"
+        "from uqpen.charts.chart import Axis, Chart\n"
+        f"from uqpen.report.blocks import Table\ndef own(view):\n    {body}\n"
     )
     done = command_line("report", "a.nc", "--section", reference)
     assert done.code == 2

@@ -12,6 +12,7 @@ import xarray as xr
 import uqpen
 from uqpen.figures.page import panels
 from uqpen.report.blocks import find_charts
+from uqpen.report.plotly import traces
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import output_tables
@@ -76,7 +77,7 @@ def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
         "first order by large",
         "first order by chaos",
     ]
-    (drawn,) = [trace for trace in chart.traces if trace["name"] == "first order by large"]
+    (drawn,) = [trace for trace in traces(chart.marks) if trace["name"] == "first order by large"]
     assert set(drawn["marker"]["symbol"]) == {"circle"}
     told = tree["statistics/large/y/first_order"].values
     assert np.isfinite(told).all()
@@ -86,7 +87,7 @@ def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
 
 
 def _drawn(chart: Any) -> list[str]:
-    return [trace["name"] for trace in chart.traces if not trace["name"].endswith("refused")]
+    return [trace["name"] for trace in traces(chart.marks) if not trace["name"].endswith("refused")]
 
 
 def test_shapley_effects_decide_the_order_of_the_inputs(study_of: Callable[..., Any]) -> None:

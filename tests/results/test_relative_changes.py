@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.chart import Chart
 from uqpen.figures.page import panels
-from uqpen.report.blocks import Chart, find_charts
+from uqpen.report.blocks import find_charts
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json

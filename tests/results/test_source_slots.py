@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.report.marks import DASHES, MARKERS
+from uqpen.charts.marks import DASHES, MARKERS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_methods import benchmark_methods
 from uqpen.results.source_slots import source_slots

@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.source_comparison import compared_statistics
 from uqpen.core.errors import SettingsError
 from uqpen.core.labels import BOUND, NOTE
-from uqpen.figures.source_comparison import compared_statistics
 from uqpen.rehearsal.opening import open_rehearsed
 from uqpen.report.blocks import Alerts, Findings, Quote
 from uqpen.report.sections.answer import answer

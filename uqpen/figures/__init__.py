@@ -13,7 +13,7 @@ FIGURES = {
     "exceedance": "uqpen.figures.exceedance:exceedance",
     "histogram": "uqpen.figures.histogram:histogram",
     "scatter": "uqpen.figures.scatter:scatter_panels",
-    "methods": "uqpen.figures.source_comparison:source_panels",
+    "methods": "uqpen.charts.source_comparison:source_charts",
     "sensitivity": "uqpen.figures.sensitivity:sensitivity_panels",
     "responses": "uqpen.figures.sensitivity:response_panels",
     "surrogate": "uqpen.figures.surrogate:surrogate_panels",

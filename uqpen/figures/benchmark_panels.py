@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.marks import HOLLOW
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
-from uqpen.figures.estimate_dots import HOLLOW, error_bar_lengths
+from uqpen.figures.painter import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
 from uqpen.results.benchmark_methods import (

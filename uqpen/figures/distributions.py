@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uqpen.charts.axes import CUT, ValueAxis
 from uqpen.core.arrays import FloatArray
 from uqpen.figures.curves import Curve, draw_band, draw_curve
-from uqpen.figures.panel import Axes, Panel
-from uqpen.figures.value_axis import CUT, ValueAxis
+from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
@@ -88,7 +88,7 @@ def _draw_cdf(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -
         thin = curve.thinned().extended(*span.ends)
         draw_curve(axes, thin, view.look(curve.name), is_thick=False)
     axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)", ylim=(0, 1))
-    span.set_on(axes)
+    set_value_axis(axes, span)
     yield from mark_thresholds(axes, view, output, span, at_foot=True)
     yield from scale_notes(view, output, span, curves)
     if span.is_cut:
@@ -106,7 +106,7 @@ def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes
         yield from draw_band(axes, thin, style.colour)
         draw_curve(axes, thin, style, is_thick=False)
     axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)", ylim=(0, 1))
-    span.set_on(axes)
+    set_value_axis(axes, span)
     yield from mark_thresholds(axes, view, output, span, at_foot=True)
     yield from scale_notes(view, output, span, curves)
     if span.is_cut:

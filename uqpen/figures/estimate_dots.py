@@ -9,17 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.marks import HOLLOW
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.figures.painter import error_bar_lengths
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.table import Conversion
 
-__all__ = ["HOLLOW", "EstimateDot", "draw_dots", "error_bar_lengths"]
-
-
-HOLLOW = "hollow: no interval"
+__all__ = ["EstimateDot", "draw_dots"]
 
 
 @dataclass(frozen=True)
@@ -68,16 +67,6 @@ class EstimateDot:
     def error_bar(self) -> FloatArray | None:
         """The lengths of its error bar; None without an interval."""
         return error_bar_lengths(self.bounds)
-
-
-def error_bar_lengths(bounds: FloatArray) -> FloatArray | None:
-    """Return the lengths of an interval below and above its estimate; None without any bound."""
-    estimate, lower, upper = bounds
-    if not np.isfinite(bounds[1:]).any():
-        return None
-    sides = np.array([[estimate - lower], [upper - estimate]])
-    lengths: FloatArray = np.maximum(np.nan_to_num(sides), 0.0)
-    return lengths
 
 
 def draw_dots(axes: Axes, dots: list[EstimateDot]) -> Iterator[str]:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import CUT
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.figures.curves import Curve, draw_band, draw_curve
@@ -18,9 +19,8 @@ from uqpen.figures.distributions import (
     output_span,
     scale_notes,
 )
-from uqpen.figures.estimate_dots import error_bar_lengths
-from uqpen.figures.panel import Axes, Panel
-from uqpen.figures.value_axis import CUT
+from uqpen.figures.painter import error_bar_lengths
+from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.exceedance_tail import ExceedanceTail
@@ -53,7 +53,7 @@ def _draw(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[
     yield from _draw_function(axes, curve, tail, span.ends, appearance)
     if tail is not None:
         _draw_end(axes, output, tail, appearance)
-    span.set_on(axes)
+    set_value_axis(axes, span)
     yield from mark_thresholds(axes, view, output, span, at_foot=False)
     yield from scale_notes(view, output, span, [curve])
     if probabilities is not None:

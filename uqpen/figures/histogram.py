@@ -12,8 +12,8 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.figures.distributions import output_span, scale_notes
-from uqpen.figures.estimate_dots import error_bar_lengths
-from uqpen.figures.panel import Axes, Panel
+from uqpen.figures.painter import error_bar_lengths
+from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.source_style import BLACK, VERMILION
@@ -62,7 +62,7 @@ def _draw(
     colour = view.look(design).colour
     axes.stairs(counts, edges, fill=True, color=colour, alpha=_LIGHT, label="runs")
     axes.set(xlabel=view.axis_label(output), ylabel="runs in a bin", ylim=(0, None))
-    span.set_on(axes)
+    set_value_axis(axes, span)
     yield from scale_notes(view, output, span, ())
     if outside:
         yield f"{output}: {grouped_number(outside)} runs lie outside of the axis"

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.charts.axes import ValueAxis
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.figures.panel import Axes, Panel
-from uqpen.figures.value_axis import ValueAxis
+from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import VERMILION
@@ -84,7 +84,7 @@ def _draw(
         axes.set_yticks([])
     elif output in view.numeric_outputs:
         span = ValueAxis.of_values([y], is_logarithmic=view.is_logarithmic(output))
-        span.set_on(axes, "y")
+        set_value_axis(axes, span, "y")
         if span.is_cut:
             yield "axes of outputs end where all but 1 % lies inside"
     if failed.sizes[RUN]:

@@ -1,20 +1,22 @@
-"""User-defined figures: functions that yield panels, beside those of the package."""
+"""User-defined figures: functions that yield charts or panels, beside those of the package."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from uqpen.charts.chart import Block, Chart, Charts
 from uqpen.core.errors import FigureError
 from uqpen.figures import FIGURES
+from uqpen.figures.painter import chart_panel
 from uqpen.figures.panel import Axes, Panel
 from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
 from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["FIGURE", "FigureFunction", "figure_panels"]
 
-FigureFunction = Callable[[ArchiveView], Iterable[Panel]]
+FigureFunction = Callable[[ArchiveView], Iterable[Block | Panel]]
 
 FIGURE = FunctionFamily(FIGURES, "uqpen.figures", "figure", "my_figure.py:my_figure", FigureError)
 
@@ -38,15 +40,28 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
         If a user-defined function cannot be loaded, fails, or yields something else.
     """
     if isinstance(named, str) and named in FIGURES:
-        return list(FIGURE.find(named, Path()).function(view))
+        return list(_panels(FIGURE.find(named, Path()).function(view), view))
     function = FIGURE.find(named, Path.cwd())
     with function.in_context():
         found = list(function.function(view))
-    for panel in found:
-        if not isinstance(panel, Panel):
-            text = f"it yields an object of class {type(panel).__name__}, not a Panel"
+    for each in found:
+        if not isinstance(each, Block | Panel):
+            text = f"it yields an object of class {type(each).__name__}, not a Chart or a Panel"
             raise function.failure(text)
-    return [replace(panel, draw=_guarded(panel, function)) for panel in found]
+    panels = _panels(found, view)
+    return [replace(panel, draw=_guarded(panel, function)) for panel in panels]
+
+
+def _panels(drawn: Iterable[Block | Panel], view: ArchiveView) -> Iterator[Panel]:
+    """Yield panels and the charts among blocks; a figure has no place for other blocks."""
+    for each in drawn:
+        match each:
+            case Panel():
+                yield each
+            case Chart():
+                yield chart_panel(each, view.title)
+            case Charts():
+                yield from (chart_panel(chart, view.title) for chart in each.charts)
 
 
 def _guarded(panel: Panel, function: UserDefinedFunction) -> Callable[[Axes], Iterable[str]]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from uqpen.report.blocks import Block, Chart, Fold, Heading, RunExplorer, flattened
+from uqpen.charts.chart import Block, Chart
+from uqpen.report.blocks import Fold, Heading, RunExplorer, flattened
 
 __all__ = ["block_anchors"]
 

@@ -6,47 +6,29 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from uqpen.report.marks import Trace
-from uqpen.report.place_selection import PlaceReadout, PlaceSlices
-from uqpen.report.shapes import Shape
+from uqpen.charts.chart import Block, Chart, Charts, PlottedQuantity
+from uqpen.charts.marks import Numbers
 from uqpen.results.table import OutputTable
 
 __all__ = [
     "Alert",
     "Alerts",
-    "Axis",
-    "Block",
-    "Chart",
-    "Charts",
     "Columns",
     "Finding",
     "Findings",
     "Fold",
     "Heading",
-    "LegendKey",
     "Listing",
-    "PlottedQuantity",
     "Quote",
     "Remarks",
     "RunColumn",
     "RunExplorer",
-    "RunsBeyondAxis",
     "Table",
     "Text",
-    "ThresholdReadout",
     "find_charts",
     "find_explorers",
     "flattened",
 ]
-
-
-class Block:
-    """A part of a section; the template sets it by the name of its class."""
-
-    @property
-    def kind(self) -> str:
-        """Name of the block's kind in the template."""
-        return type(self).__name__.lower()
 
 
 @dataclass(frozen=True)
@@ -127,122 +109,15 @@ class Table(Block):
     is_folded: bool = False
 
 
-class PlottedQuantity(NamedTuple):
-    """An input or an output, in the unit that the page shows it in.
-
-    Charts with the same quantity along an axis have one threshold and one selection in common.
-    """
-
-    name: str
-    unit: str  # as a study writes it; empty without one
-
-
-@dataclass(frozen=True)
-class Axis:
-    """An axis of a chart, its title with the unit in brackets."""
-
-    title: str
-    ends: tuple[float, float] | None = None  # powers of ten if logarithmic; None: where data end
-    rows: tuple[str, ...] = ()  # names in place of numbers: of the rows 0, 1, … from the top
-    is_logarithmic: bool = False
-    ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
-    quantity: PlottedQuantity | None = None  # along it, if that is a single one
-
-
-@dataclass(frozen=True)
-class LegendKey:
-    """An entry of a legend."""
-
-    text: str
-    series: int | str  # chooses its colour, see `marks`
-    mark: str  # "line", "band", "bar", or the name of a marker
-    dash: str = "solid"
-
-
-class RunsBeyondAxis(NamedTuple):
-    """Values of a distribution function beyond the ends of its axis.
-
-    Attributes
-    ----------
-    runs : int
-        Behind the function.
-    smallest, largest : float
-        Of these runs.
-    nothing : sequence of float or None
-        The bounds below the smallest run.
-    below, above : sequence
-        Values of some runs there, in ascending order up to the most extreme one, each followed by
-        the bounds at it.
-    """
-
-    runs: int
-    smallest: float
-    largest: float
-    nothing: Sequence[float | None]
-    below: Sequence[Sequence[float | None]]
-    above: Sequence[Sequence[float | None]]
-
-
-@dataclass(frozen=True)
-class ThresholdReadout:
-    """A threshold that a reader moves over a distribution function, and the values there."""
-
-    output: str
-    unit: str
-    source: str
-    level: float  # of the simultaneous band; NaN where there is none
-    note: str  # the reason why there is no band
-    values: Sequence[float]  # thresholds that the slider has, ascending
-    limits: Sequence[tuple[float, str]]  # of the study, each with its text there
-    start: float  # the threshold that is shown first
-    # At each of the values, the probability of lying at or below, and the ends of the band or None.
-    bounds: Sequence[Sequence[float | None]]
-    beyond: RunsBeyondAxis | None = None  # None where the function is of no runs
-
-
-@dataclass(frozen=True)
-class Chart(Block):
-    """A chart, drawn by the page's script, with a summary for readers who cannot see it."""
-
-    title: str
-    summary: str  # its content in words, for readers who cannot see it
-    x: Axis
-    y: Axis
-    traces: tuple[Trace, ...]
-    shapes: tuple[Shape, ...] = ()  # lines and shades behind the traces
-    keys: tuple[LegendKey, ...] = ()
-    notes: tuple[str, ...] = ()
-    tables: tuple[OutputTable, ...] = ()  # the numbers behind it
-    height: int = 300  # in CSS pixels
-    reading: ThresholdReadout | None = None
-    images: tuple[Trace, ...] = ()  # behind the traces, in Plotly's form
-    place: PlaceReadout | None = None  # along the axis x
-    slices: PlaceSlices | None = None
-    is_compared: bool = False  # whether a pointer reads off all lines at once
-    # The model whose `RunExplorer` has its points: completed runs, then failed ones as a second
-    # trace. None where its points are no runs.
-    runs_of: str | None = None
-
-
-@dataclass(frozen=True)
-class Charts(Block):
-    """Charts side by side, as many in a row as there is room for, under one legend."""
-
-    charts: tuple[Chart, ...]
-    keys: tuple[LegendKey, ...] = ()
-    notes: tuple[str, ...] = ()
-    tables: tuple[OutputTable, ...] = ()
-
-
 @dataclass(frozen=True)
 class RunColumn:
     """An input or an output of all runs that are drawn.
 
     Attributes
     ----------
-    values : sequence of float or None
+    values : array_like of float
         Of the completed runs; of a categorical output, places near the row of each category.
-    failed : sequence of float or None
+    failed : array_like of float
         Likewise of the failed runs; empty of an output.
     rows : tuple of str
         The categories, in the order of their rows; empty of a number.
@@ -254,8 +129,8 @@ class RunColumn:
     label: str
     unit: str  # as the page shows it; empty without one
     is_input: bool
-    values: Sequence[float | None]
-    failed: Sequence[float | None] = ()
+    values: Numbers
+    failed: Numbers = ()
     rows: tuple[str, ...] = ()
     is_logarithmic: bool = False
 

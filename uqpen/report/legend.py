@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-__all__ = ["CROSS", "END", "OUTLINES", "STROKES", "colour_name"]
+from uqpen.charts.marks import CROSS, END
 
-# Markers of no source: of failed runs and refused estimates, and of the end of a line.
-CROSS, END = "x", "line-ns"
-# SVG paths of markers and dashes of lines, by Plotly's names, in the order in which sources take
-# them.
+__all__ = ["OUTLINES", "STROKES", "colour_name"]
+
+# SVG paths of markers and dashes of lines, by Plotly's names.
 OUTLINES = {
     "circle": "M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z",
     "square": "M-4.5,-4.5h9v9h-9z",

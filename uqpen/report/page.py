@@ -12,6 +12,7 @@ import jinja2
 import xarray as xr
 
 from uqpen.archive.read import model_trees
+from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError
 from uqpen.core.files import replace_file
 from uqpen.core.labels import BENCHMARK, KIND
@@ -19,11 +20,11 @@ from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
 from uqpen.report.anchors import block_anchors
-from uqpen.report.blocks import Block, Fold, Heading, find_charts, find_explorers
-from uqpen.report.chart_json import charts_json
+from uqpen.report.blocks import Fold, Heading, find_charts, find_explorers
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
 from uqpen.report.page_assets import page_library, page_script, page_style, script_hash
+from uqpen.report.plotly import charts_json
 from uqpen.report.reference import page_reference
 from uqpen.report.user_defined_sections import SectionFunction, UserDefinedSection, find_sections
 from uqpen.results.archive_view import ArchiveView

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError
 from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
 from uqpen.report import SECTIONS, ReportSection
-from uqpen.report.blocks import Block
 from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["SectionFunction", "UserDefinedSection", "find_sections"]

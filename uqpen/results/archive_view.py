@@ -23,9 +23,9 @@ from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
-from uqpen.results.texts import title_with_unit
+from uqpen.results.texts import title_with_name, title_with_unit
 
-__all__ = ["ArchiveView", "select_view"]
+__all__ = ["ArchiveView", "output_heading", "output_title", "select_view"]
 
 
 @dataclass(frozen=True)
@@ -227,3 +227,13 @@ def _check_name(what: str, name: str | None, known: Iterable[str]) -> None:
     names = list(known)
     if name is not None and name not in names:
         raise UnknownNameError(f'the archive has no {what} "{name}"; {choices(name, names)}')
+
+
+def output_title(view: ArchiveView, output: str) -> str:
+    """Return the title of an output, for a reader."""
+    return str(view.attributes(output).get("long_name", output))
+
+
+def output_heading(view: ArchiveView, output: str) -> str:
+    """Return the name of an output in a heading."""
+    return title_with_name(output_title(view, output), output)

@@ -10,6 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Axis, Block, Chart, Charts
+from uqpen.charts.marks import Mark, Points, series_marker
 from uqpen.core.labels import METHODS, SINGLE
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
@@ -18,8 +20,7 @@ from uqpen.report.benchmark.section_elements import (
     method_keys,
     reference_run_counts,
 )
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
-from uqpen.report.marks import PointStyle, Trace, point_trace, series_marker
+from uqpen.report.blocks import Quote, Remarks, Table, Text
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.benchmark_tables import (
@@ -173,12 +174,12 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
         f"{'; '.join(texts) or 'none'}. The other numbers of runs are in the sentences below.",
         x=Axis("runs", ends, ticks=ticks),
         y=Axis("", rows=rows),
-        traces=tuple(_leader_markers(method, found) for method in benchmark_methods(tree, SINGLE)),
+        marks=tuple(_leader_markers(method, found) for method in benchmark_methods(tree, SINGLE)),
         height=_FRAME + _ROW * len(rows),
     )
 
 
-def _leader_markers(method: ArchivedMethod, found: list[BenchmarkEntry]) -> Trace:
+def _leader_markers(method: ArchivedMethod, found: list[BenchmarkEntry]) -> Mark:
     marker = series_marker(method.series)
     marks: list[tuple[float, float, str, float, str]] = []
     for row, entry in enumerate(found):
@@ -194,18 +195,18 @@ def _leader_markers(method: ArchivedMethod, found: list[BenchmarkEntry]) -> Trac
                 text = f"{entry.label}: {texts[column]}"
                 marks.append((place, float(row), symbol, size, text))
     x, y, symbols, sizes, hovers = zip(*marks, strict=True) if marks else ((), (), (), (), ())
-    trace = point_trace(
+    return Points(
         x,
         y,
         method.series,
         hover="%{text}",
         name=method.source,
         texts=hovers,
-        style=PointStyle(opacity=1.0),
+        marker=symbols,
+        size=sizes,
+        opacity=1.0,
+        outline=[2 if symbol.endswith("-open") else 0 for symbol in symbols],
     )
-    outlines = [2 if symbol.endswith("-open") else 0 for symbol in symbols]
-    trace["marker"] |= {"symbol": list(symbols), "size": list(sizes), "line": {"width": outlines}}
-    return trace
 
 
 def _verdict_blocks(tree: xr.DataTree) -> Iterator[Block]:

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import padded_limits
+from uqpen.charts.chart import Axis, Block, Chart, Charts
+from uqpen.charts.marks import Dots, Mark, Rule, series_marker
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import SINGLE
-from uqpen.report.axes import padded_limits
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
@@ -25,9 +27,6 @@ from uqpen.report.benchmark.section_elements import (
     method_keys,
     variants,
 )
-from uqpen.report.blocks import Axis, Block, Chart, Charts
-from uqpen.report.marks import Trace, dot_trace, series_marker
-from uqpen.report.shapes import vertical_line
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_methods
 from uqpen.results.digits import estimate_text
@@ -77,11 +76,13 @@ def _slope_chart(
         summary="; ".join(_steepest_sentences(found, methods, slopes)),
         x=Axis("slope of log error over log runs", (lower, upper)),
         y=Axis("", rows=tuple(entry.label for entry in found)),
-        traces=tuple(
-            _dots(method, slopes[:, at], found, method_positions(at, len(methods), len(found)))
-            for at, method in enumerate(methods)
+        marks=(
+            Rule(_MONTE_CARLO_SLOPE, "quiet", "dash"),
+            *(
+                _dots(method, slopes[:, at], found, method_positions(at, len(methods), len(found)))
+                for at, method in enumerate(methods)
+            ),
         ),
-        shapes=(vertical_line(_MONTE_CARLO_SLOPE, "quiet", "dash"),),
         notes=tuple(notes),
         tables=(_slope_table(found, methods, slopes),),
         height=chart_height(len(methods), len(found)),
@@ -112,13 +113,13 @@ def _steepest_sentences(
 
 def _dots(
     method: ArchivedMethod, slopes: FloatArray, found: list[BenchmarkEntry], places: FloatArray
-) -> Trace:
+) -> Mark:
     hovers = [
         f"{method.source}, {entry.label}: {estimate_text(*row)}"
         + ("" if np.isfinite(row).all() else f"; {_NO_INTERVAL}")
         for entry, row in zip(found, slopes, strict=True)
     ]
-    return dot_trace(
+    return Dots(
         slopes,
         places,
         method.series,

@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Axis, Block, Chart, Charts
+from uqpen.charts.marks import Mark, Points, Rule, Shade, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
 from uqpen.report.benchmark.row_charts import (
@@ -25,9 +27,6 @@ from uqpen.report.benchmark.section_elements import (
     method_keys,
     variants,
 )
-from uqpen.report.blocks import Axis, Block, Chart, Charts
-from uqpen.report.marks import PointStyle, Trace, point_trace, series_marker
-from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.digits import grouped_number, percent_text
@@ -99,9 +98,9 @@ def _coverage_chart(
     level = _nominal_level(tree)
     known = shares[np.isfinite(shares)]
     lowest, highest = (percent_text(round(share, 3)) for share in (known.min(), known.max()))
-    shapes: tuple[Shape, ...] = (
-        shaded_interval(100 * lowest_expected_coverage(level, repeats), 100, "quiet"),
-        vertical_line(100 * level, "quiet", "dash"),
+    behind = (
+        Shade(100 * lowest_expected_coverage(level, repeats), 100, "quiet"),
+        Rule(100 * level, "quiet", "dash"),
     )
     return Chart(
         title=f"Intervals of {benchmark_output_heading(tree, output)}{variant_text(tree, variant)}",
@@ -109,13 +108,19 @@ def _coverage_chart(
         f"{percent_text(level)}.",
         x=Axis("coverage [%]", (min(78.0, 100 * known.min()) - 2, 102)),
         y=Axis("", rows=tuple(entry.label for entry in found)),
-        traces=tuple(
-            _points(
-                tree, method, shares[:, at], found, method_positions(at, len(methods), len(found))
-            )
-            for at, method in enumerate(methods)
+        marks=(
+            *behind,
+            *(
+                _points(
+                    tree,
+                    method,
+                    shares[:, at],
+                    found,
+                    method_positions(at, len(methods), len(found)),
+                )
+                for at, method in enumerate(methods)
+            ),
         ),
-        shapes=shapes,
         tables=(_coverage_table(tree, methods, shares, found),),
         height=chart_height(len(methods), len(found)),
     )
@@ -127,7 +132,7 @@ def _points(
     shares: FloatArray,
     found: list[BenchmarkEntry],
     places: FloatArray,
-) -> Trace:
+) -> Mark:
     rows, columns = np.nonzero(np.isfinite(shares))
     budgets = benchmark_budgets(tree)
     texts = [
@@ -135,14 +140,15 @@ def _points(
         f"coverage {100 * shares[row, column]:.1f} %"
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
     ]
-    return point_trace(
+    return Points(
         100 * shares[rows, columns],
         places[rows],
         method.series,
         hover="%{text}",
         name=method.source,
         texts=texts,
-        style=PointStyle(series_marker(method.series), size=7),
+        marker=series_marker(method.series),
+        size=7,
     )
 
 

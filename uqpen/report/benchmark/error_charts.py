@@ -8,9 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import logarithmic_axis
+from uqpen.charts.chart import Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Band, Dots, Line, Mark, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
-from uqpen.report.axes import logarithmic_axis
 from uqpen.report.benchmark.section_elements import (
     MOST_CHARTS,
     benchmark_output_heading,
@@ -19,8 +21,7 @@ from uqpen.report.benchmark.section_elements import (
     reference_error,
     variants,
 )
-from uqpen.report.blocks import Block, Chart, Charts, Heading, LegendKey, Text
-from uqpen.report.marks import Trace, band_traces, dot_trace, line_trace, series_marker
+from uqpen.report.blocks import Heading, Text
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_methods import ArchivedMethod, benchmark_budgets, benchmark_methods
 from uqpen.results.benchmark_tables import (
@@ -86,9 +87,10 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
 
 
 def _keys(charts: list[Chart]) -> Iterator[LegendKey]:
-    if any(trace.get("name") == _GUIDE for chart in charts for trace in chart.traces):
+    marks = [mark for chart in charts for mark in chart.marks]
+    if any(isinstance(mark, Line) and mark.name == _GUIDE for mark in marks):
         yield LegendKey(_GUIDE, "quiet", "line", "dot")
-    if any("fillcolor" in trace for chart in charts for trace in chart.traces):
+    if any(isinstance(mark, Band) for mark in marks):
         yield LegendKey("no larger than the reference's own error", "quiet", "band")
 
 
@@ -105,10 +107,10 @@ def _chart(comparison: EntryComparison, variant: str) -> Chart | None:
     every = np.array(list(method_bounds.values()))
     axis = logarithmic_axis("error [%]", every[np.isfinite(every)].tolist())
     lower = 10.0 ** axis.ends[0] if axis.ends else 0.0
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     if own > lower:
         sides = budgets[0] / 2, budgets[-1] * 2
-        traces += band_traces(sides, [lower / 10] * 2, [own] * 2, "quiet")
+        traces.append(Band(sides, [lower / 10] * 2, [own] * 2, "quiet"))
     traces += _guide(known, budgets)
     for place, (method, bounds) in enumerate(method_bounds.items()):
         shift = _APART ** (place - (len(method_bounds) - 1) / 2)
@@ -118,30 +120,30 @@ def _chart(comparison: EntryComparison, variant: str) -> Chart | None:
         summary=_summary(entry, methods, method_bounds),
         x=budget_axis(entry.tree),
         y=axis,
-        traces=tuple(traces),
+        marks=tuple(traces),
         notes=tuple(_notes(comparison, variant, method_bounds, own, lower)),
         tables=(_table(entry, variant),),
         height=_HEIGHT,
     )
 
 
-def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Trace]:
+def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Mark]:
     """Yield a line that falls with the root of the runs, from the largest error at the fewest."""
     first = next((at for at in range(budgets.size) if np.isfinite(known[:, at]).any()), 0)
     if first + 1 < budgets.size:
         runs = budgets[first:]
         fall = float(np.nanmax(known[:, first])) * np.sqrt(runs[0] / runs)
-        yield line_trace(runs, fall, "quiet", hover=_GUIDE, name=_GUIDE, dash="dot", width=1.5)
+        yield Line(runs, fall, "quiet", hover=_GUIDE, name=_GUIDE, dash="dot", width=1.5)
 
 
 def _line(
     entry: BenchmarkEntry, method: ArchivedMethod, bounds: FloatArray, places: FloatArray
-) -> Trace:
+) -> Mark:
     hovers = [
         f"{method.source}, {grouped_number(budget)} runs: {_error_text(row)}"
         for budget, row in zip(benchmark_budgets(entry.tree), bounds, strict=True)
     ]
-    return dot_trace(
+    return Dots(
         bounds,
         places,
         method.series,

@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Block
 from uqpen.core.labels import BUDGET, INTERVAL, METHODS
 from uqpen.core.units import scale
 from uqpen.report.benchmark.section_elements import (
@@ -19,7 +20,7 @@ from uqpen.report.benchmark.section_elements import (
     reference_error,
     reference_run_counts,
 )
-from uqpen.report.blocks import Block, Table, Text
+from uqpen.report.blocks import Table, Text
 from uqpen.report.sections.archive import study_blocks
 from uqpen.report.sections.archive_tables import provenance_table
 from uqpen.results.archive_view import ArchiveView

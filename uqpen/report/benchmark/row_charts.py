@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Chart
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.benchmark.section_elements import MOST_CHARTS, variants
-from uqpen.report.blocks import Chart
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_methods import benchmark_methods
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Axis, LegendKey
+from uqpen.charts.marks import series_marker
 from uqpen.core.labels import METHODS, REPLICATED, SINGLE
-from uqpen.report.blocks import Axis, LegendKey
-from uqpen.report.marks import series_marker
 from uqpen.results.benchmark_entries import (
     BenchmarkEntry,
     entries,

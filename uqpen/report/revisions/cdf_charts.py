@@ -8,15 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uqpen.charts.axes import CUT, ValueAxis, output_axis
+from uqpen.charts.chart import Axis, Block, Chart, LegendKey
+from uqpen.charts.marks import Mark, series_dash
 from uqpen.figures.curves import Curve
-from uqpen.figures.value_axis import CUT, ValueAxis
-from uqpen.report.axes import output_axis
-from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey
-from uqpen.report.marks import Trace, series_dash
+from uqpen.report.blocks import Heading
 from uqpen.report.revisions.pair import ArchivePair, ModelPair
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
-from uqpen.report.sections.leading_design import output_heading, output_title
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import number_text, percent_text
 from uqpen.results.texts import capitalized, unit_suffix
 
@@ -61,7 +60,7 @@ def _chart(pair: ModelPair, output: str, source: str, drawn: list[_Drawn]) -> Ch
     is_logarithmic = all(each.view.is_logarithmic(output) for each in drawn)
     span = ValueAxis.of_values(every, is_logarithmic=is_logarithmic)
     values = span.thresholds(np.concatenate(every))
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     keys: list[LegendKey] = []
     for series, (label, of, curve) in enumerate(drawn):
         # Runs are read off in the unit of their archive; else the ranks of the function remain.
@@ -79,7 +78,7 @@ def _chart(pair: ModelPair, output: str, source: str, drawn: list[_Drawn]) -> Ch
         ),
         x=replace(output_axis(view, output, span), quantity=None),
         y=Axis("P(at most x)", (0.0, 1.0)),
-        traces=tuple(traces),
+        marks=tuple(traces),
         keys=tuple(keys),
         notes=tuple(_notes(drawn, is_cut=span.is_cut)),
         height=340,

@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Block
+from uqpen.charts.source_comparison import compared_statistics
 from uqpen.core.labels import INPUT
-from uqpen.figures.source_comparison import compared_statistics
-from uqpen.report.blocks import Block, Heading, Remarks, Table, Text
+from uqpen.report.blocks import Heading, Remarks, Table, Text
 from uqpen.report.revisions.pair import ArchivePair, ModelPair
-from uqpen.report.sections.leading_design import output_heading
+from uqpen.results.archive_view import output_heading
 from uqpen.results.digits import estimate_texts
 from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit

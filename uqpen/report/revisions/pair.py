@@ -9,7 +9,8 @@ from functools import cached_property
 import xarray as xr
 
 from uqpen.archive.read import model_trees
-from uqpen.report.blocks import Block, Remarks
+from uqpen.charts.chart import Block
+from uqpen.report.blocks import Remarks
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.texts import plain_text

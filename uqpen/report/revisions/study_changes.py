@@ -9,11 +9,12 @@ from typing import Any
 from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.provenance import provenance_differences
 from uqpen.archive.read import group_names, read_group
+from uqpen.charts.chart import Block
 from uqpen.core.errors import StudyError, toml_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.execution import run_count, status_counts
-from uqpen.report.blocks import Block, Listing, Table, Text
+from uqpen.report.blocks import Listing, Table, Text
 from uqpen.report.revisions.pair import ArchivePair
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number

@@ -5,20 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from uqpen.charts.chart import Block, Chart
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
-from uqpen.report.blocks import (
-    Alerts,
-    Block,
-    Chart,
-    Columns,
-    Finding,
-    Findings,
-    Fold,
-    Quote,
-    Text,
-)
+from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Quote, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
@@ -28,7 +19,7 @@ from uqpen.report.sections.drivers import driver_sentences
 from uqpen.report.sections.field_sentences import field_sentences
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.joint_findings import joint_findings, rare_event_findings
-from uqpen.report.sections.leading_design import leading_design, output_title
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
 from uqpen.report.sections.method_agreement import agreement_text
 from uqpen.report.sections.missing_runs import missing_run_sentences
@@ -36,7 +27,7 @@ from uqpen.report.sections.model_answer import model_answer
 from uqpen.report.sections.model_verdicts import caveat_text
 from uqpen.report.sections.published_agreement import published_sentences
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.texts import capitalized, plain_text

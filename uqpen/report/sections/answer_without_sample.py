@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Block
 from uqpen.core.labels import RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count, status_counts
-from uqpen.report.blocks import Block, Findings, Quote, Text
+from uqpen.report.blocks import Findings, Quote, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.joint_findings import rare_event_findings
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name

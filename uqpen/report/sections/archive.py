@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.hashes import recorded_hashes
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Block
 from uqpen.core.labels import CONTENT
-from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
+from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive_notes import archive_notes
 from uqpen.report.sections.archive_tables import (
     designs_table,

@@ -9,6 +9,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.axes import logarithmic_axis, padded_limits
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Dots, Rule, all_bounded, has_interval, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
 from uqpen.core.statistic_dimensions import (
@@ -20,15 +23,11 @@ from uqpen.core.statistic_dimensions import (
 )
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
-from uqpen.report.axes import logarithmic_axis, padded_limits
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
+from uqpen.report.blocks import Heading, Remarks, Text
 from uqpen.report.counting import count_text
-from uqpen.report.marks import dot_trace, series_marker
-from uqpen.report.notes import all_bounded, has_interval
-from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import share_label
-from uqpen.report.shapes import horizontal_line
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
@@ -190,9 +189,7 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
         f"{count_text(size, 'run')}: {shown_estimate(estimate, history.convert)}{unit}"
         for size, estimate in zip(runs, history.estimates, strict=True)
     ]
-    trace = dot_trace(
-        bounds, runs, position, hovers=texts, name=history.label, marker=marker, along="y"
-    )
+    trace = Dots(bounds, runs, position, hovers=texts, name=history.label, marker=marker, along="y")
     middle = len(texts) // 2
     return Chart(
         title=history.label,
@@ -200,8 +197,7 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
         f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
         x=logarithmic_axis("runs so far", runs),
         y=Axis(title_with_unit(history.label, history.unit), (lower, upper)),
-        traces=(trace,),
-        shapes=(horizontal_line(float(bounds[-1, 0]), "quiet", "dot"),),
+        marks=(trace, Rule(float(bounds[-1, 0]), "quiet", "dot", is_horizontal=True)),
         notes=(_CUT,) if is_cut else (),
         height=260,
     )

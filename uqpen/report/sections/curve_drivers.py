@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.marks import Band, Mark
 from uqpen.core.labels import INPUT
-from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.marks import Trace, band_traces
 from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.best_sources import best_sources
@@ -50,16 +50,16 @@ def driver_areas(
     shown = curve.places[known]
     names = [str(name) for name in array[INPUT].values]
     order = np.argsort(-shares.mean(axis=0), kind="stable")[:_MOST_INPUTS]
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     keys: list[LegendKey] = []
     below = np.zeros(len(shares))
     for series, position in enumerate(order.tolist()):
         above = below + shares[:, position]
-        traces += band_traces(shown, below, above, series)
+        traces.append(Band(shown, below, above, series))
         keys.append(LegendKey(input_label(curve.view, names[position]), series, "band"))
         below = above
     rest = "others and interactions" if len(names) > len(order) else "interactions"
-    traces += band_traces(shown, below, np.maximum(below, 1.0), "quiet")
+    traces.append(Band(shown, below, np.maximum(below, 1.0), "quiet"))
     keys.append(LegendKey(rest, "quiet", "band"))
     largest = input_label(curve.view, names[int(order[0])])
     yield Chart(
@@ -67,7 +67,7 @@ def driver_areas(
         summary=f"The largest share over all places is that of {largest}.",
         x=place_axis(curve),
         y=Axis("share of the variance", (0.0, max(1.0, float(below.max(initial=1.0))))),
-        traces=tuple(traces),
+        marks=tuple(traces),
         keys=tuple(keys),
         height=320,
     )
@@ -87,7 +87,7 @@ def driver_lines(
             summary=f"The largest is that of {names[0]}.",
             x=place_axis(curve),
             y=Axis("share of the variance", (-0.1, 1.1)),
-            traces=(
+            marks=(
                 *(each for n, at in rows for each in band(curve, array.values[:, at], n)),
                 *(line(curve, array.values[:, at], n, names[n], has_unit=False) for n, at in rows),
             ),

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Axis, Chart, LegendKey, PlaceReadout
+from uqpen.charts.marks import Mark
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RUN
 from uqpen.figures.scatter import thin_runs
-from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace
-from uqpen.report.place_selection import PlaceReadout
 from uqpen.report.sections.curve_lines import (
     DASHES,
     band,
@@ -24,7 +23,7 @@ from uqpen.report.sections.curve_lines import (
     thin_lines,
     value_axis,
 )
-from uqpen.report.sections.leading_design import output_title
+from uqpen.results.archive_view import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import grouped_number, number_text, percent_text
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
@@ -61,7 +60,7 @@ def fan_chart(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
         summary=readout.text(readout.start),
         x=place_axis(curve),
         y=value_axis(curve),
-        traces=tuple(traces),
+        marks=tuple(traces),
         keys=tuple(keys),
         notes=(*_places_notes(curve), *_left_out_notes(curve, "mean_band")),
         height=400,
@@ -102,14 +101,14 @@ def tolerance_chart(curve: CurveEstimates) -> Iterator[Chart]:
         summary=f"By {curve.source}: {text}.",
         x=place_axis(curve),
         y=value_axis(curve),
-        traces=(*(trace for traces in found.values() for trace in traces), *lines),
+        marks=(*(trace for traces in found.values() for trace in traces), *lines),
         keys=(LegendKey(text, series, "band"), *keys),
         notes=tuple(_left_out_notes(curve, "tolerance_band")),
         height=320,
     )
 
 
-def _single_runs(curve: CurveEstimates) -> tuple[Trace, LegendKey]:
+def _single_runs(curve: CurveEstimates) -> tuple[Mark, LegendKey]:
     """Return thin lines of some runs, and their key, which has their number."""
     numbers = xr.Dataset({"number": (RUN, np.arange(len(curve.runs)))})
     runs = curve.runs[thin_runs(numbers, _MOST_RUNS)["number"].values]
@@ -134,7 +133,7 @@ def ranked_chart(curve: CurveEstimates) -> Iterator[Chart]:
         summary=f"By {curve.source}: {count} of {grouped_number(every)}.",
         x=place_axis(curve),
         y=value_axis(curve),
-        traces=(
+        marks=(
             *band(curve, envelope, "quiet"),
             *band(curve, region, series),
             *lines,
@@ -168,7 +167,7 @@ def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
         f"{', '.join(label for label, _, _ in entries)}.",
         x=place_axis(curve),
         y=value_axis(curve),
-        traces=(*bands, *lines),
+        marks=(*bands, *lines),
         keys=tuple(LegendKey(label, n, "line", dash) for n, (label, dash, _) in numbered),
         notes=tuple(_left_out_notes(curve, name)),
         is_compared=True,
@@ -206,7 +205,7 @@ def _probability_chart(
         summary=f"By {curve.source}: {'; '.join(ranges)}.",
         x=place_axis(curve),
         y=Axis("probability", (-0.02, 1.02)),
-        traces=(
+        marks=(
             *bands,
             *(
                 line(curve, bounds, series, label, dash=dash, has_unit=False)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import quantity, quantity_axis
+from uqpen.charts.chart import Axis
+from uqpen.charts.marks import Band, Line, Mark, escape_text
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.report.axes import quantity, quantity_axis
-from uqpen.report.blocks import Axis
-from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.texts import unit_suffix
@@ -50,12 +50,12 @@ def value_axis(curve: CurveEstimates) -> Axis:
     return Axis(label if is_short else quantity(curve.view, curve.output).unit)
 
 
-def band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) -> list[Trace]:
+def band(curve: CurveEstimates, bounds: FloatArray | None, series: int | str) -> list[Mark]:
     """Return the band between the bounds of a statistic at each place; nothing without any."""
     if bounds is None or not np.isfinite(bounds[:, 1:]).any():
         return []
     lower, upper = _drawn(bounds[:, 1:]).T
-    return band_traces(curve.places, lower, upper, series)
+    return [Band(curve.places, lower, upper, series)]
 
 
 def line(
@@ -67,26 +67,26 @@ def line(
     dash: str = "solid",
     width: float = 2,
     has_unit: bool = True,
-) -> Trace:
+) -> Mark:
     """Return the line of a statistic; a pointer reads off its estimates with their intervals."""
     unit = unit_suffix(curve.view.unit(curve.output)) if has_unit else ""
-    trace = line_trace(
+    return Line(
         curve.places,
         _drawn(bounds[:, 0]),
         series,
         hover=f"%{{text}}{escape_text(unit)} {escape_text(name, 40)}",
         name=name,
+        texts=[estimate_text(*row) for row in bounds.tolist()],
         dash=dash,
         width=width,
     )
-    return trace | {"text": [escape_text(estimate_text(*row)) for row in bounds.tolist()]}
 
 
-def thin_lines(places: FloatArray, runs: FloatArray, colour: str, width: float) -> Trace:
+def thin_lines(places: FloatArray, runs: FloatArray, colour: str, width: float) -> Mark:
     """Return lines of single runs, shape (run, place), as one trace with gaps between them."""
     values = np.column_stack([_drawn(runs), np.full(len(runs), np.nan)])
     along = np.tile(np.append(places, places[-1]), len(runs))
-    return line_trace(along, values.ravel(), colour, hover="", width=width)
+    return Line(along, values.ravel(), colour, hover="", width=width)
 
 
 def _drawn(values: FloatArray) -> FloatArray:

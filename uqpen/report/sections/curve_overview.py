@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from uqpen.report.axes import quantity
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey
-from uqpen.report.marks import Trace, band_traces, series_dash
+from uqpen.charts.axes import quantity
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Band, Mark, series_dash
+from uqpen.report.blocks import Heading
 from uqpen.report.sections.curve_lines import MOST_PLACES, line
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
@@ -106,7 +107,7 @@ def _chart(view: ArchiveView, by_model: dict[int, CurveEstimates]) -> Chart:
         y=Axis(
             quantity(first.view, first.output).unit
         ),  # its name, long as it may be, is the title
-        traces=(
+        marks=(
             *(each for curve, series, _ in looks for each in _shade(curve, series)),
             *(_median(curve, series, dash) for curve, series, dash in looks),
         ),
@@ -116,15 +117,15 @@ def _chart(view: ArchiveView, by_model: dict[int, CurveEstimates]) -> Chart:
     )
 
 
-def _shade(curve: CurveEstimates, series: int) -> list[Trace]:
+def _shade(curve: CurveEstimates, series: int) -> list[Mark]:
     ends = _outer_quantiles(curve)
     if ends is None:
         return []
     lower, upper = (curve.entries("quantile")[p][:, 0] for p in ends)
-    return band_traces(curve.places, lower, upper, series)
+    return [Band(curve.places, lower, upper, series)]
 
 
-def _median(curve: CurveEstimates, series: int, dash: str) -> Trace:
+def _median(curve: CurveEstimates, series: int, dash: str) -> Mark:
     median = curve.entries("quantile")[_MEDIAN]
     return line(curve, median, series, curve.view.model or "median", dash=dash)
 

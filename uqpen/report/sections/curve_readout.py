@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from uqpen.charts.chart import PlaceColumn, PlaceReadout
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
-from uqpen.report.marks import rounded_numbers
-from uqpen.report.place_selection import PlaceColumn, PlaceReadout
-from uqpen.report.sections.leading_design import output_title
+from uqpen.results.archive_view import output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
@@ -26,7 +25,7 @@ def place_readout(curve: CurveEstimates) -> PlaceReadout:
     return PlaceReadout(
         output=output_title(curve.view, curve.output),
         dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
-        values=rounded_numbers(curve.places),
+        values=curve.places,
         heads=[f"{number_text(place, 6)}{unit}" for place in curve.places.tolist()],
         columns=list(_columns(curve)),
         start=_first_place(curve),

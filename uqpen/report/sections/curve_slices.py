@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import ValueAxis, quantity
+from uqpen.charts.chart import Axis, Chart, LegendKey, PlaceReadout, PlaceSlices
+from uqpen.charts.marks import Bars, Dots, Mark, escape_text, series_marker
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
 from uqpen.core.labels import INPUT
-from uqpen.figures.value_axis import ValueAxis
-from uqpen.report.axes import quantity
-from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, dot_trace, escape_text, even_bar_trace, series_marker
-from uqpen.report.place_selection import PlaceReadout, PlaceSlices
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.digits import estimate_text
@@ -37,11 +35,11 @@ def place_histogram(curve: CurveEstimates, readout: PlaceReadout) -> Chart:
         summary=f"{count_text(len(curve.runs), 'run')} of {curve.source} in bins.",
         x=Axis(curve.view.axis_label(curve.output)),
         y=Axis("runs in a bin"),
-        traces=(bars[start][0],),
+        marks=(bars[start][0],),
         keys=(LegendKey(f"runs of {curve.source}", series, "bar"),),
         notes=_notes(curve, numbers),
         height=280,
-        slices=_slices(curve, numbers, bars, bars[start]),
+        slices=_slices(curve, numbers, bars),
     )
 
 
@@ -73,14 +71,14 @@ def place_drivers(
         summary=f"{', '.join(label for label, _, _ in indices)} by {sources}.",
         x=Axis("share of the variance", (-0.1, 1.1)),
         y=Axis("", rows=rows),
-        traces=tuple(traces[start]),
+        marks=tuple(traces[start]),
         keys=tuple(
             LegendKey(f"{label}, {source}", place, series_marker(place))
             for place, (label, source, _) in enumerate(indices)
         ),
         notes=_notes(curve, numbers),
         height=110 + 34 * len(rows),
-        slices=_slices(curve, numbers, traces, traces[start]),
+        slices=_slices(curve, numbers, traces),
     )
 
 
@@ -91,38 +89,33 @@ def _notes(curve: CurveEstimates, numbers: IntArray) -> tuple[str, ...]:
 
 
 def _slices(
-    curve: CurveEstimates, numbers: IntArray, traces: list[list[Trace]], shown: list[Trace]
+    curve: CurveEstimates, numbers: IntArray, traces: Sequence[Sequence[Mark]]
 ) -> PlaceSlices:
     return PlaceSlices(
         quantity(curve.view, curve.dimension),
         curve.places[numbers].tolist(),
-        [[_differing(*pair) for pair in zip(at, shown, strict=True)] for at in traces],
+        traces,
     )
 
 
-def _differing(trace: Trace, shown: Trace) -> Trace:
-    """Return the members of a trace that are not those of the trace that is shown first."""
-    return {
-        key: _differing(value, shown[key]) if isinstance(value, dict) else value
-        for key, value in trace.items()
-        if value != shown[key]
-    }
-
-
-def _bars(values: FloatArray, series: int) -> Trace:
+def _bars(values: FloatArray, series: int) -> Mark:
     known = values[np.isfinite(values)]
     if not known.size:
-        return even_bar_trace(np.array([0.0, 1.0]), [0], series, hover=_HOVER)
+        return Bars(np.array([0.0, 1.0]), [0], series, hover=_HOVER, is_even=True)
     counts, edges = ValueAxis.of_values([known]).bins(known)
-    return even_bar_trace(edges, counts, series, hover=_HOVER)
+    return Bars(edges, counts, series, hover=_HOVER, is_even=True)
 
 
-def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Trace:
+def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Mark:
     offsets = [row + 0.22 * (place - 0.5) for row in range(len(rows))]
     texts = [estimate_text(*each) for each in bounds.tolist()]
-    trace = dot_trace(bounds, offsets, place, hovers=texts, name=label, marker=series_marker(place))
-    hover = f"%{{customdata}}, {escape_text(label)} by {escape_text(source, 40)}: %{{text}}"
-    return trace | {
-        "customdata": [escape_text(row) for row in rows],
-        "hovertemplate": f"{hover}<extra></extra>",
-    }
+    return Dots(
+        bounds,
+        offsets,
+        place,
+        hovers=texts,
+        name=label,
+        marker=series_marker(place),
+        hover=f"%{{customdata}}, {escape_text(label)} by {escape_text(source, 40)}: %{{text}}",
+        labels=rows,
+    )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uqpen.archive.fields import field_dimensions
-from uqpen.report.blocks import Block, Charts, Fold, Heading
+from uqpen.charts.chart import Block, Charts
+from uqpen.report.blocks import Fold, Heading
 from uqpen.report.sections.curve_drivers import driver_areas, driver_lines, measures_along
 from uqpen.report.sections.curve_fan import (
     fan_chart,
@@ -18,8 +19,8 @@ from uqpen.report.sections.curve_lines import MOST_PLACES
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
 from uqpen.report.sections.field_maps import map_charts
-from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
-from uqpen.results.archive_view import ArchiveView
+from uqpen.report.sections.leading_design import leading_design
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.texts import plain_text
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from uqpen.charts.marks import Band, Line, Mark, escape_text
 from uqpen.core.arrays import FloatArray
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import StudyLimit
-from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.empirical_cdf import empirical_cdf
 
@@ -59,14 +59,14 @@ def curve_traces(
     is_stepped: bool,
     width: float = 2,
     has_band: bool = True,
-) -> Iterator[Trace]:
+) -> Iterator[Mark]:
     """The function, which a pointer reads off, above its simultaneous band if that is shown."""
     estimate, lower, upper = curve.band.T
     has_band = has_band and curve.has_band
     if has_band:
-        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
+        yield Band(curve.values, lower, upper, series, is_stepped=is_stepped)
     bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
-    yield line_trace(
+    yield Line(
         curve.values,
         estimate,
         series,

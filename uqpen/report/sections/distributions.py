@@ -6,6 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from uqpen.charts.axes import CUT, output_axis
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey, ThresholdReadout
+from uqpen.charts.marks import Mark, series_dash
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PERCENT
 from uqpen.figures.curves import Curve
@@ -16,31 +19,15 @@ from uqpen.figures.distributions import (
     scale_notes,
     study_limits,
 )
-from uqpen.figures.value_axis import CUT
-from uqpen.report.axes import output_axis
-from uqpen.report.blocks import (
-    Axis,
-    Block,
-    Chart,
-    Charts,
-    Fold,
-    LegendKey,
-    Table,
-    ThresholdReadout,
-)
-from uqpen.report.marks import Trace, series_dash
+from uqpen.report.blocks import Fold, Table
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.exceedance import exceedance
 from uqpen.report.sections.histograms import histogram, shares
-from uqpen.report.sections.leading_design import (
-    leading_design,
-    missing_runs_note,
-    output_title,
-)
+from uqpen.report.sections.leading_design import leading_design, missing_runs_note
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text, percent_text, range_text
 from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
@@ -96,7 +83,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     marks = limit_marks(view, output, span, at_foot=True)
     values = span.thresholds(curves[0].values, [limit.value for limit in marks.limits])
     drawn = [curve_at(view, output, curve, values, marks.limits) for curve in curves]
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     keys: list[LegendKey] = []
     for curve, shown in zip(curves, drawn, strict=True):
         series, is_first = view.series(curve.name), curve is curves[0]
@@ -113,8 +100,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         summary=_summary(view, output, curves[0]),
         x=output_axis(view, output, span),
         y=Axis("P(at most x)", (0.0, 1.0)),
-        traces=tuple(traces),
-        shapes=marks.shapes,
+        marks=(*traces, *marks.rules),
         keys=(*keys, *marks.keys),
         notes=(
             *missing_runs_note(view, curves[0].name),

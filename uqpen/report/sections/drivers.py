@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.charts.marks import has_interval
 from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, RUNS
-from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text

@@ -7,27 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import ValueAxis, output_axis
+from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.marks import END, Band, Dots, Line, Mark, end_of_line, escape_text, interval_notes
 from uqpen.core.arrays import BoolArray
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import output_span
-from uqpen.figures.value_axis import ValueAxis
-from uqpen.report.axes import output_axis
-from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.legend import END
-from uqpen.report.marks import (
-    Trace,
-    band_traces,
-    dot_trace,
-    end_trace,
-    escape_text,
-    line_trace,
-)
-from uqpen.report.notes import interval_notes
-from uqpen.report.sections.leading_design import missing_runs_note, output_title
+from uqpen.report.sections.leading_design import missing_runs_note
 from uqpen.report.sections.limit_marks import limit_marks
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.exceedance_tail import ExceedanceTail
 from uqpen.results.table import OutputTable, exceedance_label
@@ -75,8 +65,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
         summary=summary,
         x=output_axis(view, output, span),
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
-        traces=tuple(traces),
-        shapes=limit_marks(view, output, span).shapes,
+        marks=(*traces, *limit_marks(view, output, span).rules),
         keys=tuple(keys),
         notes=tuple(notes),
         tables=tables,
@@ -86,12 +75,12 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
 
 def _tail_traces(
     view: ArchiveView, output: str, curve: Curve, tail: ExceedanceTail, least: float
-) -> tuple[list[Trace], list[LegendKey]]:
+) -> tuple[list[Mark], list[LegendKey]]:
     series = view.series(curve.name)
     unit = unit_suffix(view.unit(output))
     # An end at 0 has no logarithm.
     estimate, lower, upper = np.maximum(tail.band, least).T
-    function = line_trace(
+    function = Line(
         tail.values,
         estimate,
         series,
@@ -100,13 +89,13 @@ def _tail_traces(
         is_stepped=curve.is_stepped,
     )
     largest = f"{tail.largest.name}: {tail.largest.text}"
-    end = end_trace(tail.values[-1:], estimate[-1:], series, name=largest)
+    end = end_of_line(float(tail.values[-1]), float(estimate[-1]), series, largest)
     keys = [LegendKey(curve.name, series, "line"), LegendKey(largest, series, END)]
     if not curve.has_band:
         return [function, end], keys
-    banded = band_traces(tail.values, lower, upper, series, is_stepped=curve.is_stepped)
+    banded = Band(tail.values, lower, upper, series, is_stepped=curve.is_stepped)
     text = f"simultaneous {percent_text(curve.level)} band"
-    return [*banded, function, end], [LegendKey(text, series, "band"), *keys]
+    return [banded, function, end], [LegendKey(text, series, "band"), *keys]
 
 
 def _is_threshold_shown(
@@ -118,12 +107,12 @@ def _is_threshold_shown(
     return np.asarray(is_near & (probabilities.values[:, 0] > 0))
 
 
-def _threshold_trace(view: ArchiveView, output: str, probabilities: xr.DataArray) -> Trace:
+def _threshold_trace(view: ArchiveView, output: str, probabilities: xr.DataArray) -> Mark:
     places = view.scale(output).from_si(probabilities["threshold_value"].values)
     hovers = [f"{label} = {cells[0]}" for label, cells in _rows(probabilities)]
     # An end at 0 has no logarithm.
     bounds = np.where(probabilities.values > 0, probabilities.values, np.nan)
-    return dot_trace(bounds, places, "ink", hovers=hovers, name="requested", along="y")
+    return Dots(bounds, places, "ink", hovers=hovers, name="requested", along="y")
 
 
 def _rows(probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:

@@ -7,6 +7,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.marks import (
+    Dots,
+    Mark,
+    Rule,
+    hollow_note,
+    interval_notes,
+    key_marker,
+    series_marker,
+)
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
@@ -17,16 +27,12 @@ from uqpen.figures.failure_panels import (
     by_strength,
     failed_run_counts,
 )
-from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.marks import Trace, dot_trace, key_marker, series_marker
-from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.drivers import input_label
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
     sample_account,
     status_probability,
 )
-from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_texts
 from uqpen.results.table import OutputTable, identity
@@ -61,7 +67,7 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
         summary=_probability_sentence(designs, statuses, bounds),
         x=Axis("probability of a failed run", (-0.02 * last, last)),
         y=Axis("", rows=tuple(designs)),
-        traces=tuple(_status_traces(designs, statuses, bounds)),
+        marks=tuple(_status_traces(designs, statuses, bounds)),
         keys=tuple(_status_key(each, bounds[:, number]) for number, each in enumerate(statuses)),
         notes=(
             *interval_notes(each for each in found if each is not None),
@@ -112,7 +118,7 @@ def _percent_text(bounds: FloatArray) -> str:
 
 def _status_traces(
     designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
-) -> Iterator[Trace]:
+) -> Iterator[Mark]:
     for number, status in enumerate(statuses):
         name = STATUS_TEXT[status]
         places = (
@@ -123,7 +129,7 @@ def _status_traces(
             f"{design}, {name}: {_percent_text(row)}"
             for design, row in zip(designs, bounds[:, number], strict=True)
         ]
-        yield dot_trace(bounds[:, number], places, colour, hovers=hovers, name=name, marker=marker)
+        yield Dots(bounds[:, number], places, colour, hovers=hovers, name=name, marker=marker)
 
 
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
@@ -156,8 +162,7 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
         summary=f"The input with the strongest association is {rows[0]}: {', '.join(strongest)}.",
         x=Axis("chance of this in a failed run", (-0.02, 1.02)),
         y=Axis("", rows=rows),
-        traces=tuple(_measure_traces(rows, bounds)),
-        shapes=(vertical_line(0.5, "quiet", "dot"),),
+        marks=(*_measure_traces(rows, bounds), Rule(0.5, "quiet", "dot")),
         keys=tuple(
             LegendKey(label, slot, key_marker(series_marker(slot), each))
             for slot, (_, label), each in zip(ASSOCIATION_SLOTS, ASSOCIATIONS, bounds, strict=True)
@@ -175,7 +180,7 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     )
 
 
-def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
+def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Mark]:
     for number, (_, label) in enumerate(ASSOCIATIONS):
         hovers = [
             f"{row}: P({label}) = {estimate_text(*each)}"
@@ -184,4 +189,4 @@ def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
         places = np.arange(len(rows), dtype=np.float64) + 0.3 * (number - 0.5)
         slot = ASSOCIATION_SLOTS[number]
         marker = series_marker(slot)
-        yield dot_trace(bounds[number], places, slot, hovers=hovers, name=label, marker=marker)
+        yield Dots(bounds[number], places, slot, hovers=hovers, name=label, marker=marker)

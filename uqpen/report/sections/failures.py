@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from uqpen.archive.read import read_group
+from uqpen.charts.chart import Block
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count
 from uqpen.figures.failure_panels import failed_run_counts
-from uqpen.report.blocks import Block, Fold, Table, Text
+from uqpen.report.blocks import Fold, Table, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.failure_charts import (
     failure_association_chart,

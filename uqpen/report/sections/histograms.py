@@ -5,19 +5,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import ValueAxis, output_axis
+from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.marks import Bars, Dots, Rule, Shade
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.distributions import output_span, scale_notes
 from uqpen.figures.histogram import marked_estimates
-from uqpen.figures.value_axis import ValueAxis
-from uqpen.report.axes import output_axis
-from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import bar_trace, dot_trace
-from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.quoted_statistics import QuotedStatistic
-from uqpen.report.shapes import Shape, shaded_interval, vertical_line
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text, percent_text
 from uqpen.results.statistics_rows import add_shares
 from uqpen.results.table import OutputTable
@@ -42,7 +39,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     counts, edges = span.bins(values)
     outside = values.size - int(counts.sum())
     marked = list(marked_estimates(view, output, design))
-    shapes, keys, lacks = _estimate_marks(view, output, span, marked)
+    drawn, keys, lacks = _estimate_marks(view, output, span, marked)
     notes = []
     if outside:
         verb = "lies" if outside == 1 else "lie"
@@ -64,8 +61,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         f"{unit_suffix(view.unit(output))}.",
         x=output_axis(view, output, span),
         y=Axis(f"{unit}s in a bin"),
-        traces=(bar_trace(edges, counts, series, hover=f"{_HOVER} {unit}s"),),
-        shapes=(*shapes, *limits.shapes),
+        marks=(Bars(edges, counts, series, hover=f"{_HOVER} {unit}s"), *drawn, *limits.rules),
         keys=(LegendKey(f"{unit}s", series, "bar"), *keys, *limits.keys),
         notes=(*notes, *limits.notes),
         height=280,
@@ -74,9 +70,9 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
 
 def _estimate_marks(
     view: ArchiveView, output: str, span: ValueAxis, marked: list[tuple[str, xr.DataArray]]
-) -> tuple[list[Shape], list[LegendKey], list[str]]:
+) -> tuple[list[Rule | Shade], list[LegendKey], list[str]]:
     """Lines at estimates, shades of their intervals, and the names of those without one."""
-    shapes: list[Shape] = []
+    drawn: list[Rule | Shade] = []
     keys: list[LegendKey] = []
     lacks: list[str] = []
     others = 0
@@ -88,14 +84,14 @@ def _estimate_marks(
         if np.isfinite(bounds[1:]).all():
             # A logarithmic axis has no 0.
             first, last = (min(max(end, span.lower), span.upper) for end in bounds[1:].tolist())
-            shapes.append(shaded_interval(first, last, series))
+            drawn.append(Shade(first, last, series))
         else:
             lacks.append(name)
-        shapes.append(vertical_line(float(bounds[0]), series, dash))
+        drawn.append(Rule(float(bounds[0]), series, dash))
         estimated = estimate_text(*bounds, is_logarithmic=view.is_logarithmic(output))
         text = f"{name} {estimated}{unit_suffix(view.unit(output))}"
         keys.append(LegendKey(text, series, "line", dash))
-    return shapes, keys, lacks
+    return drawn, keys, lacks
 
 
 def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
@@ -116,7 +112,7 @@ def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataAr
         summary="; ".join(texts),
         x=Axis("probability", (0.0, 1.0)),
         y=Axis("", rows=labels),
-        traces=(dot_trace(probabilities.values, places, series, hovers=texts, name=design),),
+        marks=(Dots(probabilities.values, places, series, hovers=texts, name=design),),
         tables=(table,),
         height=90 + 34 * len(labels),
     )

@@ -9,21 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import logarithmic_axis
+from uqpen.charts.chart import Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Line, Mark, Points, escape_text, series_marker
+from uqpen.charts.source_comparison import ComparedStatistic
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count
-from uqpen.figures.source_comparison import ComparedStatistic
-from uqpen.report.axes import logarithmic_axis
-from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
+from uqpen.report.blocks import Table
 from uqpen.report.counting import count_text
-from uqpen.report.marks import (
-    PointStyle,
-    Trace,
-    escape_text,
-    line_trace,
-    point_trace,
-    series_marker,
-)
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -143,29 +137,29 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
     statistic, widths = compared
     unit = _unit(view, output, statistic)
     shown = unit_suffix(unit)
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     heights, runs = [each.half for each in widths.values()], [each.runs for each in widths.values()]
     if (first := widths.get(plain)) is not None:
         ends = np.array([min(runs), max(runs)], dtype=np.float64)
         half = first.half * np.sqrt(first.runs / ends)
         heights += half.tolist()
         hover = escape_text(_guide(plain), 200)
-        traces.append(
-            line_trace(ends, half, "quiet", hover=hover, name="guide", dash="dot", width=1.5)
-        )
+        traces.append(Line(ends, half, "quiet", hover=hover, name="guide", dash="dot", width=1.5))
     texts = []
     for source, each in widths.items():
         key = _key(view, source)
         width = f"half-width {_two_digits(each.half)}{shown}"
         texts.append(f"{source}: {width} with {count_text(each.runs, 'run')}")
         traces.append(
-            point_trace(
+            Points(
                 [each.runs],
                 [each.half],
                 key.series,
                 hover=escape_text(texts[-1], 200),
                 name=source,
-                style=PointStyle(key.mark, size=10, opacity=1),
+                marker=key.mark,
+                size=10,
+                opacity=1,
             )
         )
     return Chart(
@@ -173,7 +167,7 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
         summary=f"{'; '.join(texts)}.",
         x=logarithmic_axis("runs spent", runs),
         y=logarithmic_axis(title_with_unit("half-width", unit), heights),
-        traces=tuple(traces),
+        marks=tuple(traces),
         height=260,
     )
 

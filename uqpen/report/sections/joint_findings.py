@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import xarray as xr
 
+from uqpen.charts.marks import has_interval
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.sampling import Sampling
 from uqpen.report.blocks import Finding
-from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break
 from uqpen.report.sections.sentences import acceptance_sentence
 from uqpen.results.archive_view import ArchiveView

@@ -5,9 +5,8 @@ from __future__ import annotations
 from uqpen.core.labels import MISSING
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.texts import title_with_name
 
-__all__ = ["leading_design", "missing_runs_note", "output_heading", "output_title"]
+__all__ = ["leading_design", "missing_runs_note"]
 
 
 def leading_design(view: ArchiveView) -> str | None:
@@ -30,13 +29,3 @@ def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
         f"The curve uses the completed runs; {missing} failed. A band includes every result that "
         "they could have had."
     ]
-
-
-def output_title(view: ArchiveView, output: str) -> str:
-    """Return the title of an output, for a reader."""
-    return str(view.attributes(output).get("long_name", output))
-
-
-def output_heading(view: ArchiveView, output: str) -> str:
-    """Return the name of an output in a heading."""
-    return title_with_name(output_title(view, output), output)

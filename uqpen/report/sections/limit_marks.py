@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from uqpen.charts.axes import ValueAxis
+from uqpen.charts.chart import LegendKey
+from uqpen.charts.marks import Rule
 from uqpen.figures.distributions import StudyLimit, labelled_limits
-from uqpen.figures.value_axis import ValueAxis
-from uqpen.report.blocks import LegendKey
-from uqpen.report.shapes import Shape, labelled_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.texts import plain_text, typeset_quantity
 
@@ -27,7 +27,7 @@ class LimitMarks:
     ----------
     limits : tuple of StudyLimit
         Those on the axis, the one that a verdict is about first.
-    shapes : tuple of Shape
+    rules : tuple of Rule
         Their lines.
     keys : tuple of LegendKey
         Their texts.
@@ -36,7 +36,7 @@ class LimitMarks:
     """
 
     limits: tuple[StudyLimit, ...]
-    shapes: tuple[Shape, ...]
+    rules: tuple[Rule, ...]
     keys: tuple[LegendKey, ...]
     notes: tuple[str, ...]
 
@@ -49,10 +49,10 @@ def limit_marks(
     Their texts stand at the top of a chart or at its foot, where no curve is.
     """
     drawn, beyond = labelled_limits(view, output, span, _ROOM)
-    shapes = [
+    rules = [
         _line(limit, span, at_foot=at_foot)
         if is_named
-        else vertical_line(limit.value, "accent", _dash(limit))
+        else Rule(limit.value, "accent", _dash(limit))
         for limit, is_named in drawn
     ]
     keys = []
@@ -63,16 +63,16 @@ def limit_marks(
             keys.append(LegendKey(f"{noun} {', '.join(texts)}", "accent", "line", dash))
     left_out = ", ".join(map(_text, beyond))
     notes = [f"Limits of the study beyond the axis: {left_out}."] * bool(left_out)
-    return LimitMarks(tuple(limit for limit, _ in drawn), tuple(shapes), tuple(keys), tuple(notes))
+    return LimitMarks(tuple(limit for limit, _ in drawn), tuple(rules), tuple(keys), tuple(notes))
 
 
-def _line(limit: StudyLimit, span: ValueAxis, *, at_foot: bool) -> Shape:
+def _line(limit: StudyLimit, span: ValueAxis, *, at_foot: bool) -> Rule:
     is_last = span.share(limit.value) > 1 - _ROOM
-    return labelled_line(
+    return Rule(
         limit.value,
         "accent",
         _dash(limit),
-        _written(limit),
+        label=_written(limit),
         at_foot=at_foot,
         is_before=is_last,
     )

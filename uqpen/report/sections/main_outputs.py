@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from uqpen.report.blocks import Block, Fold, Heading
-from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.charts.chart import Block
+from uqpen.report.blocks import Fold, Heading
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import requested_statistics
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.texts import plain_text
 
 __all__ = ["main_outputs", "ordered_outputs", "output_blocks"]

@@ -8,16 +8,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uqpen.charts.axes import padded_limits
+from uqpen.charts.chart import Axis, Chart, LegendKey
+from uqpen.charts.marks import (
+    Dots,
+    Mark,
+    Rule,
+    has_interval,
+    interval_notes,
+    key_marker,
+    series_marker,
+)
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, rank_inputs
-from uqpen.report.axes import padded_limits
-from uqpen.report.blocks import Axis, Chart, LegendKey
-from uqpen.report.marks import Trace, dot_trace, key_marker, series_marker
-from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.sections.drivers import InputOrder, input_label
-from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import (
     Conversion,
@@ -90,8 +96,8 @@ def measures_chart(
     rows = tuple(input_label(view, name) for name in inputs)
     every = [_plotted_series(view, each, inputs, spec.convert) for each in found]
     bounds = np.concatenate([[0.0], *(one.bounds for each in every for one in each.estimates)])
-    shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
-    shapes += [horizontal_line(row - 0.5, "grid") for row in range(1, len(inputs))]
+    rules = [Rule(0, "quiet", "dot")]
+    rules += [Rule(row - 0.5, "grid", is_horizontal=True) for row in range(1, len(inputs))]
     notes = [*_notes(every), *spec.notes]
     if ranked.cut:
         all_of_them = "; the table has all" if tables else ""
@@ -103,8 +109,7 @@ def measures_chart(
         summary=_summary(every, spec),
         x=Axis(spec.axis, padded_limits(float(np.nanmin(bounds)), float(np.nanmax(bounds)))),
         y=Axis("", rows=rows),
-        traces=tuple(_traces(every, rows, spec.unit)),
-        shapes=tuple(shapes),
+        marks=(*_traces(every, rows, spec.unit), *rules),
         keys=tuple(_keys(every)),
         notes=tuple(notes),
         tables=tuple(tables),
@@ -135,7 +140,7 @@ def _plotted_series(
     return _PlottedSeries(of, name, position, marker, estimates)
 
 
-def _traces(every: Sequence[_PlottedSeries], rows: Sequence[str], unit: str) -> Iterator[Trace]:
+def _traces(every: Sequence[_PlottedSeries], rows: Sequence[str], unit: str) -> Iterator[Mark]:
     room = 1 / (len(every) + 1)
     for number, (_, name, colour, marker, estimates) in enumerate(every, 1):
         if not estimates:
@@ -143,7 +148,7 @@ def _traces(every: Sequence[_PlottedSeries], rows: Sequence[str], unit: str) -> 
         places = np.array([rows.index(one.name) + number * room - 0.5 for one in estimates])
         bounds = np.array([one.bounds for one in estimates])
         hovers = [_hover(one, name, unit) for one in estimates]
-        yield dot_trace(bounds, places, colour, hovers=hovers, name=name, marker=marker)
+        yield Dots(bounds, places, colour, hovers=hovers, name=name, marker=marker)
 
 
 def _hover(one: _InputEstimate, series: str, unit: str) -> str:

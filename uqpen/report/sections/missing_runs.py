@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.marks import has_interval
 from uqpen.core.labels import INPUT
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.counting import count_text
-from uqpen.report.notes import has_interval
 from uqpen.report.sections.drivers import input_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number

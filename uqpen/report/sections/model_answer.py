@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from uqpen.archive.read import group_names
+from uqpen.charts.chart import Block
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.report.blocks import Alerts, Block, Columns, Finding, Findings, Fold, Table, Text
+from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Table, Text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.curve_overview import first_curves
-from uqpen.report.sections.leading_design import leading_design, output_title
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.report.sections.missing_runs import missing_run_sentences
 from uqpen.report.sections.model_comparison import model_chart
@@ -30,7 +31,7 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from uqpen.charts.axes import CUT, output_axis
+from uqpen.charts.chart import Axis, Block, Chart, LegendKey
+from uqpen.charts.marks import Mark, series_dash
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import model_curves, output_span, scale_notes
-from uqpen.figures.value_axis import CUT
-from uqpen.report.axes import output_axis
-from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
-from uqpen.report.marks import Trace, series_dash
+from uqpen.report.blocks import Heading, Table
 from uqpen.report.sections.curve_overview import further_curves
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
-from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import number_text, percent_text
 from uqpen.results.output_tables import difference_tables
 from uqpen.results.texts import capitalized, unit_suffix
@@ -57,7 +57,7 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
     span = output_span(view, output, every)
     marks = limit_marks(view, output, span, at_foot=True)
     values = span.thresholds(np.concatenate(every), [limit.value for limit in marks.limits])
-    traces: list[Trace] = []
+    traces: list[Mark] = []
     keys: list[LegendKey] = []
     for curve in curves:
         series = list(parts).index(curve.name)
@@ -83,8 +83,7 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
         ),
         x=output_axis(view, output, span),
         y=Axis("P(at most x)", (0.0, 1.0)),
-        traces=tuple(traces),
-        shapes=marks.shapes,
+        marks=(*traces, *marks.rules),
         keys=(*keys, *marks.keys),
         notes=tuple(notes),
         height=340,

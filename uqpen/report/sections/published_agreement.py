@@ -8,9 +8,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.report.sections.drivers import input_label, input_ranking
-from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.texts import capitalized, plain_text
 

@@ -6,23 +6,20 @@ from collections.abc import Iterator
 
 import xarray as xr
 
+from uqpen.charts.axes import quantity
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import WEIGHT
 from uqpen.figures.scatter import category_labels, jitter
-from uqpen.report.axes import quantity
 from uqpen.report.blocks import RunColumn, RunExplorer
-from uqpen.report.marks import rounded_numbers
 from uqpen.report.sections.drivers import input_order
-from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.plotted_runs import PlottedRuns
+from uqpen.results.archive_view import output_title
 from uqpen.results.texts import plain_text, unit_suffix
 
 __all__ = ["run_explorer", "run_heights"]
 
 # Inputs at the most.
 _MOST_INPUTS = 40
-# Digits that `point_trace` has too, so that both are the same list.
-_DIGITS = 5
 _LONGEST_LABEL, _LONGEST_ROW = 50, 28
 
 
@@ -71,7 +68,7 @@ def _output_column(cloud: PlottedRuns, output: str) -> RunColumn:
         label=plain_text(output_title(cloud.view, output), _LONGEST_LABEL),
         unit=unit_suffix(cloud.view.unit(output)).lstrip(),
         is_input=False,
-        values=rounded_numbers(heights, _DIGITS),
+        values=heights,
         rows=tuple(plain_text(row, _LONGEST_ROW) for row in rows),
         is_logarithmic=not rows and cloud.view.is_logarithmic(output),
     )
@@ -84,6 +81,6 @@ def _input_columns(cloud: PlottedRuns, inputs: list[str]) -> Iterator[RunColumn]
             label=plain_text(output_title(cloud.view, name), _LONGEST_LABEL),
             unit=unit_suffix(cloud.view.unit(name)).lstrip(),
             is_input=True,
-            values=rounded_numbers(cloud.values(name, cloud.shown_completed), _DIGITS),
-            failed=rounded_numbers(cloud.values(name, cloud.shown_failed), _DIGITS),
+            values=cloud.values(name, cloud.shown_completed),
+            failed=cloud.values(name, cloud.shown_failed),
         )

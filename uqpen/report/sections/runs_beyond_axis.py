@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from uqpen.charts.chart import RunsBeyondAxis
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.figures.curves import Curve
-from uqpen.report.blocks import RunsBeyondAxis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.empirical_cdf import empirical_cdf
 

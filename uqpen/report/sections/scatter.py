@@ -7,21 +7,21 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.axes import ValueAxis, output_axis, padded_limits, quantity, quantity_axis
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import CROSS, Mark, Points, escape_text
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.scatter import category_labels
-from uqpen.figures.value_axis import ValueAxis
-from uqpen.report.axes import output_axis, padded_limits, quantity, quantity_axis
-from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey, Text
+from uqpen.report.blocks import Text
 from uqpen.report.counting import count_text
-from uqpen.report.marks import PointStyle, Trace, escape_text, point_trace
 from uqpen.report.sections.drivers import input_label, input_order
-from uqpen.report.sections.leading_design import leading_design, output_title
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
-from uqpen.results.archive_view import ArchiveView
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text, range_text
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
@@ -101,7 +101,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     kinds = {} if is_number else category_labels(cloud.shown_completed[output])
     codes = cloud.shown_completed[output].values.tolist()
     texts = [kinds.get(code, "") for code in codes] if kinds else ()
-    drawn = point_trace(
+    drawn = Points(
         cloud.values(name, cloud.shown_completed),
         y,
         view.series(cloud.design),
@@ -110,7 +110,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
         texts=texts,
         numbers=cloud.shown_completed["number"].values.tolist(),
     )
-    traces = [drawn]
+    traces: list[Mark] = [drawn]
     if cloud.shown_failed.sizes[RUN]:
         traces.append(_failed_run_trace(cloud, name, axis))
     return Chart(
@@ -120,7 +120,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
             view, name, ends, _short_title(view, name, input_label(view, name), _LONGEST)
         ),
         y=axis,
-        traces=tuple(traces),
+        marks=tuple(traces),
         height=_HEIGHT,
         runs_of=view.model,
     )
@@ -158,7 +158,7 @@ def _cut_note(cloud: PlottedRuns, output: str) -> str:
     return ""
 
 
-def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
+def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Mark:
     foot = len(axis.rows) - 0.58
     if axis.ends is not None:
         lower, upper = axis.ends
@@ -166,7 +166,7 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
         foot = 10.0**foot if axis.is_logarithmic else foot
     statuses = [Status(code) for code in cloud.shown_failed[STATUS].values.tolist()]
     x = cloud.values(name, cloud.shown_failed)
-    return point_trace(
+    return Points(
         x,
         np.full(x.size, foot),
         "ink",
@@ -175,7 +175,9 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
         name=f"failed, {name}",
         texts=[STATUS_TEXT[status] for status in statuses],
         numbers=cloud.shown_failed["number"].values.tolist(),
-        style=PointStyle("x", size=6, opacity=0.8),
+        marker=CROSS,
+        size=6,
+        opacity=0.8,
     )
 
 

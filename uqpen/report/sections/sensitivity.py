@@ -8,6 +8,7 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Block, Chart, Charts
 from uqpen.core.labels import INPUT
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.figures.measures import MeasureSeries, measure_series
@@ -19,7 +20,7 @@ from uqpen.figures.sensitivity import (
     response_measures,
     shown_indices,
 )
-from uqpen.report.blocks import Block, Chart, Charts, Fold, Table
+from uqpen.report.blocks import Fold, Table
 from uqpen.report.sections.drivers import InputOrder, input_order, input_ranking
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart

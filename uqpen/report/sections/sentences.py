@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Finding
-from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     default_statistic,

@@ -9,14 +9,15 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
+from uqpen.charts.axes import padded_limits
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Line, Mark, Points, escape_text
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
-from uqpen.report.axes import padded_limits
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
-from uqpen.report.marks import PointStyle, Trace, escape_text, line_trace, point_trace
+from uqpen.report.blocks import Heading, Table, Text
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import grouped_number, number_text
@@ -127,7 +128,7 @@ def _chart(
         f"at most {most}, and the largest difference is {largest}.",
         x=Axis(title_with_unit("run of the model", unit), room),
         y=Axis(title_with_unit("surrogate", unit), room),
-        traces=(line_trace(ends, ends, "quiet", hover="", width=1.5), *traces),
+        marks=(Line(ends, ends, "quiet", hover="", width=1.5), *traces),
         height=300,
     )
 
@@ -139,9 +140,9 @@ def _prediction_trace(
     unit: str,
     name: str,
     marker: str = "circle",
-) -> Trace:
+) -> Mark:
     unit_text = escape_text(unit)
-    return point_trace(
+    return Points(
         compared.observed[which],
         compared.predicted[which],
         series,
@@ -149,7 +150,9 @@ def _prediction_trace(
         f"%{{y:.5~g}}{unit_text}",
         name=name,
         numbers=compared.runs[which].tolist(),
-        style=PointStyle() if marker == "circle" else PointStyle(marker, size=8, opacity=1),
+        marker=marker,
+        size=4 if marker == "circle" else 8,
+        opacity=0.55 if marker == "circle" else 1,
     )
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import xarray as xr
 
+from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
+from uqpen.charts.marks import Line, Mark, escape_text, series_dash
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.figures.trajectory import (
     find_trajectories,
@@ -15,8 +17,6 @@ from uqpen.figures.trajectory import (
     readable_unit,
     shared_panels,
 )
-from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
-from uqpen.report.marks import Trace, escape_text, line_trace, series_dash
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text
 from uqpen.results.table import NOTHING, OutputTable
@@ -64,7 +64,7 @@ def _chart(view: ArchiveView, trajectories: Trajectories, names: list[str]) -> C
         ),
         x=Axis(title_with_unit(quantity_name(first[along]), view.unit(along))),
         y=Axis(title_with_unit(", ".join(quantity_symbol(first[name]) for name in names), unit)),
-        traces=tuple(
+        marks=tuple(
             _line(view, dataset, name, (model, every.index(model) if model else number), number)
             for model, dataset in trajectories.items()
             for number, name in enumerate(names)
@@ -77,7 +77,7 @@ def _chart(view: ArchiveView, trajectories: Trajectories, names: list[str]) -> C
 
 def _line(
     view: ArchiveView, dataset: xr.Dataset, name: str, of: tuple[str, int], number: int
-) -> Trace:
+) -> Mark:
     """A quantity of a model, in a colour and with dashes."""
     model, series = of
     along = str(next(iter(dataset.dims)))
@@ -86,7 +86,7 @@ def _line(
     head = f"{escape_text(model, 40)}<br>" if model else ""
     where, what = (escape_text(quantity_name(dataset[each]), 50) for each in (along, name))
     here = f"{where} %{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
-    return line_trace(
+    return Line(
         x[chosen],
         y[chosen],
         series,

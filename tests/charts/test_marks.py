@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from uqpen.report.notes import hollow_note, interval_notes
+from uqpen.charts.marks import hollow_note, interval_notes
 
 NONE = np.nan
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uqpen.figures.value_axis import ValueAxis, logarithmic_ticks
+from uqpen.charts.axes import ValueAxis, logarithmic_ticks
 
 # y = 1e-3 · 10^(3x) at normal quantiles of x: seventeen tenfolds.
 RANKS = (np.arange(200) + 0.5) / 200

@@ -1,21 +1,29 @@
-"""Axis of an output's values: its ends, its bins, its ticks, and the thresholds along it."""
+"""Axes of charts: their ends, their ticks at round numbers, and what lies along them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uqpen.charts.chart import Axis, PlottedQuantity
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-if TYPE_CHECKING:
-    from uqpen.figures.panel import Axes
-
-__all__ = ["CUT", "ValueAxis", "logarithmic_ticks"]
+__all__ = [
+    "CUT",
+    "ValueAxis",
+    "logarithmic_axis",
+    "logarithmic_ticks",
+    "output_axis",
+    "padded_limits",
+    "quantity",
+    "quantity_axis",
+]
 
 
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
@@ -33,6 +41,8 @@ _ROUND = 3
 # Ticks at the most, and the steps between powers of ten that are tried.
 _MOST_TICKS = 6
 _TICK_STEPS = ((1, 2, 5), (1, 3), (1,))
+# Room at either end, and how many times the first value the last one is at least, by tenfolds.
+_TICK_MARGIN, _SHORTEST = 0.08, 0.7
 
 
 @dataclass(frozen=True)
@@ -157,16 +167,6 @@ class ValueAxis:
         """Yield the places that are marked on a logarithmic axis, with their texts."""
         return logarithmic_ticks(*self.powers)
 
-    def set_on(self, axes: Axes, along: Literal["x", "y"] = "x") -> None:
-        """Give an axis of a panel these ends, this scale and these ticks."""
-        if self.is_logarithmic:
-            axes.set(**{f"{along}scale": "log"})
-            ticks = dict(self.ticks())
-            getattr(axes, f"set_{along}ticks")([*ticks], [*ticks.values()])
-            getattr(axes, f"{along}axis").set_minor_formatter("")
-            axes.tick_params(axis=along, which="minor", length=0)
-        axes.set(**{f"{along}lim": self.ends})
-
 
 def _places(values: FloatArray, is_logarithmic: bool) -> FloatArray:
     """Return the finite values, or their powers of ten; -inf for a value without one."""
@@ -215,3 +215,39 @@ def _tick_text(step: int, power: int) -> str:
         return f"{step * 10.0**power:.{-power}f}"
     written = f"10{str(power).translate(SUPERSCRIPTS)}"
     return written if step == 1 else f"{step}×{written}"
+
+
+def quantity(view: ArchiveView, name: str) -> PlottedQuantity:
+    """Return an input or an output with its unit, as charts have it in common."""
+    unit = view.unit(name)
+    return PlottedQuantity(name, "" if unit == DIMENSIONLESS else unit)
+
+
+def quantity_axis(
+    view: ArchiveView, name: str, ends: tuple[float, float] | None = None, title: str = ""
+) -> Axis:
+    """Return the axis of an input or an output, under its label if it has no other title."""
+    return Axis(title or view.axis_label(name), ends, quantity=quantity(view, name))
+
+
+def output_axis(view: ArchiveView, name: str, span: ValueAxis, title: str = "") -> Axis:
+    """Return the axis of an output between two ends, with ticks of its own if logarithmic."""
+    axis = quantity_axis(view, name, span.ends, title)
+    if not span.is_logarithmic:
+        return axis
+    return replace(axis, ends=span.powers, is_logarithmic=True, ticks=tuple(span.ticks()))
+
+
+def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
+    """Return the ends of an axis: two values, extended by a share of their distance."""
+    margin = share * (upper - lower) or 0.05 * abs(upper) or 1.0
+    return lower - margin, upper + margin
+
+
+def logarithmic_axis(title: str, values: Iterable[float]) -> Axis:
+    """Return a logarithmic axis that includes some values, all of them above zero."""
+    powers = [math.log10(value) for value in values]
+    lower, upper = min(powers), max(powers)
+    margin = max(_TICK_MARGIN * (upper - lower), (_SHORTEST - (upper - lower)) / 2, 0.05)
+    ends = (round(lower - margin, 6), round(upper + margin, 6))
+    return Axis(title, ends, is_logarithmic=True, ticks=tuple(logarithmic_ticks(*ends)))
