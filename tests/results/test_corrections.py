@@ -10,7 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import pack, statistic_names, unpack
-from uqpen.archive.layout import find_dataset_faults
+from uqpen.archive.structure import find_dataset_faults
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.results.correction_tables import correction_tables, equivalent_runs_text, is_corrected
 from uqpen.results.estimate_json import estimate_json

@@ -16,8 +16,8 @@ from uqpen.archive.benchmark_layout import (
     ArchiveVariable,
 )
 from uqpen.archive.estimates import has_interval_texts, interval_codes, statistic_names
-from uqpen.archive.layout import has_bound_names, has_kind
-from uqpen.archive.tree import read_group
+from uqpen.archive.groups import read_group
+from uqpen.archive.structure import has_bound_names, has_kind
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import (
     BOUND,

@@ -11,7 +11,7 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PureWindowsPath
 from typing import NamedTuple
@@ -21,6 +21,7 @@ import xarray as xr
 
 from uqpen.core.errors import ArchiveError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import FILES
 
 __all__ = [
     "FILES",
@@ -32,8 +33,6 @@ __all__ = [
     "files_group",
     "find_file_faults",
 ]
-
-FILES = "files"
 
 _FILE = "file"
 _NAME, _SHA256, _SIZE, _CONTENT, _ENCODING = "name", "sha256", "size", "content", "encoding"
@@ -156,18 +155,16 @@ def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
     return [ArchivedFile(*entries) for entries in zip(*columns, strict=True)]
 
 
-def find_file_faults(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
-    """Yield the faults of the group of files among the groups of a root, a line each."""
-    if FILES not in groups:
-        return
-    dataset = groups[FILES].dataset
+def find_file_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of the group of files, each to stand behind its path."""
+    dataset = node.dataset
     for name in (*_TEXTS, _SIZE):
         if name not in dataset.variables or dataset[name].dims != (_FILE,):
-            yield f"/{FILES}: no {name} along {_FILE}"
+            yield f": no {name} along {_FILE}"
         elif name == _SIZE and dataset[name].dtype.kind not in "iu":
-            yield f"/{FILES}: a {name} that is no number"
+            yield f": a {name} that is no number"
         elif name != _SIZE and not all(isinstance(each, str) for each in dataset[name].values):
-            yield f"/{FILES}: a {name} that is no text"
+            yield f": a {name} that is no text"
 
 
 def _encode(file: FileSnapshot) -> tuple[str, str]:

@@ -119,6 +119,8 @@ SENSITIVITY = "sensitivity"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
 TRAJECTORY = "trajectory"
+# The files that a study names.
+FILES = "files"
 
 # Attributes that an analysis or a reader needs.
 ROLE = "role"

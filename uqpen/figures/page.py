@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from uqpen.archive.read import model_trees
-from uqpen.archive.requirements import find_level_faults, find_model_faults
+from uqpen.archive.structure import find_level_faults, find_model_faults
 from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.figures import FIGURES

@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.benchmark_structure import find_benchmark_faults
 from uqpen.archive.read import read_group
-from uqpen.archive.requirements import find_level_faults
+from uqpen.archive.structure import find_level_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import BUDGET, METHODS
 from uqpen.results.source_slots import source_slots

@@ -32,6 +32,7 @@ from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import Acceptance
+from uqpen.results.design_groups import design_json
 from uqpen.results.disagreements import disagreements
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
@@ -49,7 +50,7 @@ from uqpen.results.surrogate_fits import (
 from uqpen.results.table import first_runs, output_names
 from uqpen.results.user_defined_rows import user_defined_json
 
-__all__ = ["archive_identity", "archive_json", "estimate_json"]
+__all__ = ["archive_identity", "archive_json", "estimate_json", "failure_json", "joint_json"]
 
 # The statistics of an output that have no dimension.
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
@@ -182,19 +183,14 @@ def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     tree = statistics.tree
-    runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
+    runs = read_group(tree, RUNS, design)
     cost = statistics.cost_spent(design)
     return {
         "runs": run_count(runs),
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
         "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],
-        "lost": {
-            status: estimate_json(chance)
-            for status, chance in statistics.status_probabilities(design).items()
-        },
-        "where_lost": _failure_json(failures),
-        **_joint_json(statistics, design),
+        **design_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
         **_decision_json(statistics, design),
@@ -216,7 +212,7 @@ def _reason_json(failed: FailedRuns) -> dict[str, Any]:
     return found | ({"example": failed.example} if failed.example else {})
 
 
-def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+def joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     """Return the probabilities of events of several outputs, where a study asks for them."""
     joint = statistics.joint_probability(design)
     if joint is None:
@@ -259,14 +255,16 @@ def _design_points_json(statistics: Mapping[str, xr.DataArray]) -> list[dict[str
     return points
 
 
-def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
-    """Return, by input, how the failed runs lie relative to the completed runs."""
-    found: dict[str, Any] = {}
+def failure_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return the shares of failed runs, and how they lie relative to the others by input."""
+    failures, found = statistics.failures(design), dict[str, Any]()
     for key in (*ASSOCIATIONS, *ENDS):
         for entry in failures.get(key, ()):
             value = json_value(entry.values) if key in ENDS else estimate_json(entry)
             found.setdefault(str(entry[INPUT].item()), {})[key] = value
-    return found
+    chances = statistics.status_probabilities(design)
+    lost = {status: estimate_json(chance) for status, chance in chances.items()}
+    return {"lost": lost, "where_lost": found}
 
 
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:

@@ -13,13 +13,11 @@ from uqpen.core.catalogue import REQUESTED
 from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.correction_tables import correction_tables
+from uqpen.results.design_groups import group_tables
 from uqpen.results.digits import percent_text
-from uqpen.results.failure_tables import failure_tables
 from uqpen.results.field_places import label_at_place
-from uqpen.results.joint_tables import joint_tables
 from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
 from uqpen.results.missing_run_tables import missing_run_tables
-from uqpen.results.model_form_tables import model_form_tables
 from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
@@ -75,8 +73,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
                 yield replace(table, title=f"{head}{table.title}{level}")
             for table in missing_run_tables(model, surrogate):
                 yield replace(table, title=head + table.title)
-    yield from difference_tables(tree)
-    yield from model_form_tables(tree)
+    yield from group_tables(tree, is_of_model=False)
 
 
 def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -109,8 +106,7 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
         unit = _shown_unit(attributes)
         measures = named_tables(statistics, output, unit, everything=everything)
         yield from (table for _, table in measures)
-    yield from joint_tables(model)
-    yield from failure_tables(model)
+    yield from group_tables(model, is_of_model=True)
 
 
 def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:

@@ -66,7 +66,7 @@ def diff_archives(first: xr.DataTree, second: xr.DataTree) -> Iterator[DiffSecti
 def _file_differences(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
     """Yield the files that differ between two archives that both contain files."""
     both = [tree.children for tree in (first, second)]
-    if any(FILES not in each or next(find_file_faults(each), None) for each in both):
+    if any(FILES not in each or next(find_file_faults(each[FILES]), None) for each in both):
         return
     one, other = (
         {file.name: file for file in archived_files(read_group(t, FILES))} for t in (first, second)

@@ -8,15 +8,9 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.groups import GROUPS, group_place
 from uqpen.core.arrays import IntArray
-from uqpen.core.labels import (
-    BATCH_HASH,
-    DIFFERENCES,
-    FAILURES_GROUP,
-    JOINT_GROUP,
-    MODEL_FORM,
-    STATISTICS_GROUP,
-)
+from uqpen.core.labels import BATCH_HASH
 from uqpen.core.streams import Stream
 from uqpen.execution import (
     Map,
@@ -32,8 +26,6 @@ from uqpen.workflow.repetition import hashes_again
 
 __all__ = ["omitted_designs", "repeated_batches", "without_omitted"]
 
-# Groups of an archive or of a model with a group for each design.
-_OF_DESIGNS = (STATISTICS_GROUP, FAILURES_GROUP, JOINT_GROUP, MODEL_FORM)
 _MOST_LISTED = 8
 
 _ADVICE = "uqpen rerun makes the runs and their statistics again, and uqpen diff compares these"
@@ -116,8 +108,7 @@ def without_omitted(
 def _groups_of(tree: xr.DataTree, designs: list[str]) -> Iterator[xr.DataTree]:
     """Yield the groups that follow from the runs of some designs."""
     for node in tree.subtree:
-        above = node.parent
-        if node.name in designs and above is not None:
-            pair = above.parent is not None and above.parent.name == DIFFERENCES
-            if above.name in _OF_DESIGNS or pair:
-                yield node
+        name, names = group_place(node.path)
+        design = names.get("design") or names.get("source")
+        if design in designs and name in GROUPS and GROUPS[name].is_repeated:
+            yield node

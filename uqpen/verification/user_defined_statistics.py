@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 import xarray as xr
 
 from uqpen.archive.estimates import interval_codes_name, statistic_names
-from uqpen.archive.tree import model_trees
+from uqpen.archive.groups import model_trees
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, TRAJECTORY
 
