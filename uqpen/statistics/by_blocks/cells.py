@@ -1,4 +1,4 @@
-"""Distribution of a column: counts of its cells by group of runs, and the values of a few cells."""
+"""Distribution of a column: cells between splitters, their counts, and values of a few cells."""
 
 from __future__ import annotations
 
@@ -10,9 +10,119 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.statistics.by_blocks.splitters import Splitters
+from uqpen.models.compiled import compiled
 
-__all__ = ["CellCounts", "CellValues", "OrderedValues"]
+__all__ = ["CellCounts", "CellValues", "Cells", "OrderedValues", "Places", "Splitters", "locate"]
+
+Cells = npt.NDArray[np.int32]
+# Half the memory of integers of four bytes, so that more of a table stays near the processor.
+Places = npt.NDArray[np.uint16]
+
+_FLOATS = "Array(float64, 1, 'C', True)"
+
+
+@compiled(f"void({_FLOATS}, {_FLOATS}, float64, float64, Array(uint16, 1, 'C', True), int32[::1])")
+def locate(
+    values: FloatArray,
+    splitters: FloatArray,
+    origin: float,
+    scale: float,
+    first: Places,
+    found: Cells,
+) -> None:
+    """Write the cell of each value; see `Splitters.locate`.
+
+    Equal steps from `origin` are the entries of `first`, which holds the splitters before each.
+    So a search takes few steps, and none that depends on rounding: the same steps placed the
+    splitters. Two NaN follow the splitters: no value is above them or at them.
+    """
+    last = first.size - 2
+    # A loop of its own, as the compiler then takes several values at once.
+    for k in range(values.size):
+        step = (values[k] - origin) * scale
+        found[k] = int(step) if 0.0 <= step < last else (last if step > 0.0 else 0)
+    for k in range(values.size):
+        value, entry = values[k], found[k]
+        low, high = np.int64(first[entry]), np.int64(first[entry + 1])
+        while high - low > 2:
+            middle = (low + high) >> 1
+            if splitters[middle] < value:
+                low = middle + 1
+            else:
+                high = middle
+        # Comparisons that are added, in place of branches, which the processor would guess wrong.
+        low += splitters[low] < value
+        low += splitters[low] < value
+        found[k] = 2 * low + (splitters[low] == value)
+
+
+# Entries of the table from which searches start, for each splitter.
+_ENTRIES = 4
+# The table covers the values between these shares of the splitters; those beyond are searched for.
+_TAIL = 1 / 512
+
+
+@dataclass(frozen=True, eq=False)
+class Splitters:
+    """Ascending values of a column, all different.
+
+    With k splitters there are 2 k + 1 cells, in ascending order: below the first splitter, at it,
+    between it and the second, and so on. So a value that many runs share has a cell of its own.
+
+    Parameters
+    ----------
+    values : ndarray, shape (splitter,)
+        At most 65 535.
+    """
+
+    values: FloatArray
+
+    @classmethod
+    def from_values(cls, values: FloatArray, most: int) -> Splitters:
+        """Return evenly spread order statistics of some values, without those that repeat."""
+        distinct = np.unique(values)
+        if distinct.size > most:
+            places = (np.arange(most) + 0.5) / most * values.size
+            distinct = np.unique(np.sort(values)[places.astype(np.int64)])
+        return cls(distinct)
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return 2 * self.values.size + 1
+
+    def locate(self, values: FloatArray) -> Cells:
+        """Return the cell of each value; an even one lies between splitters."""
+        found = np.empty(values.size, dtype=np.int32)
+        locate(np.ascontiguousarray(values), self._searched, *self._steps, self._first, found)
+        return found
+
+    @cached_property
+    def _searched(self) -> FloatArray:
+        return np.append(self.values, [np.nan, np.nan])
+
+    @cached_property
+    def _steps(self) -> tuple[float, float]:
+        """Begin of the table, and its entries by unit of the column."""
+        if not self.values.size:
+            return 0.0, 0.0
+        tail = int(self.values.size * _TAIL)
+        low, high = self.values[tail], self.values[-1 - tail]
+        with np.errstate(over="ignore", divide="ignore"):
+            scale = _ENTRIES * self.values.size / (high - low)
+        return float(low), float(scale) if np.isfinite(scale) else 0.0
+
+    @cached_property
+    def _first(self) -> Places:
+        """Number of splitters before each entry of the table, and all at the end."""
+        origin, scale = self._steps
+        entries = _ENTRIES * self.values.size
+        with np.errstate(over="ignore"):
+            steps = (self.values - origin) * scale
+        entry = np.clip(steps, 0, max(entries - 1, 0)).astype(np.int64)
+        counts = np.bincount(entry, minlength=max(entries, 1))
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint16)
+
 
 _Groups = npt.NDArray[np.int16]
 
@@ -61,11 +171,9 @@ class CellCounts:
         """Return the counts of no runs."""
         return cls(splitters, np.zeros((groups, splitters.cells), dtype=np.int64))
 
-    def add(self, group: int, cells: npt.NDArray[np.int32]) -> IntArray:
-        """Add runs to a group, in place, by their cells; return how many each cell has of them."""
-        added: IntArray = np.bincount(cells, minlength=self.counts.shape[1])
-        self.counts[group] += added
-        return added
+    def add(self, group: int, cells: npt.NDArray[np.int32]) -> None:
+        """Add runs to a group, in place, by their cells."""
+        self.counts[group] += np.bincount(cells, minlength=self.counts.shape[1])
 
     def value_at(self, position: int, groups: int, below: IntArray) -> float:
         """Return an order statistic of the first groups; a splitter near it, if it is not known.
