@@ -23,7 +23,6 @@ from uqpen.core.streams import BLOCK
 
 __all__ = [
     "CodedTexts",
-    "LazyValues",
     "OpenFile",
     "computed_variable",
     "is_in_memory",
@@ -51,7 +50,7 @@ class OpenFile:
         return xr.Variable(stored.dimensions, indexing.LazilyIndexedArray(values), own)
 
 
-class LazyValues(BackendArray):
+class _LazyValues(BackendArray):
     """Values that xarray asks for by whole numbers, slices and arrays of numbers."""
 
     shape: tuple[int, ...]
@@ -69,7 +68,7 @@ class LazyValues(BackendArray):
         raise NotImplementedError
 
 
-class _FileValues(LazyValues):
+class _FileValues(_LazyValues):
     def __init__(self, file: OpenFile, stored: Any) -> None:
         self._file = file  # or it would be closed
         self._stored = stored
@@ -92,7 +91,7 @@ class _FileValues(LazyValues):
         return values
 
 
-class CodedTexts(LazyValues):
+class CodedTexts(_LazyValues):
     """Texts, many of them alike, kept as numbers.
 
     Parameters
@@ -175,7 +174,7 @@ def computed_variable(
     return xr.Variable(like.dims, indexing.LazilyIndexedArray(values), like.attrs)
 
 
-class _JoinedValues(LazyValues):
+class _JoinedValues(_LazyValues):
     def __init__(self, parts: Sequence[xr.Variable]) -> None:
         self._parts = parts
         self._starts = np.cumsum([0, *(len(part) for part in parts)])
@@ -211,7 +210,7 @@ class _JoinedValues(LazyValues):
         return np.concatenate(found or [self._parts[0][(slice(0), *others)].values])
 
 
-class _ComputedValues(LazyValues):
+class _ComputedValues(_LazyValues):
     def __init__(
         self, dtype: np.dtype[Any], size: int, values_at: Callable[[_Values], _Values]
     ) -> None:

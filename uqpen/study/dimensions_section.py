@@ -1,28 +1,130 @@
-"""Dimensions of outputs with their coordinates, in ``[model.dimensions]`` or in ``along``."""
+"""Outputs with dimensions: ``[model.dimensions]``, ``along``, ``may_end``, a run's own grid.
+
+The coordinates of a dimension may be in a file beside the study: CSV, NetCDF, or a table with
+blanks.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import ModelError, Problem, SettingsError, TableError
+from uqpen.core.columns import heading_parts
+from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import NAME
 from uqpen.core.list_reading import as_float
-from uqpen.core.model import Dimension
+from uqpen.core.lookup import choices
+from uqpen.core.model import Dimension, Output
 from uqpen.core.setting_fields import Context
-from uqpen.core.settings import count, file, number, setting, text, validate
-from uqpen.core.units import DIMENSIONLESS, scale, si_unit
+from uqpen.core.settings import choice, count, file, flag, number, setting, text, validate
+from uqpen.core.units import DIMENSIONLESS, are_convertible, describe, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
-from uqpen.study.coordinates_file import read_coordinates_file
+from uqpen.distributions.measurements import Measurements
+from uqpen.models.command.output_reader import parse_number
+from uqpen.models.command.tables import blank_column
+from uqpen.models.command.written import UnreadableError
+from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
 from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["DimensionsReader", "ModelCoordinates", "dimensions_from_model"]
+__all__ = [
+    "DimensionsReader",
+    "ModelCoordinates",
+    "check_dimensions",
+    "dimensions_from_model",
+    "read_field",
+    "read_grid",
+    "refuse_grids",
+]
+
+_WITH_UNITS = (".csv", ".nc")
+
+
+class _FileCoordinates(NamedTuple):
+    """Coordinates in a file.
+
+    Attributes
+    ----------
+    values : ndarray, shape (place,)
+        In SI units, as they stand there.
+    unit : str
+        The unit that the study or the file states.
+    file : FileSnapshot
+        The file.
+    place : str
+        The file and the column, for a message.
+    """
+
+    values: FloatArray
+    unit: str
+    file: FileSnapshot
+    place: str
+
+
+def _read_coordinates_file(
+    path: Path, column: str | int | None, unit: str | None
+) -> _FileCoordinates:
+    """Read a column of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.csv`` for CSV and in ``.nc`` for NetCDF. Any other file is a table with blanks
+        between its columns.
+    column : str or int, optional
+        Its heading, or its position in a table; may be left out where there is one column.
+    unit : str, optional
+        The unit to show the coordinates in. It is also that of a column without a unit.
+
+    Raises
+    ------
+    TableError
+        If there is no such file or column, or an entry is no number.
+    """
+    if path.suffix not in _WITH_UNITS:
+        return _read_table(path, column, unit or DIMENSIONLESS)
+    if isinstance(column, int):
+        raise TableError(f'"{path.name}" has columns with headings')
+    measurements = Measurements(path)
+    found = measurements.column(column or "")
+    place = f'column "{found.heading}" of "{path.name}"'
+    if unit is not None and found.unit == DIMENSIONLESS:
+        values = np.asarray(scale(unit).array_to_si(found.load()))
+        return _FileCoordinates(values, unit, measurements.source, place)
+    shown = unit or found.unit
+    return _FileCoordinates(found.values(shown), shown, measurements.source, place)
+
+
+def _read_table(path: Path, column: str | int | None, unit: str) -> _FileCoordinates:
+    try:
+        content = path.read_bytes()
+        text = content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise TableError(f'there is no file "{path}"') from None
+    except (OSError, UnicodeDecodeError):
+        raise TableError(f'"{path.name}" cannot be read as a text') from None
+    if column is None and any(blank_column(text, 1) or ()):
+        raise TableError(f'"{path.name}" has several columns')
+    entries = blank_column(text, 0 if column is None else column)
+    if entries is None:
+        raise TableError(f'"{path.name}" has no column "{column}"')
+    place = f'column {column or 0} of "{path.name}"'
+    try:
+        numbers = [
+            parse_number(entry or "", f"row {row} of {place}") for row, entry in enumerate(entries)
+        ]
+    except UnreadableError as error:
+        raise TableError(str(error)) from None
+    values = np.asarray(scale(unit).array_to_si(np.array(numbers, dtype=np.float64)))
+    return _FileCoordinates(values, unit, FileSnapshot.from_content(path, content), place)
+
 
 # Returns the coordinates that a model's code has under a name, in the unit of the dimension; None
 # where nobody knows. A ModelError says that it has none.
@@ -182,7 +284,7 @@ class DimensionsReader:
         self, section: TableReader, path: Path, column: str | int | None, unit: str | None
     ) -> _Found | None:
         try:
-            found = read_coordinates_file(path, column, unit)
+            found = _read_coordinates_file(path, column, unit)
         except TableError as error:
             expected = "a CSV, NetCDF or blank-separated file with a column of coordinates"
             section.add_problem("file", str(error), expected)
@@ -217,3 +319,151 @@ def _note_refused(section: TableReader, found: _Found, error: SettingsError) -> 
         if isinstance(place, int):
             shown = f"{scale(found.unit).from_si(found.values[place]):.10g} at position {place}"
         section.add_problem(found.key, f"{shown} of {found.place}", problem.expected)
+
+
+_ALONG, _ON, _INTERPOLATION = "along", "on", "interpolation"
+
+_OWN_NAME = 'the name of a run\'s own coordinates, which no input or output has: "t" or "t [s]"'
+
+# Values of an output in one run at most.
+_MOST_VALUES = 10_000_000
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Settings of an output beside its unit and its dimensions."""
+
+    may_end: bool = flag(default=False)
+    interpolation: str | None = choice(*INTERPOLATIONS, NO_INTERPOLATION, default=None)
+
+
+def read_field(table: TableReader, output: Output, dimensions: DimensionsReader) -> Output:
+    """Return an output with the dimensions that its table declares; mistakes are noted.
+
+    An output with a mistake has no dimensions.
+    """
+    table.take("unit")
+    table.take(_ON)
+    dims = _read_dimensions(table, dimensions)
+    settings = table.settings(_Field) or _Field()
+    table.check_unknown_keys()
+    if dims is None:
+        return output
+    try:
+        return replace(output, dims=dims, may_end=settings.may_end)
+    except SettingsError as error:
+        keys = {"dims": _ALONG, "may_end": "may_end"}
+        for problem in error.problems:
+            table.add_problem(keys[str(problem.path[0])], problem.found, problem.expected)
+    return output
+
+
+def _dimensions_text(written: object, dimensions: DimensionsReader) -> str:
+    """Return what is expected of dimensions where there is neither a table nor a list."""
+    name = written if isinstance(written, str) and NAME.match(written) else "time"
+    if name in dimensions.shared:
+        return f'a list of dimensions, ["{name}"]'
+    return (
+        f'a table, such as {{ {name} = {{ unit = "s", from = 0, to = 1, size = 101 }} }}, '
+        f'or a list, ["{name}"], of those in [model.dimensions]'
+    )
+
+
+def _read_dimensions(
+    table: TableReader, dimensions: DimensionsReader
+) -> tuple[Dimension, ...] | None:
+    """Read the dimensions of an output, often none; None where one is not known."""
+    found: list[Dimension | None]
+    if isinstance(table.content.get(_ALONG), list):
+        names = enumerate(table.entries(_ALONG))
+        found = [_shared(table, position, name, dimensions) for position, name in names]
+    else:
+        written = table.content.get(_ALONG)
+        if written is not None and not isinstance(written, dict):
+            table.take(_ALONG)
+            table.add_wrong(_ALONG, written, _dimensions_text(written, dimensions))
+            return None
+        along = table.table(_ALONG)
+        if not along.is_given:
+            return ()
+        found = [dimensions.read(along, name) for name in along]
+    if not found:
+        kind = "list" if isinstance(table.content[_ALONG], list) else "table"
+        table.add_problem(_ALONG, f"an empty {kind}", "a dimension, such as time")
+    dims = tuple(dimension for dimension in found if dimension is not None)
+    if (values := math.prod(len(dimension.values) for dimension in dims)) > _MOST_VALUES:
+        table.add_problem(_ALONG, f"{values:_} values", f"at most {_MOST_VALUES:_} in one run")
+        return None
+    return dims if len(dims) == len(found) else None
+
+
+def _shared(
+    table: TableReader, position: int, name: object, dimensions: DimensionsReader
+) -> Dimension | None:
+    """Return the shared dimension that an entry of a list names; None where it is not known."""
+    if isinstance(name, str) and name in dimensions.shared:
+        return dimensions.shared[name]
+    known = choices(str(name), dimensions.shared) if dimensions.shared else "there is none"
+    table.add_wrong((_ALONG, position), name, f"a dimension of [model.dimensions]; {known}")
+    return None
+
+
+def read_grid(table: TableReader, output: Output, variables: Collection[str]) -> RunGrid | None:
+    """Return the grid on which every run has an output, if its table names one; see `RunGrid`."""
+    on = table.table(_ON)
+    interpolation = table.content.get(_INTERPOLATION)
+    if not on.is_given:
+        if interpolation is not None:
+            table.add_missing(_ON, 'coordinates of the run\'s own, such as on = { time = "t" }')
+        return None
+    if _ALONG not in table:
+        table.add_problem(_ON, "coordinates of an output without dimensions", "along beside them")
+    along = {dimension.name: dimension for dimension in output.dims}
+    names: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for dimension, written in on.content.items():
+        if output.dims and dimension not in along:
+            expected = f"a dimension of {output.name}: {', '.join(along)}"
+            on.add_wrong(dimension, dimension, expected)
+        elif output.dims:
+            names[dimension], unit = _own_name(on, along[dimension], written, variables)
+            units |= {dimension: unit} if unit else {}
+    return RunGrid(names, units, interpolation or RunGrid.interpolation) if names else None
+
+
+def _own_name(
+    on: TableReader, dimension: Dimension, written: object, variables: Collection[str]
+) -> tuple[str, str]:
+    """Return the name of a run's own coordinates, and their unit if it is written behind it."""
+    try:
+        name, unit = heading_parts(written if isinstance(written, str) else "", "")
+        is_alike = "[" not in str(written) or are_convertible(unit, dimension.unit)
+    except (TableError, QuantityError):
+        name, unit, is_alike = "", "", True
+    if not NAME.match(name) or name in variables:
+        on.add_wrong(dimension.name, written, _OWN_NAME)
+    elif not is_alike:
+        on.add_wrong(dimension.name, written, describe(dimension.unit))
+    return name, unit if "[" in str(written) else ""
+
+
+def refuse_grids(table: TableReader, fields: FieldSources, expected: str) -> None:
+    """Note the grids that runs have of their own where there can be none."""
+    for name in fields.grids:
+        table.add_problem(("outputs", name, _ON), "coordinates of the run's own", expected)
+
+
+def check_dimensions(
+    section: TableReader, outputs: Sequence[Output], variables: Collection[str]
+) -> None:
+    """Note dimensions with the name of a variable, or with other coordinates than before."""
+    known: dict[str, Dimension] = {}
+    for output in outputs:
+        for dimension in output.dims:
+            name, path = dimension.name, (output.name, _ALONG, dimension.name)
+            if name in variables:
+                found = f'a dimension with the name of the variable "{name}"'
+                section.add_problem(path, found, "names that differ")
+            elif known.setdefault(name, dimension) != dimension:
+                found = f'other coordinates of "{name}" than above'
+                section.add_problem(path, found, "the same in all outputs along it")

@@ -20,7 +20,7 @@ from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_module import find_function, load_module, module_coordinates
-from uqpen.study.field_table import refuse_grids
+from uqpen.study.dimensions_section import refuse_grids
 from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
@@ -40,7 +40,7 @@ USER_DEFINED_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
-    "object": "uqpen.study.object_section:read_object",
+    "object": "uqpen.study.model_class_section:read_object",
     "data": "uqpen.study.data_section:read_data",
 }
 

@@ -10,8 +10,13 @@ from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.model import Input, Output
 from uqpen.core.units import ANY_DIMENSION, si_unit
 from uqpen.models.run_grid import FieldSources, RunGrid
-from uqpen.study.dimensions_section import DimensionsReader, ModelCoordinates
-from uqpen.study.field_table import check_dimensions, read_field, read_grid
+from uqpen.study.dimensions_section import (
+    DimensionsReader,
+    ModelCoordinates,
+    check_dimensions,
+    read_field,
+    read_grid,
+)
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["Variables", "read_variables"]
