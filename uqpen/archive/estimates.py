@@ -18,7 +18,7 @@ narrower has ``equivalent_runs``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -27,7 +27,6 @@ import numpy.typing as npt
 import xarray as xr
 from xarray.indexes import PandasIndex
 
-from uqpen.core.arrays import IntArray
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
@@ -56,6 +55,17 @@ __all__ = [
     "statistic_names",
     "unpack",
 ]
+
+INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
+
+# Numbers beside a corrected estimate, and what they are.
+_CORRECTIONS = {
+    SURROGATE_ESTIMATE: "by the surrogate alone",
+    EQUIVALENT_RUNS: "number of plain runs with an interval as wide",
+}
+
+_CODES = f"_{INTERVAL}"
+_FLAG = "flag_"
 
 _BOUND_INDEX = PandasIndex.from_variables({BOUND: xr.Variable(BOUND, list(BOUNDS))}, options={})
 BOUND_COORDINATE = _BOUND_INDEX.create_variables()[BOUND]
@@ -205,16 +215,7 @@ def _check(variable: xr.Variable, coordinates: Mapping[Hashable, xr.Variable]) -
                 )
 
 
-INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
-
-# Numbers beside a corrected estimate, and what they are.
-_CORRECTIONS = {
-    SURROGATE_ESTIMATE: "by the surrogate alone",
-    EQUIVALENT_RUNS: "number of plain runs with an interval as wide",
-}
-
-_CODES = f"_{INTERVAL}"
-_FLAG = "flag_"
+# Packing and unpacking
 
 
 def estimate_array(
@@ -249,7 +250,8 @@ def estimate_array(
         entries[...] = np.asarray(texts[name], dtype=object).reshape(
             () if isinstance(texts[name], str) else shape
         )
-        own[name] = _texts(tuple(dims), entries)
+        # Otherwise xarray looks for dates among them, which takes most of the time.
+        own[name] = xr.Variable(tuple(dims), entries, fastpath=True)
     return labelled_array(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
         (*dims, BOUND),
@@ -257,11 +259,6 @@ def estimate_array(
         {"units": units, "long_name": long_name, **(attributes or {})},
         texts=own,
     )
-
-
-def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
-    """Return texts as xarray has them, without a search for dates, which takes most of the time."""
-    return xr.Variable(dims, entries, fastpath=True)
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
@@ -286,14 +283,9 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
-            codes, known = _coded_texts(own)
-            if len(known) > 1:
-                variables[f"{name}{_CODES}"] = _codes(name, array, codes, known)
-            else:
-                entry = known[0] if known else ("none", "none", "")
-                attributes |= {
-                    key: text for key, text in zip(INTERVAL_TEXTS, entry, strict=True) if text
-                }
+            texts, codes = _packed_texts(name, array)
+            attributes |= texts
+            variables |= codes
         variables[name] = (array.dims, array.values, attributes)
     return xr.Dataset(variables, coordinates)
 
@@ -312,23 +304,18 @@ def _packed_corrections(name: str, array: xr.DataArray) -> dict[str, Any]:
     }
 
 
-def _coded_texts(
-    coordinates: Mapping[Any, xr.Variable],
-) -> tuple[IntArray, list[tuple[str, ...]]]:
-    """Return the position of each entry's texts in a list, and the list in order of appearance."""
-    columns = (coordinates[text].values.ravel().tolist() for text in INTERVAL_TEXTS)
+def _packed_texts(name: str, array: xr.DataArray) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the texts of intervals as attributes where all entries agree, else as a variable.
+
+    That says which of the known texts, in order of appearance, each entry has.
+    """
+    columns = [array.coords.variables[text].values.ravel().tolist() for text in INTERVAL_TEXTS]
     places: dict[tuple[Any, ...], int] = {}
     codes = [places.setdefault(entry, len(places)) for entry in zip(*columns, strict=True)]
-    return np.array(codes, dtype=np.int64), [tuple(map(str, entry)) for entry in places]
-
-
-def _codes(
-    name: str, array: xr.DataArray, entries: IntArray, known: Sequence[tuple[str, ...]]
-) -> tuple[Any, ...]:
-    """Return the variable that says which of the known texts each entry has."""
-    dims = [dim for dim in array.dims if dim != BOUND]
+    known = [tuple(map(str, entry)) for entry in places] or [("none", "none", "")]
+    if len(known) == 1:
+        return {key: text for key, text in zip(INTERVAL_TEXTS, known[0], strict=True) if text}, {}
     kind = np.int8 if len(known) <= np.iinfo(np.int8).max else np.int16
-    codes = entries.astype(kind)
     attributes = {
         "long_name": f"how the intervals of {name} were made",
         "flag_values": np.arange(len(known), dtype=kind),
@@ -338,7 +325,9 @@ def _codes(
             for position, key in enumerate(INTERVAL_TEXTS)
         },
     }
-    return dims, codes.reshape([array.sizes[dim] for dim in dims]), attributes
+    dims = [dim for dim in array.dims if dim != BOUND]
+    values = np.array(codes, dtype=kind).reshape([array.sizes[dim] for dim in dims])
+    return {}, {interval_codes_name(name): (dims, values, attributes)}
 
 
 def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
@@ -361,7 +350,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
             values = np.asarray(table[codes.values], dtype=object)
-        texts[key] = _texts(dims, values)
+        texts[key] = xr.Variable(dims, values, fastpath=True)
     for key in _CORRECTIONS:
         if (beside := dataset.variables.get(f"{name}_{key}")) is not None:
             texts[key] = beside

@@ -12,7 +12,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path, PurePath, PureWindowsPath
 from typing import NamedTuple
 
@@ -35,19 +35,18 @@ __all__ = [
 ]
 
 _FILE = "file"
-_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING = "name", "sha256", "size", "content", "encoding"
-_TEXTS = (_NAME, _SHA256, _CONTENT, _ENCODING)
+# The variables, which are the fields of an `ArchivedFile`. All but the size are texts.
+_SIZE = "size"
+_LONG_NAMES = {
+    "name": "name that the study knows the file by",
+    "sha256": "SHA-256 of the file's bytes",
+    "content": "the file's bytes, as its encoding says",
+    "encoding": "how the content stands here",
+    _SIZE: "size of the file in bytes",
+}
 
 # How a content stands there; of none, the archive has the hash alone.
 _TEXT, _BASE64, _NONE = "utf-8", "base64", "none"
-
-_LONG_NAMES = {
-    _NAME: "name that the study knows the file by",
-    _SHA256: "SHA-256 of the file's bytes",
-    _SIZE: "size of the file in bytes",
-    _CONTENT: "the file's bytes, as its encoding says",
-    _ENCODING: "how the content stands here",
-}
 
 
 @dataclass(frozen=True)
@@ -107,21 +106,15 @@ def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
     named = sorted(files_by_name(files, folder).items())
     if not named:
         return xr.Dataset()
-    encoded = [_encode(file) for _, file in named]
-    columns = {
-        _NAME: [name for name, _ in named],
-        _SHA256: [file.sha256 for _, file in named],
-        _CONTENT: [content for content, _ in encoded],
-        _ENCODING: [encoding for _, encoding in encoded],
-    }
-    variables = {
-        name: (_FILE, np.array(values, dtype=object), {"long_name": _LONG_NAMES[name]})
-        for name, values in columns.items()
-    }
-    sizes = np.array([file.size for _, file in named], dtype=np.int64)
-    described = {"units": "byte", "long_name": _LONG_NAMES[_SIZE]}
-    name = variables.pop(_NAME)
-    return xr.Dataset({**variables, _SIZE: (_FILE, sizes, described)}, {_NAME: name})
+    entries = [ArchivedFile(name, file.sha256, file.size, *_encode(file)) for name, file in named]
+    variables = {}
+    for key, long_name in _LONG_NAMES.items():
+        values = [getattr(entry, key) for entry in entries]
+        units = {"units": "byte"} if key == _SIZE else {}
+        kind = np.int64 if key == _SIZE else object
+        variables[key] = (_FILE, np.array(values, dtype=kind), {**units, "long_name": long_name})
+    name = variables.pop("name")
+    return xr.Dataset(variables, {"name": name})
 
 
 def files_by_name(files: Iterable[FileSnapshot], folder: Path) -> dict[str, FileSnapshot]:
@@ -151,14 +144,14 @@ def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
     """Return the files of a group without faults; none for an empty group."""
     if not group.variables:
         return []
-    columns = (group[name].values.tolist() for name in (_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING))
+    columns = [group[each.name].values.tolist() for each in fields(ArchivedFile)]
     return [ArchivedFile(*entries) for entries in zip(*columns, strict=True)]
 
 
 def find_file_faults(node: xr.DataTree) -> Iterator[str]:
     """Yield the faults of the group of files, each to stand behind its path."""
     dataset = node.dataset
-    for name in (*_TEXTS, _SIZE):
+    for name in _LONG_NAMES:
         if name not in dataset.variables or dataset[name].dims != (_FILE,):
             yield f": no {name} along {_FILE}"
         elif name == _SIZE and dataset[name].dtype.kind not in "iu":

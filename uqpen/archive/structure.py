@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -159,17 +160,13 @@ def _study_faults(tree: xr.DataTree) -> Iterator[str]:
         yield "no models"
     for name, model in models.items():
         root = f"/{MODELS}/{name}" if name else ""
-        for fault in _model_faults(model):
-            yield f"{root}{fault}" if fault.startswith("/") or not root else f"{root}: {fault}"
-
-
-def _model_faults(tree: xr.DataTree) -> Iterator[str]:
-    if not isinstance(tree.attrs.get("model_name"), str):
-        yield "no name of the model"
-    if not group_names(tree, RUNS):
-        yield "no runs"
-    yield from _declared_faults(tree, is_of_model=True)
-    yield from find_model_faults(tree)
+        head = f"{root}: " if root else ""
+        if not isinstance(model.attrs.get("model_name"), str):
+            yield f"{head}no name of the model"
+        if not group_names(model, RUNS):
+            yield f"{head}no runs"
+        for fault in chain(_declared_faults(model, is_of_model=True), find_model_faults(model)):
+            yield f"{root if fault.startswith('/') else head}{fault}"
 
 
 def _declared_faults(tree: xr.DataTree, *, is_of_model: bool) -> Iterator[str]:
@@ -316,13 +313,13 @@ def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
     if not is_there or not has_kind(dataset.variables[dimension], described.kind):
         yield f"no {dimension} to tell its entries apart"
         return
-    for name, kind in described.companions.items():
+    for name, kind in {**described.companions, **described.optional}.items():
         beside = dataset.variables.get(name)
-        if beside is None or beside.dims != (dimension,) or not has_kind(beside, kind):
-            yield f"no {name} for each entry"
-    for name, kind in described.optional.items():
-        beside = dataset.variables.get(name)
-        if beside is not None and (beside.dims != (dimension,) or not has_kind(beside, kind)):
+        if beside is None:
+            is_wrong = name in described.companions
+        else:
+            is_wrong = beside.dims != (dimension,) or not has_kind(beside, kind)
+        if is_wrong:
             yield f"no {name} for each entry"
 
 
