@@ -115,7 +115,11 @@ def labelled_array(
             variables[key], index = _coordinate(key, given)
             indexes |= {} if index is None else {key: index}
     variables |= texts or {}
-    _check(variable, variables)
+    for key, each in variables.items():
+        for dim, size in each.sizes.items():
+            if variable.sizes.get(dim) != size:
+                found = f"coordinate {key} has {size} values along {dim}"
+                raise ValueError(f"{found}, but the array has the sizes {dict(variable.sizes)}")
     # What users may call copies each coordinate, or makes an index of it again.
     return xr.DataArray(variable, variables, name=name, indexes=indexes, fastpath=True)
 
@@ -204,17 +208,6 @@ def _as_variable(key: Hashable, given: Any) -> xr.Variable:
     return xr.Variable(dims, values, attributes, fastpath=is_ready)
 
 
-def _check(variable: xr.Variable, coordinates: Mapping[Hashable, xr.Variable]) -> None:
-    sizes = dict(zip(variable.dims, variable.shape, strict=True))
-    for key, each in coordinates.items():
-        for dim, size in zip(each.dims, each.shape, strict=True):
-            if sizes.get(dim) != size:
-                raise ValueError(
-                    f"coordinate {key} has {size} values along {dim}, "
-                    f"but the array has the sizes {sizes}"
-                )
-
-
 # Packing and unpacking
 
 
@@ -279,7 +272,11 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
             for key, each in own.items()
             if key not in INTERVAL_TEXTS and key not in _CORRECTIONS
         }
-        variables |= _packed_corrections(name, array)
+        for key, what in _CORRECTIONS.items():
+            if key in own:
+                units = attributes.get("units") if key == SURROGATE_ESTIMATE else None
+                described = {"units": units or DIMENSIONLESS, "long_name": f"{name}, {what}"}
+                variables[f"{name}_{key}"] = (array.dims[:-1], own[key].values, described)
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
@@ -288,20 +285,6 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
             variables |= codes
         variables[name] = (array.dims, array.values, attributes)
     return xr.Dataset(variables, coordinates)
-
-
-def _packed_corrections(name: str, array: xr.DataArray) -> dict[str, Any]:
-    """Return the numbers beside corrected estimates as variables; none for other estimates."""
-    units = {SURROGATE_ESTIMATE: array.attrs.get("units", DIMENSIONLESS)}
-    return {
-        f"{name}_{key}": (
-            array.dims[:-1],
-            array.coords[key].values,
-            {"units": units.get(key, DIMENSIONLESS), "long_name": f"{name}, {what}"},
-        )
-        for key, what in _CORRECTIONS.items()
-        if key in array.coords
-    }
 
 
 def _packed_texts(name: str, array: xr.DataArray) -> tuple[dict[str, str], dict[str, Any]]:

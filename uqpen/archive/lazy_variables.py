@@ -6,7 +6,7 @@ one after the other; or they are computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
@@ -22,8 +22,8 @@ from uqpen.core.netcdf.opening import open_own
 from uqpen.core.streams import BLOCK
 
 __all__ = [
-    "CodedTexts",
     "OpenFile",
+    "coded_texts",
     "computed_variable",
     "is_in_memory",
     "joined_variable",
@@ -33,6 +33,24 @@ __all__ = [
 
 _Key = tuple[Any, ...]
 _Values = npt.NDArray[Any]
+
+
+class _LazyValues(BackendArray):
+    """Values that xarray asks for by whole numbers, slices and arrays of numbers."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any, read: Callable[[_Key], _Values]) -> None:
+        self.shape, self.dtype, self._read = shape, np.dtype(dtype), read
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self  # nothing can write to it
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.OUTER
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def variable(self, dims: tuple[Hashable, ...], attributes: Any) -> xr.Variable:
+        """Return them as a variable."""
+        return xr.Variable(dims, indexing.LazilyIndexedArray(self), attributes)
 
 
 class OpenFile:
@@ -45,75 +63,34 @@ class OpenFile:
     def variable(self, group: str, name: str) -> Any:
         """Return a variable of a group; its values are read when it is indexed."""
         stored = (self._root if group == "/" else self._root[group]).variables[name]
-        values = _FileValues(self, stored)
+        dtype = object if stored.dtype is str else stored.dtype
+        # The function holds this object, or the file would be closed.
+        values = _LazyValues(stored.shape, dtype, lambda key: self._read(stored, key))
         own = {key: stored.getncattr(key) for key in stored.ncattrs()}
-        return xr.Variable(stored.dimensions, indexing.LazilyIndexedArray(values), own)
+        return values.variable(stored.dimensions, own)
 
-
-class _LazyValues(BackendArray):
-    """Values that xarray asks for by whole numbers, slices and arrays of numbers."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-    def __deepcopy__(self, memo: object) -> Self:
-        return self  # nothing can write to it
-
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        return indexing.explicit_indexing_adapter(
-            key, self.shape, indexing.IndexingSupport.OUTER, self._values
-        )
-
-    def _values(self, key: _Key) -> _Values:
-        raise NotImplementedError
-
-
-class _FileValues(_LazyValues):
-    def __init__(self, file: OpenFile, stored: Any) -> None:
-        self._file = file  # or it would be closed
-        self._stored = stored
-        self.shape = stored.shape
-        self.dtype = np.dtype(object if stored.dtype is str else stored.dtype)
-
-    def _values(self, key: _Key) -> _Values:
+    def _read(self, stored: Any, key: _Key) -> _Values:
         first, *others = key
         if not isinstance(first, np.ndarray) or not first.size:
-            return np.asarray(self._stored[key])
+            return np.asarray(stored[key])
         # The library would read each of the numbers by itself.
         block = first // BLOCK
         parts = []
         for number in np.unique(block):
             at = first[block == number]
             low = int(at.min())
-            parts.append(self._stored[(slice(low, int(at.max()) + 1), *others)][at - low])
-        values = np.empty((first.size, *parts[0].shape[1:]), self.dtype)
-        values[np.argsort(block, kind="stable")] = np.concatenate(parts)
-        return values
+            parts.append(stored[(slice(low, int(at.max()) + 1), *others)][at - low])
+        return _in_order(np.concatenate(parts), block)
 
 
-class CodedTexts(_LazyValues):
-    """Texts, many of them alike, kept as numbers.
-
-    Parameters
-    ----------
-    codes : ndarray of int, shape (text,)
-        The position of each in `texts`.
-    texts : sequence of str
-        Those that occur.
-    """
-
-    def __init__(self, codes: _Values, texts: list[str]) -> None:
-        self._codes = codes
-        self._texts = np.array(texts, dtype=object)
-        self.shape, self.dtype = codes.shape, np.dtype(object)
-
-    def _values(self, key: _Key) -> _Values:
-        values: _Values = self._texts[self._codes[key]]
-        return values
-
-    def variable(self, dimension: str, attributes: dict[Any, Any]) -> xr.Variable:
-        """Return them as a variable along a dimension."""
-        return xr.Variable((dimension,), indexing.LazilyIndexedArray(self), attributes)
+def coded_texts(
+    codes: _Values, texts: list[str], dims: tuple[Hashable, ...], attributes: Any
+) -> xr.Variable:
+    """Return texts, many of them alike, as a variable that keeps the position of each in a list."""
+    table = np.array(texts, dtype=object)
+    return _LazyValues(codes.shape, object, lambda key: table[codes[key]]).variable(
+        dims, attributes
+    )
 
 
 def is_in_memory(variable: xr.Variable) -> bool:
@@ -153,7 +130,41 @@ def joined_variable(parts: Sequence[xr.Variable]) -> xr.Variable:
         are those of the whole.
     """
     first = parts[0]
-    return xr.Variable(first.dims, indexing.LazilyIndexedArray(_JoinedValues(parts)), first.attrs)
+    starts = np.cumsum([0, *(len(part) for part in parts)])
+    shape = (int(starts[-1]), *first.shape[1:])
+    dtype = np.result_type(*(part.dtype for part in parts))
+    values = _LazyValues(shape, dtype, lambda key: _joined_values(parts, starts, key))
+    return values.variable(first.dims, first.attrs)
+
+
+def _joined_values(parts: Sequence[xr.Variable], starts: _Values, key: _Key) -> _Values:
+    """Return values of variables that lie one after the other, each from its start on."""
+    first, *others = key
+    if not isinstance(first, slice | np.ndarray):
+        return np.asarray(_joined_values(parts, starts, (np.array([first]), *others))[0])
+    if isinstance(first, slice) and first.step in (None, 1):
+        start, stop, _ = first.indices(int(starts[-1]))
+        found = [
+            part[(slice(max(start - begin, 0), min(stop, end) - begin), *others)].values
+            for part, (begin, end) in zip(parts, pairwise(starts.tolist()), strict=True)
+            if start < end and begin < stop
+        ]
+        return np.concatenate(found or [parts[0][(slice(0), *others)].values])
+    positions = _positions(first, int(starts[-1]))
+    numbers = np.searchsorted(starts, positions, side="right") - 1
+    found = [
+        parts[number][(positions[numbers == number] - starts[number], *others)].values
+        for number in np.unique(numbers).tolist()
+    ]
+    joined = np.concatenate(found or [parts[0][(slice(0), *others)].values])
+    return _in_order(joined, numbers)
+
+
+def _in_order(values: _Values, parts: _Values) -> _Values:
+    """Return values that come part by part in the order in which the parts are asked for."""
+    ordered = np.empty_like(values)
+    ordered[np.argsort(parts, kind="stable")] = values
+    return ordered
 
 
 def computed_variable(
@@ -170,56 +181,12 @@ def computed_variable(
     values_at : callable
         Returns the values at positions, whole numbers from 0.
     """
-    values = _ComputedValues(like.dtype, size, values_at)
-    return xr.Variable(like.dims, indexing.LazilyIndexedArray(values), like.attrs)
-
-
-class _JoinedValues(_LazyValues):
-    def __init__(self, parts: Sequence[xr.Variable]) -> None:
-        self._parts = parts
-        self._starts = np.cumsum([0, *(len(part) for part in parts)])
-        self.shape = (int(self._starts[-1]), *parts[0].shape[1:])
-        self.dtype = np.result_type(*(part.dtype for part in parts))
-
-    def _values(self, key: _Key) -> _Values:
-        first, *others = key
-        if not isinstance(first, slice | np.ndarray):
-            return np.asarray(self._values((np.array([first]), *others))[0])
-        if isinstance(first, slice) and first.step in (None, 1):
-            start, stop, _ = first.indices(self.shape[0])
-            overlapping = [
-                (number, slice(max(start - begin, 0), min(stop, end) - begin))
-                for number, (begin, end) in enumerate(pairwise(self._starts.tolist()))
-                if start < end and begin < stop
-            ]
-            return self._joined(overlapping, others)
-        positions = _positions(first, self.shape[0])
-        numbers = np.searchsorted(self._starts, positions, side="right") - 1
-        parts = [
-            (number, positions[numbers == number] - self._starts[number])
-            for number in np.unique(numbers).tolist()
-        ]
-        joined = self._joined(parts, others)
-        values = np.empty_like(joined)
-        values[np.argsort(numbers, kind="stable")] = joined
-        return values
-
-    def _joined(self, parts: Iterable[tuple[int, Any]], others: Sequence[Any]) -> _Values:
-        """Return values of some parts, given by number, at their own positions."""
-        found = [self._parts[number][(at, *others)].values for number, at in parts]
-        return np.concatenate(found or [self._parts[0][(slice(0), *others)].values])
-
-
-class _ComputedValues(_LazyValues):
-    def __init__(
-        self, dtype: np.dtype[Any], size: int, values_at: Callable[[_Values], _Values]
-    ) -> None:
-        self._values_at = values_at
-        self.shape, self.dtype = (size,), dtype
-
-    def _values(self, key: _Key) -> _Values:
-        found = self._values_at(_positions(key[0], self.shape[0]))
-        return np.asarray(found, dtype=self.dtype)
+    values = _LazyValues(
+        (size,),
+        like.dtype,
+        lambda key: np.asarray(values_at(_positions(key[0], size)), dtype=like.dtype),
+    )
+    return values.variable(like.dims, like.attrs)
 
 
 def _positions(index: Any, size: int) -> _Values:
