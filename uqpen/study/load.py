@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import tomli_w
 
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import CONVERGENCE, SENSITIVITY
@@ -18,6 +20,7 @@ from uqpen.core.settings import count, flag, number, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
+from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study import SECTIONS
@@ -44,13 +47,12 @@ from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_stand_ins, check_variants, read_models
 from uqpen.study.outputs_section import derive_outputs
-from uqpen.study.refinement_section import refined_designs
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
-from uqpen.study.surrogates_section import check_surrogates, read_surrogates
+from uqpen.study.surrogates_section import check_surrogates, read_surrogates, refined_designs
 from uqpen.study.table_reader import StudyParts, TableReader
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["load_study", "parse_study", "read_study"]
+__all__ = ["load_study", "parse_study", "pilot_study", "read_study"]
 
 
 def load_study(path: str | Path) -> ValidatedStudy:
@@ -315,3 +317,23 @@ def _check_nominal(table: TableReader, variant: Variant, joint: JointDistributio
         if violated.any():
             found = f"inputs that, at their medians, violate {condition}"
             table.add_problem((), found, f"inputs that {model.name} admits")
+
+
+def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
+    """Return the pilot of a study.
+
+    Its runs are the first of those of the study's first `monte-carlo` design, if it has one.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Read from a file.
+    runs : int
+        Number of runs.
+    """
+    independent = (name for name, each in study.designs.items() if isinstance(each, MonteCarlo))
+    name = next(independent, "pilot")
+    content: dict[str, Any] = tomllib.loads(study.text)
+    content.pop("surrogates", None)
+    content["designs"] = {name: {"kind": "monte-carlo", "runs": runs}}
+    return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)

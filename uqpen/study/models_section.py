@@ -11,8 +11,7 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.model import Input, Model, Results
 from uqpen.core.setting_fields import declared_settings
 from uqpen.core.units import are_convertible
-from uqpen.study.model_section import read_model, read_partial_model
-from uqpen.study.partial_model import PartialModel, mentioned_model
+from uqpen.study.model_section import PartialModel, mentioned_model, read_model, read_partial_model
 from uqpen.study.study import ONLY_MODEL, StandIn, Variant
 from uqpen.study.table_reader import TableReader, check_names, named_tables
 

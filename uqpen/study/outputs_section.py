@@ -19,7 +19,7 @@ from uqpen.reductions.extremes import Maximum
 from uqpen.reductions.interpolation import At
 from uqpen.reductions.occurrence import derived_outputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.partial_model import PartialModel
+from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import StudyParts, TableReader, check_names, family_member
 
