@@ -53,7 +53,12 @@ from uqpen.study.user_defined_members import (
 if TYPE_CHECKING:
     from uqpen.distributions.fitting import DistributionFit
 
-__all__ = ["MEASURED", "Inputs", "read_constraints", "read_inputs", "read_measured"]
+__all__ = [
+    "MEASURED",
+    "Inputs",
+    "read_constraints",
+    "read_inputs",
+]
 
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
@@ -68,7 +73,7 @@ class _Measured:
     family: str | None = text(expected="the name of a distribution", default=None)
 
 
-def read_measured(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
+def _read_measured(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
     """Read an input from measurements; None where a mistake was noted.
 
     The test of a fit draws from `stream`, which is the input's own.
@@ -283,7 +288,7 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
     if family is None or section is None or not section.is_given:
         return None
     if family == MEASURED:
-        made = read_measured(section, variable, stream)
+        made = _read_measured(section, variable, stream)
     elif family in FROZEN:
         made = read_frozen(section, variable, family)
     elif family in DISTRIBUTIONS:

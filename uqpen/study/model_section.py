@@ -26,9 +26,8 @@ from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_module import find_function, load_module, module_coordinates
-from uqpen.study.dimensions_section import refuse_grids
 from uqpen.study.table_reader import TableReader
-from uqpen.study.variables_section import Variables, read_variables
+from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
 __all__ = [
     "USER_DEFINED_MODELS",

@@ -34,7 +34,7 @@ from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study import SECTIONS
 from uqpen.study.frozen_section import SETTINGS
-from uqpen.study.model_variables import find_variable_faults
+from uqpen.study.model_class_section import find_variable_faults
 from uqpen.study.named_object import OBJECT
 from uqpen.study.outputs_section import is_derived
 from uqpen.study.python_model import OutputSpec, PythonModel

@@ -15,10 +15,10 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
-from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.document import inner_table
 from uqpen.study.named_object import OBJECT
 from uqpen.study.user_defined_members import is_reference
+from uqpen.study.variables_section import dimensions_from_model
 
 __all__ = ["archived_dimensions", "unloaded_models"]
 
