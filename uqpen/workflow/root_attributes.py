@@ -35,11 +35,8 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
 
 def _section_attributes(study: ValidatedStudy) -> dict[str, str]:
     """Return what sections of the study state at the root."""
-    stated = {
-        section.attribute: getattr(study, section.field)
-        for section in SECTIONS.values()
-        if section.attribute
-    }
+    sections = [each for each in SECTIONS.values() if each.attribute]
+    stated = {each.attribute: getattr(study, each.field) for each in sections}
     return {
         name: ", ".join(value) if isinstance(value, tuple) else str(value)
         for name, value in stated.items()
