@@ -20,7 +20,7 @@ from uqpen.archive.structure import find_field_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import BOUND, ROLE, RUN
 from uqpen.verification.check_result import CheckOutcome
-from uqpen.verification.runs_diff import diff_runs
+from uqpen.verification.diff import diff_runs
 
 MODEL = """\
 def simulate(x):

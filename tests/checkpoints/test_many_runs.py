@@ -30,7 +30,7 @@ from uqpen.results.export import table_content
 from uqpen.results.runs_table import run_table_parts, runs_table
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
-from uqpen.verification.runs_diff import diff_runs
+from uqpen.verification.diff import diff_runs
 from uqpen.workflow import run_design
 
 pytestmark = pytest.mark.processor

@@ -9,8 +9,7 @@ import uqpen
 from uqpen.report.sections.histograms import histogram
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.exceedance_tail import ExceedanceTail, LargestRun
-from uqpen.results.simultaneous_band import SimultaneousBand
+from uqpen.results.empirical_cdf import ExceedanceTail, LargestRun, SimultaneousBand
 
 RUNS, SHOWN = 4_000, 300
 
@@ -36,7 +35,7 @@ def archive() -> uqpen.Archive:
 @pytest.fixture
 def view(archive: uqpen.Archive, monkeypatch: pytest.MonkeyPatch) -> ArchiveView:
     """Return a view of the archive whose figures show few runs."""
-    monkeypatch.setattr("uqpen.results.design_view.RUNS_IN_MEMORY", SHOWN)
+    monkeypatch.setattr("uqpen.results.archive_view.RUNS_IN_MEMORY", SHOWN)
     return ArchiveView(archive, "")
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.results.empirical_cdf import empirical_cdf
-from uqpen.results.simultaneous_band import SimultaneousBand
+from uqpen.results.empirical_cdf import SimultaneousBand, empirical_cdf
 from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import dkw_half_width

@@ -13,8 +13,7 @@ from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
-from uqpen.results.exceedance_tail import FEW_DISTINCT
-from uqpen.results.simultaneous_band import SimultaneousBand
+from uqpen.results.empirical_cdf import FEW_DISTINCT, SimultaneousBand
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.texts import plain_text

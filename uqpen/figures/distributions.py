@@ -15,7 +15,7 @@ from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
-from uqpen.results.exceedance_tail import LargestRun
+from uqpen.results.empirical_cdf import LargestRun
 from uqpen.results.source_style import GREY, source_style
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
 from uqpen.results.texts import plain_text

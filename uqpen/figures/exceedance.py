@@ -23,7 +23,7 @@ from uqpen.figures.painter import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel, set_value_axis
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
-from uqpen.results.exceedance_tail import ExceedanceTail
+from uqpen.results.empirical_cdf import ExceedanceTail
 from uqpen.results.source_style import BLACK, SourceStyle
 from uqpen.results.table import identity, shown_estimate
 from uqpen.results.texts import plain_text

@@ -10,9 +10,9 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.best_sources import best_sources
 from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import percent_text
+from uqpen.results.source_statistics import best_sources
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.texts import plain_text
 

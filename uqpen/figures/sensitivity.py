@@ -11,9 +11,9 @@ from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
 from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.best_sources import best_sources as best_source_names
 from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import INDICES, LOGARITHM_INDICES, Measure
+from uqpen.results.source_statistics import best_sources as best_source_names
 from uqpen.results.table import Conversion, identity
 from uqpen.results.texts import title_with_unit
 

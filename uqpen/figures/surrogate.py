@@ -17,7 +17,7 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
+from uqpen.results.surrogate_tables import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.diagnostics import quality_text
 from uqpen.surrogates.restoring import is_restorable, restore_surrogate

@@ -12,7 +12,7 @@ from uqpen.archive.read import read_group
 from uqpen.archive.structure import find_level_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import BUDGET, METHODS
-from uqpen.results.source_slots import source_slots
+from uqpen.results.source_style import source_slots
 
 __all__ = ["ArchivedMethod", "benchmark_budgets", "benchmark_methods", "check_benchmark"]
 

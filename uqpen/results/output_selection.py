@@ -3,18 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
+from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.groups import GROUPS, group_place, model_trees
-from uqpen.core.errors import QuantityError, UnknownNameError
+from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
 from uqpen.core.labels import RUNS
 from uqpen.core.lookup import choices
-from uqpen.results.field_places import FieldPlace, find_place
-from uqpen.results.surrogate_fits import FITTED, fitted_outputs
-from uqpen.results.table import first_runs, output_names
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.units import scale
+from uqpen.results.surrogate_tables import FITTED, fitted_outputs
+from uqpen.results.table import first_runs, output_names, shown_unit
 
-__all__ = ["select_output"]
+__all__ = ["FieldPlace", "find_place", "select_output"]
+
+
+class FieldPlace(NamedTuple):
+    """A coordinate along a dimension of a field.
+
+    Attributes
+    ----------
+    dimension : str
+        The dimension.
+    position : int
+        The position among the coordinates.
+    remark : str
+        Sentence on a place that is not where it was asked for; else empty.
+    """
+
+    dimension: str
+    position: int
+    remark: str
+
+
+def find_place(field: xr.DataArray, text: str) -> FieldPlace:
+    """Return the coordinate of a field that is nearest to a text of a user.
+
+    Parameters
+    ----------
+    field : DataArray
+        The field over runs.
+    text : str
+        Such as ``"time=10 day"``; without a unit it is that of the study.
+
+    Raises
+    ------
+    UnknownNameError
+        If the field has no such dimension.
+    QuantityError
+        If it is no quantity, or lies outside the coordinates.
+    """
+    name, _, asked = (part.strip() for part in text.partition("="))
+    along = field_dimensions(field)
+    if name not in along:
+        known = choices(name, along) if along else "it is a single number or category"
+        raise UnknownNameError(f'{field.name} has no dimension "{name}"; {known}')
+    coordinate = field[name]
+    values, unit = coordinate.values, shown_unit(coordinate.attrs)
+    if not asked:
+        raise QuantityError(toml_text(text), f"a place, such as {name}=1")
+    try:
+        value = scale(unit).to_si(float(asked))
+    except ValueError:
+        value = parse_quantity(asked, unit).value
+    if not values[0] <= value <= values[-1]:
+        first, last = (coordinate_text(coordinate, end) for end in values[[0, -1]])
+        raise QuantityError(toml_text(text), f"{first} to {last.partition('= ')[2]}")
+    position = int(np.abs(values - value).argmin())
+    is_there = np.isclose(values[position], value, rtol=1e-9, atol=0)
+    nearest = f"{coordinate_text(coordinate, values[position])} is the nearest to {asked}"
+    return FieldPlace(name, position, "" if is_there else nearest)
 
 
 def select_output(

@@ -10,10 +10,8 @@ import xarray as xr
 from uqpen.archive.estimates import array_entries
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import scale
-from uqpen.results.best_sources import best_sources
-from uqpen.results.field_places import cut_text
+from uqpen.results.archive_view import is_logarithmic
 from uqpen.results.index_titles import VarianceTitles, index_titles
-from uqpen.results.logarithmic_scale import is_logarithmic
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
     CHANGES,
@@ -27,11 +25,12 @@ from uqpen.results.measure_labels import (
     Measure,
 )
 from uqpen.results.relative_changes import without_arbitrary_zeros
-from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_statistics import SourceStatistics, best_sources
 from uqpen.results.table import (
     NOTHING,
     Conversion,
     OutputTable,
+    cut_text,
     first_runs,
     identity,
     label_with_unit,

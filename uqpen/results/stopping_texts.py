@@ -34,13 +34,14 @@ __all__ = ["StatedDecision", "stopping_text", "unseen_text"]
 # By the rule of three: what has this probability times 1/n is missed by n runs in 5 % of studies.
 _UNSEEN = 3
 
-_KEYS = {
-    DECISION_CLAIM,
-    DECISION,
-    DECISION_RUNS,
-    DECISION_PROBABILITY,
-    DECISION_LOWER,
-    DECISION_UPPER,
+# The attributes with the fields of a decision, in their order, and the types of these.
+_FIELDS: dict[str, type] = {
+    DECISION_CLAIM: str,
+    DECISION: str,
+    DECISION_RUNS: int,
+    DECISION_PROBABILITY: float,
+    DECISION_LOWER: float,
+    DECISION_UPPER: float,
 }
 
 
@@ -95,16 +96,9 @@ class StatedDecision:
     @classmethod
     def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:
         """Return the decision among the attributes of a source; None without one."""
-        if not attributes.keys() >= _KEYS:
+        if not attributes.keys() >= _FIELDS.keys():
             return None
-        return cls(
-            str(attributes[DECISION_CLAIM]),
-            str(attributes[DECISION]),
-            int(attributes[DECISION_RUNS]),
-            float(attributes[DECISION_PROBABILITY]),
-            float(attributes[DECISION_LOWER]),
-            float(attributes[DECISION_UPPER]),
-        )
+        return cls(*(kind(attributes[key]) for key, kind in _FIELDS.items()))
 
     @property
     def output(self) -> str:

@@ -30,7 +30,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
 from uqpen.designs.keep import RUNS as KEPT_RUNS
 from uqpen.execution.omitted_runs import omit_runs
-from uqpen.results.failure_causes import record_causes
+from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
     OutputStatistics,
     all_analyses_but,

@@ -13,7 +13,7 @@ from uqpen.charts.chart import Axis, Block, Chart, LegendKey
 from uqpen.charts.marks import Mark, series_dash
 from uqpen.figures.curves import Curve
 from uqpen.report.blocks import Heading
-from uqpen.report.revisions.pair import ArchivePair, ModelPair
+from uqpen.report.revisions.revision_page import ArchivePair, ModelPair
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import number_text, percent_text

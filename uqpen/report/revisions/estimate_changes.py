@@ -13,7 +13,7 @@ from uqpen.charts.chart import Block
 from uqpen.charts.source_comparison import compared_statistics
 from uqpen.core.labels import INPUT
 from uqpen.report.blocks import Heading, Remarks, Table, Text
-from uqpen.report.revisions.pair import ArchivePair, ModelPair
+from uqpen.report.revisions.revision_page import ArchivePair, ModelPair
 from uqpen.results.archive_view import output_heading
 from uqpen.results.digits import estimate_texts
 from uqpen.results.measure_labels import INDICES

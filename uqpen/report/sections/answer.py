@@ -29,7 +29,7 @@ from uqpen.report.sections.published_agreement import published_sentences
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import grouped_number
-from uqpen.results.statistics_rows import runs_spent
+from uqpen.results.output_tables import runs_spent
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["answer"]

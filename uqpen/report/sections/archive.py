@@ -19,7 +19,7 @@ from uqpen.report.sections.archive_tables import (
 )
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.field_texts import field_lines
+from uqpen.results.field_tables import field_lines
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import plain_text
 

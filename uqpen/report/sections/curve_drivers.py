@@ -12,10 +12,10 @@ from uqpen.charts.marks import Band, Mark
 from uqpen.core.labels import INPUT
 from uqpen.report.sections.curve_lines import band, level_text, line, place_axis
 from uqpen.report.sections.drivers import input_label
-from uqpen.results.best_sources import best_sources
 from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import INDICES
+from uqpen.results.source_statistics import best_sources
 
 __all__ = ["driver_areas", "driver_lines", "measures_along"]
 

@@ -29,7 +29,7 @@ from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text, percent_text, range_text
-from uqpen.results.exceedance_tail import LargestRun
+from uqpen.results.empirical_cdf import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
 

@@ -19,7 +19,7 @@ from uqpen.report.sections.leading_design import missing_runs_note
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, percent_text
-from uqpen.results.exceedance_tail import ExceedanceTail
+from uqpen.results.empirical_cdf import ExceedanceTail
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import unit_suffix
 

@@ -24,7 +24,7 @@ from uqpen.report.sections.view_statistics import status_probability
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text, percent_texts
 from uqpen.results.failed_runs import failed_runs as losses_of
-from uqpen.results.failure_tables import failure_tables
+from uqpen.results.failed_runs import failure_tables
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text
 

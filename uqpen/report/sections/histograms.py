@@ -16,7 +16,7 @@ from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.quoted_statistics import QuotedStatistic
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text, percent_text
-from uqpen.results.statistics_rows import add_shares
+from uqpen.results.output_tables import add_shares
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import capitalized, unit_suffix
 

@@ -21,8 +21,8 @@ from uqpen.report.counting import count_text
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.output_tables import runs_spent
 from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
-from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (
     NOTHING,
     OutputTable,

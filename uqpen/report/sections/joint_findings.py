@@ -14,7 +14,7 @@ from uqpen.report.sections.quoted_statistics import no_break
 from uqpen.report.sections.sentences import acceptance_sentence
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text, percent_texts
-from uqpen.results.disagreements import disagreements
+from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 

@@ -33,10 +33,10 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text
+from uqpen.results.output_tables import tolerance_cell
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
 from uqpen.results.texts import capitalized, unit_suffix
-from uqpen.results.tolerance_rows import tolerance_cell
 
 __all__ = ["model_answer"]
 

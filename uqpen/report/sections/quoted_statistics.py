@@ -17,13 +17,13 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import equivalent_runs_text, is_corrected
 from uqpen.results.digits import (
     estimate_texts,
     percent_text,
     percent_texts,
     tolerance_interval_texts,
 )
+from uqpen.results.surrogate_tables import equivalent_runs_text, is_corrected
 from uqpen.results.table import (
     entry_label,
     estimate_remark,

@@ -25,8 +25,8 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import is_corrected
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.surrogate_tables import is_corrected
 from uqpen.results.table import entry_text, estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 

@@ -60,7 +60,7 @@ def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 
 
 def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
-    if table := statistics_table(view.statistics, output, view.attributes(output)):
+    if table := statistics_table(view.statistics, output):
         yield Table(table, is_folded)
 
 

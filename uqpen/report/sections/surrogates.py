@@ -19,11 +19,13 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
 from uqpen.report.blocks import Heading, Table, Text
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import correction_tables
 from uqpen.results.digits import grouped_number, number_text
-from uqpen.results.missing_run_tables import missing_run_tables
-from uqpen.results.output_tables import fit_table
-from uqpen.results.surrogate_fits import fitted_outputs
+from uqpen.results.surrogate_tables import (
+    correction_tables,
+    fit_table,
+    fitted_outputs,
+    missing_run_tables,
+)
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_unit, unit_suffix
 from uqpen.surrogates.restoring import is_restorable

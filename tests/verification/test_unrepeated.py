@@ -1,7 +1,8 @@
-"""Archives whose intervals another recipe has made are whole, and their estimates are checked."""
+"""What another uqpen has made otherwise is left out: surrogates, and intervals of estimates."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,10 @@ import xarray as xr
 import uqpen
 from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.labels import RECIPE
-from uqpen.verification import interval_recipes
+from uqpen.study.study import ValidatedStudy
+from uqpen.verification import unrepeated
 from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.unrepeated import leave_out
 from uqpen.verification.verify import verify
 
 STUDY = """\
@@ -30,6 +33,23 @@ runs = 40
 replicates = 4
 """
 GROUP = "statistics/hypercubes/y"
+OF_STATISTICS_ALONE = f"""\
+{STUDY}keep = "statistics"
+[designs.rule]
+kind = "quadrature"
+order = 3
+[joint_probabilities]
+between = ["y > 3", "y < 8"]
+"""
+SURROGATE = """
+[designs.training]
+kind = "monte-carlo"
+runs = 20
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "training"
+order = 1
+"""
 
 
 @pytest.fixture(scope="module")
@@ -47,16 +67,21 @@ def tree(archive: Path) -> xr.DataTree:
 @pytest.fixture
 def of_later_means(monkeypatch: pytest.MonkeyPatch) -> None:
     """This uqpen makes the intervals of means by another recipe than the archive's."""
-    recipe, statistics = INTERVAL_RECIPE + 1, interval_recipes._STATISTICS
+    recipe, statistics = INTERVAL_RECIPE + 1, unrepeated._STATISTICS
     mean = replace(statistics["mean"], recipe=recipe)
-    monkeypatch.setattr(interval_recipes, "INTERVAL_RECIPE", recipe)
-    monkeypatch.setattr(interval_recipes, "_STATISTICS", {**statistics, "mean": mean})
+    monkeypatch.setattr(unrepeated, "INTERVAL_RECIPE", recipe)
+    monkeypatch.setattr(unrepeated, "_STATISTICS", {**statistics, "mean": mean})
+
+
+def checks_in_order(tree: xr.DataTree, folder: Path) -> list[CheckResult]:
+    """What `verify` says of an archive."""
+    uqpen.write(tree, folder / "changed.nc")
+    return list(verify(folder / "changed.nc", runs=5))
 
 
 def checks(tree: xr.DataTree, folder: Path) -> dict[str, CheckResult]:
     """What `verify` says of an archive, by part."""
-    uqpen.write(tree, folder / "changed.nc")
-    return {each.name: each for each in verify(folder / "changed.nc", runs=5)}
+    return {each.name: each for each in checks_in_order(tree, folder)}
 
 
 def move_bounds(tree: xr.DataTree, statistic: str) -> None:
@@ -126,3 +151,25 @@ def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path)
 def test_an_archive_without_a_recipe_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
     del tree.attrs[RECIPE]
     assert checks(tree, tmp_path)["structure"].text == "damaged: no interval_recipe at its root"
+
+
+def test_only_surrogates_of_the_recipe_of_today_are_repeated(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    study = study_of("a + b", SURROGATE, a=(0, 1), b=(0, 1))
+    tree: xr.DataTree = uqpen.run(study)
+    assert leave_out(study, tree, trust=True) == (study, tree, [])
+    tree["statistics/pce"].attrs["surrogate_recipe"] += 1
+    bare, kept, (result,) = leave_out(study, tree, trust=True)
+    assert bare.surrogates == {}
+    assert result.text == "not checked: pce; another uqpen has fitted and corrected them"
+    assert not [path for path in kept.groups if "pce" in path]
+    assert "/statistics/training/y" in kept.groups
+
+
+def test_a_group_of_designs_without_runs_is_no_difference(tmp_path: Path) -> None:
+    tree = uqpen.run(uqpen.parse_study(OF_STATISTICS_ALONE))
+    assert set(tree["failures"].children) == set(tree["joint_probabilities"].children)
+    assert "rule" not in tree["failures"].children
+    found = [each for each in checks_in_order(tree, tmp_path) if each.name == "statistics"]
+    assert [each.verdict for each in found] == [CheckOutcome.UNCHECKED, CheckOutcome.EQUAL]

@@ -15,11 +15,9 @@ from uqpen.cli.run import run
 from uqpen.cli.show import show
 from uqpen.figures.page import available
 from uqpen.report.page import report_page
-from uqpen.results.curve_tables import curve_tables, place_option
+from uqpen.results.archive import archive_html
 from uqpen.results.digits import estimate_text
-from uqpen.results.field_tables import field_tables
-from uqpen.results.field_texts import field_lines
-from uqpen.results.html import archive_html
+from uqpen.results.field_tables import curve_tables, field_lines, field_tables, place_option
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_selection import select_output

@@ -1,27 +1,29 @@
-"""Findings of a rehearsal as tables."""
+"""Findings of a rehearsal, as tables and as JSON for scripts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import EQUAL, STATED
+from uqpen.core.labels import BOUNDS, EQUAL, STATED
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_text
+from uqpen.results.estimate_json import json_value
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
     conversion,
+    entry_label,
     label_with_unit,
 )
-from uqpen.results.table import entry_label as statistic_label
 from uqpen.statistics.estimate import LEVEL
 
-__all__ = ["coverage_tables", "entry_label", "rehearsal_heading", "width_tables"]
+__all__ = ["coverage_tables", "rehearsal_heading", "rehearsal_json", "width_tables"]
 
 # Share of the repeats with an interval from which on no word is said.
 _NEARLY_ALL = 0.995
@@ -30,6 +32,8 @@ _COARSE = 0.2
 
 _INDICES = ("first_order", "total_order")
 _SHORT = "holds less often than stated"
+# The sizes of designs in JSON.
+_SIZES = {STATED: "designs", EQUAL: "designs_at_equal_runs"}
 _BEST = "* narrowest of those that hold as stated, or within 5 % of that"
 
 
@@ -55,7 +59,7 @@ def coverage_tables(findings: xr.Dataset) -> Iterator[OutputTable]:
         counts = [grouped_number(int(runs)) for runs in part["runs"].values]
         table.rows.append(("runs", counts))
         for entry in _entries(part):
-            label = f"{entry_label(entry)}{table.note_mark(_entry_note(entry))}"
+            label = f"{_label(entry)}{table.note_mark(_entry_note(entry))}"
             cells = [_coverage_cell(table, each) for each in _sources(entry)]
             table.rows.append((label, cells))
         yield table
@@ -71,19 +75,19 @@ def width_tables(findings: xr.Dataset) -> Iterator[OutputTable]:
         for entry in _entries(part):
             best = str(entry["best"].item()).split()
             cells = [_width_cell(each, unit, best) for each in _sources(entry)]
-            table.rows.append((entry_label(entry), cells))
+            table.rows.append((_label(entry), cells))
         table.notes.append(_BEST)
         yield table
 
 
-def entry_label(entry: xr.Dataset) -> str:
+def _label(entry: xr.Dataset) -> str:
     """Return the label of an entry of a statistic in a table."""
     statistic, label = str(entry["statistic"].item()), str(entry["label"].item())
     record = CATALOGUE[statistic]
     if not record.shown.label:
         return f"{label}, {statistic.replace('_', ' ')}"
     is_number = record.own is not None and record.own.kind == "number"
-    return statistic_label(record, float(label) if is_number else label)
+    return entry_label(record, float(label) if is_number else label)
 
 
 def _coverage_cell(table: OutputTable, found: xr.Dataset) -> str:
@@ -145,3 +149,54 @@ def _entries(findings: xr.Dataset) -> Iterator[xr.Dataset]:
 
 def _sources(findings: xr.Dataset) -> Iterator[xr.Dataset]:
     return (findings.isel(source=position) for position in range(findings.sizes["source"]))
+
+
+def rehearsal_json(findings: xr.Dataset) -> dict[str, Any]:
+    """Return the findings of a rehearsal as nested dicts of plain numbers and texts.
+
+    Parameters
+    ----------
+    findings : Dataset
+        The result of `uqpen.rehearsal.rehearse.rehearse`.
+
+    Returns
+    -------
+    dict
+        ``outputs.<output>.<statistic>`` is a list with an object for each entry. In SI units.
+    """
+    outputs: dict[str, dict[str, list[Any]]] = {}
+    for entry in _entries(findings):
+        statistics = outputs.setdefault(str(entry["output"].item()), {})
+        statistics.setdefault(str(entry["statistic"].item()), []).append(_entry_json(entry))
+    return {**findings.attrs, "seed": int(findings.attrs["seed"]), "outputs": outputs}
+
+
+def _entry_json(entry: xr.Dataset) -> dict[str, Any]:
+    designs: dict[str, dict[str, Any]] = {name: {} for name in _SIZES.values()}
+    for source in _sources(entry):
+        of_size = designs[_SIZES[str(source["size"].item())]]
+        of_size[str(source["design"].item())] = _source_json(source)
+    names = ("tail_in_surrogate", "tail_in_runs", "hangs_on_tail")
+    return {
+        "label": entry["label"].item() or None,
+        "units": entry["units"].item(),
+        "confidence_level": entry["level"].item(),
+        "truth": _estimate(entry["truth"]),
+        **{name: json_value(entry[name].item()) for name in names},
+        **designs,
+        "best": str(entry["best"].item()).split(),
+    }
+
+
+def _source_json(source: xr.Dataset) -> dict[str, Any]:
+    return {
+        "runs": int(source["runs"]),
+        "coverage": _estimate(source["coverage"]),
+        "falls_short": bool(source["falls_short"]),
+        "share_with_interval": json_value(source["given"].item()),
+        "half_width": json_value(source["half_width"].item()),
+    }
+
+
+def _estimate(values: xr.DataArray) -> dict[str, Any]:
+    return dict(zip(BOUNDS, json_value(values.values), strict=True))

@@ -1,4 +1,4 @@
-"""Estimates of fields that lie outside each other's intervals name a place."""
+"""Differences of groups: in the order of the archive, and of fields with a place."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import BOUND, BOUNDS
-from uqpen.verification.disjoint_intervals import disjoint_intervals
+from uqpen.verification.diff import disjoint_intervals
+from uqpen.verification.differences import find_differences
 
 TIME = xr.Variable("time", [0.0, 86_400.0, 172_800.0], {"units": "s", "display_units": "day"})
 
@@ -33,3 +34,11 @@ def test_there_is_a_line_for_each_statistic_with_its_first_place() -> None:
         "1 of 3 are apart",
     ]
     assert not list(disjoint_intervals(group(), group()))
+
+
+def test_differences_come_in_the_order_of_the_archive() -> None:
+    names = ["mean", "std", "skewness", "kurtosis", "quantile", "delta", "spearman", "pearson"]
+    one, other = (
+        xr.Dataset({name: ("entry", np.full(2, value)) for name in names}) for value in (1.0, 2.0)
+    )
+    assert [each.what.partition(":")[0] for each in find_differences(one, other)] == names

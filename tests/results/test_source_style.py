@@ -9,8 +9,7 @@ import xarray as xr
 from uqpen.charts.marks import DASHES, MARKERS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_methods import benchmark_methods
-from uqpen.results.source_slots import source_slots
-from uqpen.results.source_style import STYLES, source_style
+from uqpen.results.source_style import STYLES, source_slots, source_style
 
 STUDY = """
 [designs.first]

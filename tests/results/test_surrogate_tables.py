@@ -1,8 +1,9 @@
-"""Estimates of a surrogate that real runs have corrected: in an archive, as a table, as JSON."""
+"""Estimates of a surrogate that real runs have corrected, and its predictions of failed runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +11,19 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import pack, statistic_names, unpack
+from uqpen.archive.read import open_archive
 from uqpen.archive.structure import find_dataset_faults
+from uqpen.archive.write import write
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.results.correction_tables import correction_tables, equivalent_runs_text, is_corrected
 from uqpen.results.estimate_json import estimate_json
+from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.surrogate_tables import (
+    correction_tables,
+    equivalent_runs_text,
+    is_corrected,
+    missing_run_tables,
+)
 from uqpen.study.study import ValidatedStudy
 
 STUDY = """
@@ -90,3 +99,47 @@ def test_json_has_the_numbers_beside_a_corrected_estimate(tree: xr.DataTree) -> 
     plain = SourceStatistics(tree).get("training", "y", "mean")
     assert plain is not None
     assert "equivalent_runs" not in estimate_json(plain)
+
+
+# What a surrogate predicts at the inputs of failed runs
+
+
+def corner(a: float, b: float) -> dict[str, float]:
+    if a > 0.7:
+        raise ValueError("too far")
+    return {"y": a + b}
+
+
+def made(largest: float) -> xr.DataTree:
+    return uqpen.run(
+        uqpen.Study(
+            model=corner,
+            inputs={"a": uqpen.Uniform(0, largest), "b": uqpen.Uniform(0, 1)},
+            outputs={"y": uqpen.OutputSpec("1", exceeds=["0.7", "1.2"], below=["9"])},
+            designs={"mc": uqpen.MonteCarlo(runs=60)},
+            surrogates={"pce": uqpen.PolynomialChaos(design="mc", order=1)},
+            seed=1,
+        )
+    )
+
+
+def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path: Path) -> None:
+    write(made(1), tmp_path / "a.nc")
+    tree = open_archive(tmp_path / "a.nc")
+    (table,) = missing_run_tables(tree, "pce")
+    assert "these are predictions of the surrogate, not results" in table.notes
+    rows = dict(table.rows)
+    fit = archive_json(tree)["surrogates"]["pce"]["outputs"]["y"]["fit"]
+    failed = tree["runs/mc"]["a"].values > 0.7
+    all_of_them = f"{failed.sum()} of {failed.sum()}"
+    assert rows["y > 0.7"][-1] == rows["y < 9"][-1] == all_of_them
+    some = round(fit["missing_runs_shares"][1] * failed.sum())
+    assert 0 < some < failed.sum()
+    assert rows["y > 1.2"][-1] == f"{some} of {failed.sum()}"
+    assert fit["missing_runs_predicted"] == failed.sum()
+    assert 0.7 < fit["missing_runs_lowest"] < fit["missing_runs_highest"] < 2
+    assert fit["missing_runs_beyond"] == ["> 0.7", "> 1.2", "< 9"]
+
+
+def test_without_failed_runs_there_is_nothing_to_say() -> None:
+    assert not list(missing_run_tables(made(0.6), "pce"))
