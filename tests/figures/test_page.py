@@ -33,6 +33,7 @@ pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[2] / "docs"
 
 BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
+BEAM |= {"convergence"}
 
 Archives = dict[str, xr.DataTree]
 Command = Callable[..., Any]
@@ -117,20 +118,22 @@ class TestMany:
         tree = uqpen.run(study_of("a * b", distribution, a=(0, 1), b=(0, 1)))
         page = figure(tree, "scatter", "histogram", "cdf")
         first, *_, histogram, _ = page.axes
-        assert len(first.lines[0].get_xdata()) == 1000
+        assert len(first.lines[0].get_xdata()) == 400
         assert histogram.patches[0].get_data().values.sum() == 20_000
         notes = page.legends[0].get_title().get_text()
-        assert "1 000 of 20 000 completed runs" in notes
+        assert "Runs of some in the charts: 400 of 20 000 completed." in notes
         assert len(figure_bytes(page, "svg")) < 800_000
 
     def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:
         inputs = {f"x{number}": (0, 1) for number in range(30)}
         design = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
         tree = uqpen.run(study_of(" + ".join(inputs), design, **inputs))
-        assert len(panels(tree, "scatter")) == 30
-        page = figure(tree, "scatter")
+        assert len(panels(tree, "scatter")) == 24
+        page = figure(tree, "scatter", "histogram")
         assert len(page.axes) == 24
-        assert "the first 24 of 30 panels" in page.legends[0].get_title().get_text()
+        notes = page.legends[0].get_title().get_text()
+        assert "Shown are the 24 of 30 inputs with the largest first order by some." in notes
+        assert "the first 24 of 25 panels" in notes
         (indices,) = figure(tree, "sensitivity").axes
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
 

@@ -186,7 +186,7 @@ def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> Non
     """Break the texts that are too long for their places."""
     longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
     across = _TITLE[columns] - longest // columns
-    axes.set_title(_break_lines(panel.title, across, 3), parse_math=False)
+    axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
     axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
     axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
     if not has_rows:
@@ -202,8 +202,11 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     """Return the number of columns, and the panels of each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
-    if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):
-        columns = max(2, most)
+    most = max(map(len, groups))
+    if most == 1:
+        groups = [list(shown)]
+    elif len(groups) > 1 and most in (2, 4):
+        columns = most
     rows = [
         group[start : start + columns]
         for group in groups
@@ -212,12 +215,42 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     return columns, rows
 
 
-def _legend(page: Drawing, notes: list[str], columns: int) -> float:
-    """Put one legend, with the notes above its entries, below all panels; return its height."""
-    handles: dict[str, Any] = {}
+def _legend_entries(page: Drawing) -> dict[str, Any]:
+    """Return the handles of a legend by their labels.
+
+    Where a label has other colours in other panels, letters say which panels are meant.
+    """
+    found: dict[str, dict[str, tuple[Any, list[Axes]]]] = {}
     for axes in page.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
+            looks = found.setdefault(label, {})
+            looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
+    shared = [panels for looks in found.values() if len(looks) > 1 for _, panels in looks.values()]
+    marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
+    letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
+    for axes, letter in letters.items():
+        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
+    return {
+        " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
+        for label, looks in found.items()
+        for handle, panels in looks.values()
+    }
+
+
+def _handle_colour(handle: Any) -> str:
+    """Return the colour of a line or an area in a legend; empty of anything else."""
+    from matplotlib.colors import to_hex
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if isinstance(handle, Line2D):
+        return to_hex(handle.get_color())
+    return to_hex(handle.get_facecolor()) if isinstance(handle, Patch) else ""
+
+
+def _legend(page: Drawing, notes: list[str], columns: int) -> float:
+    """Put one legend, with the notes above its entries, below all panels; return its height."""
+    handles = _legend_entries(page)
     width = int(_WIDTHS[columns] * _CHARACTERS)
     lines = [line for note in notes for line in textwrap.wrap(plain_text(note, 300), width)]
     if not handles and not lines:

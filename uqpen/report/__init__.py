@@ -49,7 +49,7 @@ SECTIONS = {
         "Curves and fields",
         "Outputs along dimensions. Move the place of a curve to read off its estimates, its runs "
         "and what drives it there.",
-        "uqpen.report.sections.curves:curves",
+        "uqpen.report.sections.fields:curves",
     ),
     "sensitivity": ReportSection(
         "What drives it",

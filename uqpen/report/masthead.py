@@ -9,7 +9,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.labels import BENCHMARK, BUDGET, KIND, METHODS, RUNS, SOURCE
 from uqpen.execution import run_count
-from uqpen.report.counting import count_text
+from uqpen.results.digits import count_text
 from uqpen.study import SECTIONS
 
 __all__ = ["page_facts", "page_heading"]

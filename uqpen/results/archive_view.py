@@ -232,6 +232,17 @@ class ArchiveView:
             if self.source in (None, name) and self.design(name).sampling.is_sample
         ]
 
+    @property
+    def leading_design(self) -> str | None:
+        """The design of the main results; None where no run of a sample completed.
+
+        It is the first design of the study whose runs are a sample. So its place decides, not its
+        results. A design that is made for another purpose is chosen only where there is no other.
+        """
+        found = [name for name in self.sample_designs if self.design(name).has_completed_runs]
+        plain = [name for name in found if self.is_sample_design(name)]
+        return next(iter((*plain, *found)), None)
+
     @cached_property
     def _slots(self) -> dict[str, int]:
         return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)

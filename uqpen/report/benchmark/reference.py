@@ -21,8 +21,7 @@ from uqpen.report.benchmark.section_elements import (
     reference_run_counts,
 )
 from uqpen.report.blocks import Table, Text
-from uqpen.report.sections.archive import study_blocks
-from uqpen.report.sections.archive_tables import provenance_table
+from uqpen.report.sections.archive import provenance_table, study_blocks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, percentage_text

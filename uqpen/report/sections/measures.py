@@ -23,8 +23,8 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, rank_inputs
-from uqpen.report.sections.drivers import InputOrder, input_label
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.input_ranking import InputOrder, input_label
 from uqpen.results.table import (
     Conversion,
     OutputTable,

@@ -38,7 +38,6 @@ __all__ = [
     "other_design_estimates",
     "output_name",
     "requested_statistics",
-    "share_label",
 ]
 
 
@@ -158,11 +157,6 @@ def output_name(view: ArchiveView, output: str) -> str:
     titles = [str(runs[name].attrs.get("long_name", name)) for name in output_names(runs)]
     title = str(runs[output].attrs.get("long_name", output))
     return plain_text(title if titles.count(title) == 1 else f"{title} ({output})")
-
-
-def share_label(category: str) -> str:
-    """Return the label of the probability of a category in a chart or table."""
-    return f"share {category}"
 
 
 def no_break(text: str) -> str:

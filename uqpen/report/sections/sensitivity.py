@@ -21,11 +21,11 @@ from uqpen.figures.sensitivity import (
     shown_indices,
 )
 from uqpen.report.blocks import Fold, Table
-from uqpen.report.sections.drivers import InputOrder, input_order, input_ranking
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.index_titles import VarianceTitles, index_titles
+from uqpen.results.input_ranking import InputOrder, input_order, input_ranking
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, title_with_unit

@@ -1,4 +1,4 @@
-"""Sentences on an output, each complete by itself, and verdicts on the study's limits."""
+"""Sentences on outputs and events, each complete by itself, and verdicts on the study's limits."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
@@ -25,12 +26,20 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import grouped_number, percent_text, percent_texts
+from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.surrogate_tables import is_corrected
 from uqpen.results.table import entry_text, estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
-__all__ = ["EVENTS", "OutputSentences", "acceptance_sentence", "output_sentences"]
+__all__ = [
+    "EVENTS",
+    "OutputSentences",
+    "decision_findings",
+    "joint_findings",
+    "output_sentences",
+    "rare_event_findings",
+]
 
 # Requested statistics of an output that are stated, and categories in a sentence.
 _MOST_STATED = 3
@@ -217,3 +226,52 @@ def _category_statistics(
             quantity = QuotedStatistic(view, output, "share", flag)
             if (array := quantity.estimate(design)) is not None:
                 yield f"“{plain_text(str(label), 40)}”", quantity, array
+
+
+def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
+    """Yield how often each event occurs whose probability the study requests."""
+    joint = view.statistics.joint_probability(design)
+    for array in () if joint is None else joint:
+        event = capitalized(plain_text(str(array["event_condition"].values)))
+        yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+
+
+def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield the probability of the event of each design that was made for one, with its caveat."""
+    for design in view.designs:
+        joint = view.statistics.joint_probability(design)
+        if joint is None or view.design(design).sampling is not Sampling.TOWARDS_EVENT:
+            continue
+        for array, finding in zip(joint, joint_findings(view, design), strict=True):
+            caveat = (
+                f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
+            )
+            yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
+    yield from _disagreement_findings(view)
+
+
+def _disagreement_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield which designs disagree on the event of one that was made for it."""
+    found = {design: view.statistics.joint_probability(design) for design in view.designs}
+    arrays = {design: array for design, array in found.items() if array is not None}
+    of_events = {each for each in arrays if view.design(each).sampling is Sampling.TOWARDS_EVENT}
+    for each in disagreements(arrays):
+        if of_events & {each.first, each.second}:
+            event = capitalized(plain_text(each.condition))
+            yield Finding(event, f"{capitalized(plain_text(str(each)))}.")
+
+
+def _stated(array: xr.DataArray) -> str:
+    value, lower, upper = map(no_break, percent_texts(*array.values.tolist()))
+    if not has_interval(array.values):
+        return f"{value} of cases (without an interval: {estimate_remark(array)})"
+    level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
+    return f"{value} of cases ({lower} to {upper}, {level} interval)"
+
+
+def decision_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield the verdict of each design on its claim, with its probability of being wrong."""
+    for design in view.designs:
+        if decision := view.statistics.decision(design):
+            verdict = f"{capitalized(decision.verdict_text)} of {design}"
+            yield Finding(plain_text(decision.claim), f"{verdict}: {decision.guarantee}.")

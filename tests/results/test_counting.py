@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from uqpen.report.counting import count_text
-from uqpen.results.digits import estimate_texts, percent_texts
+from uqpen.results.digits import count_text, estimate_texts, percent_texts
 
 
 @pytest.mark.parametrize(

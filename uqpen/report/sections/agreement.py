@@ -1,21 +1,27 @@
-"""A study's estimates against published ones, in sentences."""
+"""Agreement of a study's estimates with other designs and with published ones, in sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
-from uqpen.report.sections.drivers import input_label, input_ranking
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
+from uqpen.report.sections.quoted_statistics import (
+    QuotedStatistic,
+    no_break,
+    other_design_estimates,
+)
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, number_text
+from uqpen.results.digits import count_text, estimate_text, number_text
+from uqpen.results.input_ranking import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["published_sentences"]
+__all__ = ["agreement_sentences", "published_sentences"]
 
 _COMPARED = {"mean": "mean", "std": "standard deviation"}
+# Quantities that are compared.
+_MOST_COMPARED = 3
 
 
 def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
@@ -23,7 +29,12 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     for publication in view.statistics.publications:
         texts = []
         for output in view.numeric_outputs:
-            parts = [*_estimates(view, output, publication, design)]
+            parts = []
+            for statistic, label in _COMPARED.items():
+                quantity = QuotedStatistic(view, output, statistic)
+                there, here = quantity.estimate(publication), _own_estimate(quantity, design)
+                if there is not None and here is not None:
+                    parts.append(_comparison(quantity, label, there, here))
             parts += _largest_contribution(view, output, publication)
             if parts:
                 texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
@@ -31,14 +42,6 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
             citation = plain_text(view.statistics.citation(publication) or publication, 80)
             yield f"Against {citation}, its value first."
             yield from texts
-
-
-def _estimates(view: ArchiveView, output: str, publication: str, design: str) -> Iterator[str]:
-    for statistic, label in _COMPARED.items():
-        quantity = QuotedStatistic(view, output, statistic)
-        there, here = quantity.estimate(publication), _own_estimate(quantity, design)
-        if there is not None and here is not None:
-            yield _comparison(quantity, label, there, here)
 
 
 def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None:
@@ -83,3 +86,44 @@ def _largest_contribution(view: ArchiveView, output: str, publication: str) -> I
         f"the largest contribution differs ({input_label(view, named)}, which has {other} here; "
         f"{input_label(view, here)} has {own})"
     )
+
+
+def agreement_sentences(quantities: Sequence[QuotedStatistic], design: str) -> Iterator[str]:
+    """Yield whether other designs agree on the first quantities, if there are any.
+
+    Two agree if their intervals overlap.
+    """
+    parts: list[str] = []
+    apart: dict[str, list[str]] = {}
+    by: set[str] = set()
+    output = ""
+    for quantity in quantities[:_MOST_COMPARED]:
+        own, others = quantity.leading_estimate(design), other_design_estimates(quantity, design)
+        if own is None or not others:
+            continue
+        label = quantity.label if quantity.output == output else quantity.heading
+        output, by = quantity.output, by | set(others)
+        parts.append(f"{label}: {_range_text(quantity, own, others)}")
+        if far := [name for name, each in others.items() if not _overlap(own, each)]:
+            apart[label] = far
+    if parts:
+        few = count_text(len(by), "other design")
+        yield "Not in all." if apart else f"Yes, {few} within their intervals."
+        yield f"{'; '.join(parts)}."
+    for label, far in apart.items():
+        yield f"{label}: the interval of {', '.join(far)} lies apart."
+
+
+def _overlap(one: xr.DataArray, other: xr.DataArray) -> bool:
+    """Return whether two intervals overlap, as far as they have ends."""
+    (_, low, high), (_, lower, upper) = one.values.tolist(), other.values.tolist()
+    return not (low > upper or lower > high)
+
+
+def _range_text(
+    quantity: QuotedStatistic, own: xr.DataArray, others: dict[str, xr.DataArray]
+) -> str:
+    """Return the smallest and the largest estimate, in the digits of the leading design's."""
+    values = [float(quantity.bounds(array)[0]) for array in (own, *others.values())]
+    *_, lowest, highest = quantity.texts(own, float(np.min(values)), float(np.max(values)))
+    return lowest if lowest == highest else f"{lowest} to {highest}"
