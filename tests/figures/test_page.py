@@ -22,7 +22,7 @@ import uqpen
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
-from uqpen.figures import BENCHMARK_FIGURES, FIGURES
+from uqpen.figures import FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
 from uqpen.results.digits import number_text, typeset_unit
@@ -41,8 +41,8 @@ Command = Callable[..., Any]
 
 def test_what_is_in_the_family_says_what_it_shows() -> None:
     table = re.findall(r"^\| `([\w-]+)` \|", (DOCS / "figures.md").read_text(), re.MULTILINE)
-    assert table == [*FIGURES, *BENCHMARK_FIGURES]
-    for reference in (*FIGURES.values(), *BENCHMARK_FIGURES.values()):
+    assert table == [*FIGURES]
+    for reference in FIGURES.values():
         assert len(resolve(reference).__doc__.splitlines()[0]) <= 62, reference
 
 

@@ -13,10 +13,12 @@ from uqpen.core.catalogue import (
     MODEL_FORM_STATISTICS,
 )
 from uqpen.core.labels import (
+    BENCHMARK,
     DIFFERENCES,
     FAILURES_GROUP,
     FILES,
     JOINT_GROUP,
+    KIND,
     MODEL_FORM,
     MODELS,
     RUNS,
@@ -36,6 +38,7 @@ __all__ = [
     "group_names",
     "group_place",
     "innermost_groups",
+    "is_benchmark",
     "model_trees",
     "read_group",
 ]
@@ -176,6 +179,11 @@ def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     if MODELS not in tree.children:
         return {"": tree}
     return {str(name): model for name, model in tree.children[MODELS].children.items()}
+
+
+def is_benchmark(tree: xr.DataTree) -> bool:
+    """Return True for the archive of a benchmark of methods, False for that of a study."""
+    return bool(tree.attrs.get(KIND) == BENCHMARK)
 
 
 def group_names(tree: xr.DataTree, name: str) -> list[str]:

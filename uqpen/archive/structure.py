@@ -22,6 +22,7 @@ from uqpen.archive.groups import (
     GROUPS,
     group_names,
     innermost_groups,
+    is_benchmark,
     model_trees,
     read_group,
 )
@@ -32,7 +33,6 @@ from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     ABSENT,
     AXIS_SCALE,
-    BENCHMARK,
     BOUND,
     BOUNDS,
     CAVEAT,
@@ -81,7 +81,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic import Statistic
+from uqpen.core.statistic import EntryDimension, Statistic
 from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import Status
 from uqpen.core.units import scale
@@ -98,7 +98,6 @@ __all__ = [
     "find_run_faults",
     "find_source_faults",
     "find_surrogate_faults",
-    "has_bound_names",
     "has_kind",
 ]
 
@@ -106,7 +105,7 @@ _ROOT = ("title", "study_text", "study_sha256", "seed")
 # Python reads no number of more digits from a text.
 _SEED = re.compile(r"[0-9]{1,4300}\Z")
 # The check of an archive of methods at equal budgets.
-_BENCHMARK_CHECK = "uqpen.archive.benchmark_structure:find_benchmark_faults"
+_COMPARISON_CHECK = "uqpen.archive.comparison:find_comparison_faults"
 
 # What an attribute of some name is, wherever it stands.
 _ATTRIBUTES = {
@@ -120,7 +119,7 @@ _ATTRIBUTES = {
         "text",
     ),
     **dict.fromkeys((RECIPE, RUNS_SPENT, RUNS_ABSENT, DECISION_RUNS), "count"),
-    **dict.fromkeys(("runs", "runs_used", "repeats", "reference_runs"), "count"),
+    **dict.fromkeys(("runs", "runs_used"), "count"),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output", CONFIDENCE_LEVEL), "number"),
     **dict.fromkeys((DECISION_PROBABILITY, DECISION_LOWER, DECISION_UPPER), "number"),
 }
@@ -142,13 +141,12 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     if not _SEED.match(str(tree.attrs.get("seed", ""))):
         yield "a seed that is no number"
     yield from find_attribute_faults(tree)
-    kind = tree.attrs.get(KIND)
-    if kind is None:
+    if KIND not in tree.attrs:
         yield from _study_faults(tree)
-    elif kind == BENCHMARK:
-        yield from resolve(_BENCHMARK_CHECK)(tree)
+    elif is_benchmark(tree):
+        yield from resolve(_COMPARISON_CHECK)(tree)
     else:
-        yield f'of kind "{kind}", which this uqpen does not know'
+        yield f'of kind "{tree.attrs[KIND]}", which this uqpen does not know'
     yield from _declared_faults(tree, is_of_model=False)
     yield from _estimate_faults(tree)
     yield from find_level_faults(tree)
@@ -216,7 +214,7 @@ def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
-def has_bound_names(dataset: xr.Dataset) -> bool:
+def _has_bound_names(dataset: xr.Dataset) -> bool:
     """Return True if a dataset names the bounds of its estimates."""
     # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
     return BOUND in dataset.coords and dataset.variables[BOUND].values.tolist() == list(BOUNDS)
@@ -245,11 +243,16 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
 # Statistics of a group
 
 
-def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+def find_dataset_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension] = DIMENSIONS,
+) -> Iterator[str]:
     """Yield the faults of the statistics of one group.
 
     A statistic that is not in the catalogue may have any dimensions. A statistic that the group
-    lacks is no fault.
+    lacks is no fault. The entries of statistics lie along `dimensions`, those of fields along any
+    others.
     """
     for name in statistic_names(dataset):
         variable = dataset.variables[name]
@@ -261,19 +264,23 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
             of_statistic = dims[len(of_field) :]
             if (
                 of_statistic != expected
-                or not DIMENSIONS.keys().isdisjoint(of_field)
-                or not has_kind(variable, "number")
+                or not dimensions.keys().isdisjoint(of_field)
+                or not has_kind(variable, entry.kind)
             ):
-                yield f"{name} is not of numbers along {', '.join(expected)}"
+                yield f"{name} is not of {entry.kind}s along {', '.join(expected)}"
                 continue
         if BOUND in dims:
             yield from _interval_faults(dataset, name)
         for dimension in dims:
-            yield from _coordinate_faults(dataset, dimension)
-    yield from _field_faults(dataset, catalogue)
+            yield from _coordinate_faults(dataset, dimension, dimensions)
+    yield from _field_faults(dataset, catalogue, dimensions)
 
 
-def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+def _field_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension],
+) -> Iterator[str]:
     """Find dimensions of a field that have no coordinates with a unit."""
     known = {
         str(dim)
@@ -281,7 +288,7 @@ def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> It
         if name in catalogue
         for dim in dataset.variables[name].dims
     }
-    for dimension in sorted(known.difference(DIMENSIONS, (BOUND,))):
+    for dimension in sorted(known.difference(dimensions, (BOUND,))):
         if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:
             yield f"no coordinates with a unit along {dimension}"
 
@@ -289,7 +296,7 @@ def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> It
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
     """Find what is wrong with the bounds of a statistic, and with the texts on them."""
     variable = dataset.variables[name]
-    if not has_bound_names(dataset):
+    if not _has_bound_names(dataset):
         yield f"{name}: not the bounds of an estimate"
     elif not has_interval_texts(dataset, name):
         yield f"{name}: does not say how its interval was made"
@@ -304,9 +311,11 @@ def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
             yield f"{beside} is not of a number for each entry of {name}"
 
 
-def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
+def _coordinate_faults(
+    dataset: xr.Dataset, dimension: str, dimensions: Mapping[str, EntryDimension]
+) -> Iterator[str]:
     """Find what is wrong with the coordinates along a dimension of the catalogue."""
-    described = DIMENSIONS.get(dimension)
+    described = dimensions.get(dimension)
     if described is None:
         return
     is_there = dimension in dataset.coords

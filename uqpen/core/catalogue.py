@@ -8,12 +8,14 @@ not in the catalogue is described by its own variable, and shown from that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from types import MappingProxyType
 
 from uqpen.core.labels import (
     BOUNDS,
+    BUDGET,
     EXCEEDANCE,
     INPUT,
     INTERVAL,
@@ -23,10 +25,14 @@ from uqpen.core.labels import (
     PAIR,
     QUANTILES,
     RANK,
+    REPEAT,
+    REPLICATES_OF_BUDGET,
     RESERVED,
+    RUNS_OF_BUDGET,
     SHARES,
     STATUS,
     TAILS,
+    VARIANT,
 )
 from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule
 from uqpen.core.statistic_dimensions import (
@@ -49,17 +55,23 @@ from uqpen.core.statistic_dimensions import (
 )
 
 __all__ = [
+    "BENCHMARK_STATISTICS",
     "CATALOGUE",
+    "COMPARISON_DIMENSIONS",
+    "COMPARISON_STATISTICS",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
+    "METHOD_STATISTICS",
     "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
     "REQUESTED",
     "REQUESTED_DIMENSIONS",
     "TABLE_COLUMNS",
     "UNLISTED_DIMENSIONS",
+    "comparison_statistics",
+    "method_statistics",
 ]
 
 
@@ -508,6 +520,50 @@ MODEL_FORM_STATISTICS = _by_name(
     ]
 )
 
+# Statistics by which the methods of a study are compared at equal budgets.
+BENCHMARK_STATISTICS = tuple(CATALOGUE[name] for name in ("mean", "std", "quantile", "exceedance"))
+
+
+def method_statistics(each: Statistic) -> Iterator[Statistic]:
+    """Yield the estimates of a method by budget and repeat, and the statistics of their errors."""
+    at = (BUDGET, *each.dims)
+    yield replace(each, dims=(BUDGET, REPEAT, *each.dims), has_bounds=False)
+    yield Statistic(
+        f"{each.name}_error", f"root mean square of the relative errors of the {each.title}", at
+    )
+    yield Statistic(
+        f"{each.name}_coverage",
+        f"share of the intervals that held the reference, of the {each.title}",
+        at,
+        has_bounds=False,
+    )
+    yield Statistic(
+        f"{each.name}_slope", f"slope of log error over log runs, of the {each.title}", each.dims
+    )
+
+
+def comparison_statistics(each: Statistic) -> Iterator[Statistic]:
+    """Yield what is said of all methods at once: what errors are relative to, and the verdicts."""
+    at = (VARIANT, BUDGET, *each.dims)
+    title = f"what errors are relative to, of the {each.title}"
+    yield Statistic(f"{each.name}_scale", title, each.dims, each.unit, has_bounds=False)
+    for said, words in (
+        ("winner", "method with the least error"),
+        ("runner_up", "next method"),
+        ("level", "methods that are level"),
+        ("verdict", "verdict"),
+        ("remark", "remark on the reference"),
+    ):
+        title = f"{words}, of the {each.title}"
+        yield Statistic(f"{each.name}_{said}", title, at, has_bounds=False, kind="text")
+    yield Statistic(
+        f"{each.name}_lead", f"error of the next method over the least, of the {each.title}", at
+    )
+
+
+METHOD_STATISTICS = _by_name(list(chain(*map(method_statistics, BENCHMARK_STATISTICS))))
+COMPARISON_STATISTICS = _by_name(list(chain(*map(comparison_statistics, BENCHMARK_STATISTICS))))
+
 _ALL = (
     *CATALOGUE.values(),
     *FAILURE_STATISTICS.values(),
@@ -533,6 +589,19 @@ DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
             EntryDimension(PAIR, "text", {"pair_first": "text", "pair_second": "text"}),
             EntryDimension(STATUS, "text"),
         )
+    }
+)
+
+# Those of a benchmark of methods as well. They are no names in use, as a field of a study may lie
+# along dimensions of the same names.
+COMPARISON_DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
+    {
+        **DIMENSIONS,
+        BUDGET: EntryDimension(
+            BUDGET, "count", optional={RUNS_OF_BUDGET: "count", REPLICATES_OF_BUDGET: "count"}
+        ),
+        REPEAT: EntryDimension(REPEAT, "count"),
+        VARIANT: EntryDimension(VARIANT, "text"),
     }
 )
 

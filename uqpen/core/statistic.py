@@ -143,6 +143,8 @@ class Statistic:
         Relation of its unit to that of the output.
     has_bounds : bool
         Whether it is an estimate with bounds; a place on an axis, say, is none.
+    kind : str
+        Kind of its values: ``"number"``, or ``"text"`` for what is said of estimates in words.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
     recipe : int
@@ -170,6 +172,7 @@ class Statistic:
     dims: tuple[str, ...] = ()
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
+    kind: str = "number"
     note_is_of_estimate: bool = False
     recipe: int = 1
     group: str = ""

@@ -6,7 +6,7 @@ for, and yields the panels that this has something for; nothing is drawn before 
 
 from __future__ import annotations
 
-__all__ = ["BENCHMARK_FIGURES", "FIGURES"]
+__all__ = ["FIGURES", "OF_BENCHMARKS"]
 
 FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
@@ -26,10 +26,10 @@ FIGURES = {
     "trajectory": "uqpen.charts.trajectory:trajectory_charts",
     "velocity-profile": "uqpen.charts.trajectory:velocity_profile_chart",
     "losses": "uqpen.charts.failed_runs:failure_charts",
+    "errors": "uqpen.charts.method_comparison:error_charts",
+    "rates": "uqpen.charts.method_comparison:slope_charts",
+    "coverage": "uqpen.charts.method_comparison:coverage_charts",
 }
 
-# Likewise of an archive of a benchmark of methods; these take the archive itself.
-BENCHMARK_FIGURES = {
-    "errors": "uqpen.figures.benchmark_panels:error_panels",
-    "coverage": "uqpen.figures.benchmark_panels:coverage_panels",
-}
+# Those of an archive of a benchmark of methods, which has no others.
+OF_BENCHMARKS = ("errors", "rates", "coverage")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,9 +11,10 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.fields import coordinate_text
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    COMPARISON_GROUP,
     ESTIMATOR,
     INPUT,
     INTERVAL_LABEL,
@@ -244,7 +246,16 @@ def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:
 
 
 def first_runs(tree: xr.DataTree) -> xr.Dataset:
-    """Return the runs of a model's first design, which describe its inputs and outputs."""
+    """Return the runs of a model's first design, which describe its inputs and outputs.
+
+    A benchmark of methods keeps no runs, but it describes the outputs.
+    """
+    if is_benchmark(tree):
+        outputs = {
+            name: read_group(tree, COMPARISON_GROUP, name).attrs | {ROLE: "output"}
+            for name in group_names(tree, COMPARISON_GROUP)
+        }
+        return xr.Dataset({name: ((), math.nan, found) for name, found in outputs.items()})
     return read_group(tree, RUNS, next(iter(group_names(tree, RUNS)), ""))
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
-from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, KIND, ROLE, RUN, RUNS, SAMPLING
+from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.unloaded import UnloadedDesign
@@ -138,7 +138,7 @@ def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> 
         If that code may not be executed, or its runs come from a file. The message names the models
         and analyses, or the file.
     """
-    if KIND in tree.attrs:
+    if is_benchmark(tree):
         raise ArchiveError(
             f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
         )

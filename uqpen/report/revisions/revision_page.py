@@ -8,9 +8,8 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.core.errors import ReportError
-from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report.page import FilledSection, PageHead, render_page, write_page
@@ -115,7 +114,7 @@ def revision_page(
 ) -> str:
     """Return the page of two archives as HTML; see `write_revision_report`."""
     for tree in (first, second):
-        if tree.attrs.get(KIND) == BENCHMARK:
+        if is_benchmark(tree):
             raise ReportError("only archives of studies are shown side by side, no benchmarks")
         check_archive(tree)
     pair = ArchivePair(first, second)

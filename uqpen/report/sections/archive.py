@@ -14,7 +14,7 @@ import xarray as xr
 from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.hashes import recorded_hashes
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.charts.chart import Block
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, UNLISTED_DIMENSIONS
@@ -48,7 +48,7 @@ from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
 from uqpen.surrogates.storage import unfitted_outputs
 
-__all__ = ["archive", "archive_notes", "provenance_table", "study_blocks"]
+__all__ = ["archive", "archive_notes"]
 
 # Characters of a text, and files whose texts are shown.
 _LONGEST = 20_000
@@ -107,8 +107,9 @@ _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 
 def archive(view: ArchiveView) -> Iterator[Block]:
     """The study's text, inputs and designs of each model, and the archive's provenance."""
-    yield from study_blocks(view)
-    for each in view.model_views:
+    is_study = not is_benchmark(view.archive)
+    yield from _study_blocks(view)
+    for each in view.model_views if is_study else []:
         if each.model:
             yield Heading(each.model)
             yield Table(_value_table("Model", _model_attributes(each.tree.attrs)))
@@ -120,18 +121,19 @@ def archive(view: ArchiveView) -> Iterator[Block]:
         yield Heading("The archive of all models")
     if found := archive_notes(view.archive):
         yield Remarks("Notes in this archive, and the number of estimates with each", found)
-    yield Table(provenance_table(view))
-    yield Text(
-        "These commands check the archive of this page, and repeat it. A model or an analysis of "
-        "its author's own is executed only with --trust."
-    )
-    yield Listing("Commands", _COMMANDS)
+    yield Table(_provenance_table(view))
+    if is_study:
+        yield Text(
+            "These commands check the archive of this page, and repeat it. A model or an analysis "
+            "of its author's own is executed only with --trust."
+        )
+        yield Listing("Commands", _COMMANDS)
     if recorded_hashes(view.archive):
         title = "SHA-256 of the content of each of the archive's groups"
         yield _listing(title, str(view.archive.attrs[CONTENT]), is_folded=True)
 
 
-def study_blocks(view: ArchiveView) -> Iterator[Block]:
+def _study_blocks(view: ArchiveView) -> Iterator[Block]:
     """The study as its author wrote it, and the files that it names."""
     attributes = view.archive.attrs
     yield _listing(
@@ -260,7 +262,7 @@ def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
     return found
 
 
-def provenance_table(view: ArchiveView) -> OutputTable:
+def _provenance_table(view: ArchiveView) -> OutputTable:
     """Return a table of the provenance: study, seed, model, versions, platform."""
     attributes = view.archive.attrs
     known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
