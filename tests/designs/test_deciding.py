@@ -14,8 +14,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.estimates import unpack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, unpack
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import QuantityError, SettingsError, StudyError
 from uqpen.core.status import Status

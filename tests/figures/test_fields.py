@@ -11,8 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
 from uqpen.core.errors import FigureError
 from uqpen.core.labels import INTERVAL_LEVEL
 

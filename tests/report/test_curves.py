@@ -17,8 +17,7 @@ from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
 from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import Fold, Heading, find_charts
 from uqpen.report.page import report_page

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.layout import find_dataset_faults, has_kind
-from uqpen.archive.tree import group_names, read_group
+from uqpen.archive.groups import group_names, read_group
+from uqpen.archive.structure import find_dataset_faults, has_kind
 from uqpen.core.catalogue import (
     BENCHMARK_STATISTICS,
     CATALOGUE,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults

@@ -128,6 +128,8 @@ OF_FIELD = "generalized_"
 BY_RUNS = "convergence_"
 
 TRAJECTORY = "trajectory"
+# The files that a study names.
+FILES = "files"
 
 # Attributes that an analysis or a reader needs.
 ROLE = "role"

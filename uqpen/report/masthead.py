@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
-from uqpen.core.labels import LEFT_OUT, RUNS
+from uqpen.core.labels import RUNS
 from uqpen.execution import run_count
 from uqpen.results.digits import count_text
 from uqpen.results.method_comparison import MethodComparison
+from uqpen.study import SECTIONS
 
 __all__ = ["page_facts", "page_heading"]
 
@@ -33,8 +34,9 @@ def _all_facts(tree: xr.DataTree) -> Iterator[str]:
     if name := str(tree.attrs.get("study_name", "")):
         yield f"study {name}"
     yield from _methods(tree) if is_benchmark(tree) else _runs(tree)
-    if left_out := str(tree.attrs.get(LEFT_OUT, "")):
-        yield f"without {left_out}, as the study says"
+    for section in SECTIONS.values():
+        if section.fact and (value := str(tree.attrs.get(section.attribute, ""))):
+            yield section.fact.replace("{value}", value)
     if version := str(tree.attrs.get("version_uqpen", "")):
         yield f"uqpen {version}"
 

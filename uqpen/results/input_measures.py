@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.labelled_arrays import array_entries
+from uqpen.archive.estimates import array_entries
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.labels import DEPENDENCE, INPUT, INTERVAL, INTERVAL_LABEL, NOTE, RUNS

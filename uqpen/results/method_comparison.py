@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.comparison import reference_name
-from uqpen.archive.estimates import unpack
-from uqpen.archive.labelled_arrays import array_entries
+from uqpen.archive.estimates import array_entries, unpack
 from uqpen.archive.read import group_names, is_benchmark, read_group
 from uqpen.core.catalogue import BENCHMARK_STATISTICS
 from uqpen.core.labels import (

@@ -32,6 +32,7 @@ from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import add_verdicts
 from uqpen.results.archive_view import is_logarithmic, linear_scale_note
+from uqpen.results.design_groups import group_tables
 from uqpen.results.digits import (
     grouped_number,
     lower_tolerance_limit_text,
@@ -40,9 +41,7 @@ from uqpen.results.digits import (
     tolerance_interval_texts,
     tolerance_limit_text,
 )
-from uqpen.results.failed_runs import failure_tables
 from uqpen.results.input_measures import generalized_table, named_tables
-from uqpen.results.joint_probabilities import joint_tables
 from uqpen.results.source_statistics import SourceStatistics, source_entries, user_defined
 from uqpen.results.statistic_entries import SHOWN, described_statistics, labelled_entries
 from uqpen.results.stopping_texts import stopping_text
@@ -105,8 +104,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
                 yield replace(table, title=f"{head}{table.title}{level}")
             for table in missing_run_tables(model, surrogate):
                 yield replace(table, title=head + table.title)
-    yield from difference_tables(tree)
-    yield from model_form_tables(tree)
+    yield from group_tables(tree, is_of_model=False)
 
 
 def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -138,8 +136,7 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
         unit = statistics.unit(output)
         measures = named_tables(statistics, output, unit, everything=everything)
         yield from (table for _, table in measures)
-    yield from joint_tables(model)
-    yield from failure_tables(model)
+    yield from group_tables(model, is_of_model=True)
 
 
 def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:

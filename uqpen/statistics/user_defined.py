@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, pack
-from uqpen.archive.layout import find_attribute_faults, find_dataset_faults
+from uqpen.archive.structure import find_attribute_faults, find_dataset_faults
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE, REQUESTED_DIMENSIONS, TABLE_COLUMNS
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED

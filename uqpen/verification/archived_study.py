@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_name
-from uqpen.archive.files_extraction import extract_files
+from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
 from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
@@ -25,7 +24,6 @@ from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA
-from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.document import Objects, inner_table
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import USER_DEFINED_MODELS
@@ -38,6 +36,7 @@ from uqpen.study.user_defined_members import (
     referenced_members,
     referenced_surrogates,
 )
+from uqpen.study.variables_section import dimensions_from_model
 
 __all__ = [
     "NamedCode",

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults

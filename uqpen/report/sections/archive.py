@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.content import recorded_hashes
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import recorded_hashes
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.charts.chart import Block

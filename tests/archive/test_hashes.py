@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from hashed_trees import with_hashes
 
-from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import read_tree
 
