@@ -22,9 +22,8 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.rounds import first_round
 from uqpen.execution import Evaluator, evaluate
-from uqpen.statistics.by_blocks.cell_counts import CellCounts
-from uqpen.statistics.by_blocks.power_sums import PowerSums
-from uqpen.statistics.by_blocks.splitters import Splitters
+from uqpen.statistics.by_blocks.blocked_sample import PowerSums
+from uqpen.statistics.by_blocks.cells import CellCounts, Splitters
 from uqpen.study.load import load_study
 from uqpen.study.study import ONLY_MODEL
 

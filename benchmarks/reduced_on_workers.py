@@ -34,8 +34,7 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution.cluster import cluster
 from uqpen.statistics import ANALYSES
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
-from uqpen.statistics.by_blocks.cell_counts import CellCounts
-from uqpen.statistics.by_blocks.splitters import Splitters
+from uqpen.statistics.by_blocks.cells import CellCounts, Splitters
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.load import load_study
 from uqpen.study.study import ONLY_MODEL

@@ -24,7 +24,7 @@ from uqpen.execution.omitted_runs import are_omitted, batch_hashes
 from uqpen.results.failed_runs import failed_runs
 from uqpen.study.load import parse_study
 from uqpen.verification.check_result import CheckOutcome
-from uqpen.verification.runs_diff import diff_runs
+from uqpen.verification.diff import diff_runs
 from uqpen.verification.verify import verify
 
 pytestmark = pytest.mark.processor

@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.content import group_hashes
-from uqpen.archive.file_variables import is_in_memory
+from uqpen.archive.hashes import group_hashes
+from uqpen.archive.lazy_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import make_archive
@@ -30,7 +30,7 @@ from uqpen.results.export import table_content
 from uqpen.results.runs_table import run_table_parts, runs_table
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
-from uqpen.verification.runs_diff import diff_runs
+from uqpen.verification.diff import diff_runs
 from uqpen.workflow import run_design
 
 pytestmark = pytest.mark.processor
@@ -65,7 +65,7 @@ LIMIT = 2_000
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make blocks small, where they are no matter of random streams."""
     for module in (
-        "archive.file_variables",
+        "archive.lazy_variables",
         "core.blocks",
         "execution.open_blocks",
         "designs.rounds",

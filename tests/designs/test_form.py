@@ -21,7 +21,7 @@ from uqpen.designs.rare_events.curvature import (
 )
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.disagreements import disagreements
+from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.rare_events.form_probability import DesignPoint, design_points

@@ -35,7 +35,7 @@ def archive() -> uqpen.Archive:
 @pytest.fixture
 def view(archive: uqpen.Archive, monkeypatch: pytest.MonkeyPatch) -> ArchiveView:
     """Return a view of the archive whose figures show few runs."""
-    monkeypatch.setattr("uqpen.results.design_view.RUNS_IN_MEMORY", SHOWN)
+    monkeypatch.setattr("uqpen.results.archive_view.RUNS_IN_MEMORY", SHOWN)
     return ArchiveView(archive, "")
 
 

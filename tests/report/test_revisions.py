@@ -21,9 +21,12 @@ from uqpen.report.blocks import Listing, Remarks, Table, Text, find_charts
 from uqpen.report.plotly import traces
 from uqpen.report.revisions.cdf_charts import cdf_charts
 from uqpen.report.revisions.estimate_changes import estimate_changes
-from uqpen.report.revisions.pair import ArchivePair, unpaired
-from uqpen.report.revisions.revision_page import revision_page, write_revision_report
-from uqpen.report.revisions.study_changes import study_changes
+from uqpen.report.revisions.revision_page import (
+    ArchivePair,
+    revision_page,
+    write_revision_report,
+)
+from uqpen.report.revisions.study_changes import study_changes, unpaired
 
 
 def beam(

@@ -14,7 +14,7 @@ from uqpen.report.blocks import Table
 from uqpen.report.plotly import traces
 from uqpen.report.sections.surrogates import surrogates
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.correction_tables import correction_tables
+from uqpen.results.surrogate_tables import correction_tables
 
 pytestmark = pytest.mark.slow
 

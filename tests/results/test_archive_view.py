@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 import uqpen
-from uqpen.results import archive_view, design_view
+from uqpen.results import archive_view, source_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.study.study import ValidatedStudy
 
@@ -24,8 +24,8 @@ def test_a_view_lists_the_outputs_once(
 ) -> None:
     # Many outputs cost their square where each of them looks for all.
     tree = uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1)))
-    first_runs = Mock(wraps=archive_view.first_runs)
-    monkeypatch.setattr(archive_view, "first_runs", first_runs)
+    first_runs = Mock(wraps=source_statistics.first_runs)
+    monkeypatch.setattr(source_statistics, "first_runs", first_runs)
     view = ArchiveView(tree, "")
     for _ in range(3):
         assert (view.numeric_outputs, view.fields, view.categorical_outputs) == (["y"], [], [])
@@ -37,8 +37,8 @@ def test_a_view_takes_the_shown_runs_once(
     study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     view = ArchiveView(uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1))), "")
-    taken = Mock(wraps=design_view.input_sample)
-    monkeypatch.setattr(design_view, "input_sample", taken)
+    taken = Mock(wraps=archive_view.input_sample)
+    monkeypatch.setattr(archive_view, "input_sample", taken)
     for _ in range(3):
         assert view.design("mc").completed_values("y").size == 20
     assert taken.call_count == 1

@@ -7,9 +7,7 @@ import pytest
 import xarray as xr
 
 from uqpen.core.status import Status
-from uqpen.results.failed_runs import FailedRuns
-from uqpen.results.failure_causes import failure_causes
-from uqpen.results.failure_reasons import common_reasons
+from uqpen.results.failed_runs import FailedRuns, common_reasons, failure_causes
 
 
 @pytest.mark.parametrize(
@@ -31,7 +29,7 @@ def test_numbers_are_masked_and_names_are_not(reason: str, cause: str) -> None:
 
 def test_an_example_does_not_repeat_its_line_of_code() -> None:
     place = " (a.py, line 12: y = root(x, 2))"
-    found = FailedRuns("one", Status.FAILED, f"no # m{place}", 5, f"no 2.5 m{place}")
+    found = FailedRuns(Status.FAILED, f"no # m{place}", 5, f"no 2.5 m{place}", "one")
     assert found.text == f"no # m, such as: no 2.5 m{place}"
     assert found._replace(example="").text == f"no # m{place}"
 
@@ -54,5 +52,5 @@ def test_causes_are_counted_over_designs() -> None:
     other = runs([6, 7, 8], [f"residual {n}.0" for n in (2, 3, 4)], [Status.FAILED] * 3)
     without = xr.Dataset({"status": ("run", [0])}, {"run": [0]})
     first, second = failure_causes([one, without, other])
-    assert first == (Status.FAILED, "residual #", "residual 1.0", 4)
-    assert second == (Status.TIMED_OUT, "took 3 s", "took 3 s", 1)
+    assert first == (Status.FAILED, "residual #", 4, "residual 1.0", "")
+    assert second == (Status.TIMED_OUT, "took 3 s", 1, "", "")

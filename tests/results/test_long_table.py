@@ -11,9 +11,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import estimate_array, pack
-from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.json import archive_json
-from uqpen.results.long_table import long_table, statistics_rows
+from uqpen.results.long_table import estimate_rows, long_table, rows_frame, statistics_rows
 from uqpen.results.source_statistics import SourceStatistics
 
 STUDY = """

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.results.surrogate_fits import fit_diagnostics
+from uqpen.results.surrogate_tables import fit_diagnostics
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice
 from uqpen.surrogates.model_race import ModelRace

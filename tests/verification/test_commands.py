@@ -15,7 +15,8 @@ import xarray as xr
 import uqpen as package
 from uqpen.archive.netcdf import write_tree
 from uqpen.execution.processes import ProcessPool
-from uqpen.verification.repetition import Runs, draw_runs
+from uqpen.verification.archived_study import Runs
+from uqpen.verification.repetition import Repetition
 
 pytestmark = pytest.mark.slow
 
@@ -439,8 +440,8 @@ def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
 
 
 def drawn_by_design(study: package.Study, runs: Runs, number: int) -> dict[str, list[int]]:
-    drawn = draw_runs(study, runs, number)
-    return {design: positions.tolist() for _, design, positions in drawn}
+    drawn = Repetition(study, runs, number).drawn_runs()
+    return {design: list(positions) for _, design, positions in drawn}
 
 
 @pytest.mark.parametrize("command", ["verify", "rerun", "serve"])

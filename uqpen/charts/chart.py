@@ -53,6 +53,7 @@ class Axis:
     is_logarithmic: bool = False
     ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
     quantity: PlottedQuantity | None = None  # along it, if that is a single one
+    short_title: str = ""  # on a page, where there is no room for the title
 
 
 @dataclass(frozen=True)

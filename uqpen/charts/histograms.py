@@ -12,15 +12,14 @@ from uqpen.archive.read import group_names
 from uqpen.charts.axes import ValueAxis, output_axis
 from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.distributions import scale_notes
-from uqpen.charts.marks import Bars, Dots, Rule, Shade, interval_notes
-from uqpen.charts.source_comparison import hollow_keys
+from uqpen.charts.marks import Bars, Dots, Rule, Shade, all_bounded, interval_notes
 from uqpen.charts.study_limits import limit_marks, output_span
 from uqpen.core.labels import INTERVAL_LEVEL, SURROGATES
 from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.correction_tables import is_corrected
 from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
-from uqpen.results.statistics_rows import add_shares
+from uqpen.results.output_tables import add_shares
+from uqpen.results.surrogate_tables import is_corrected
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
 
@@ -30,6 +29,8 @@ __all__ = ["histogram", "histogram_charts", "shares"]
 _DASHES = {"mean": "dash", "median": "solid"}
 _OTHER_DASHES = ("dot", "dashdot", "2px,5px", "longdash")
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y}"
+
+_HOLLOW = LegendKey("no interval", "ink", "circle-open")
 
 
 def histogram_charts(view: ArchiveView) -> Iterator[Chart]:
@@ -45,7 +46,8 @@ def histogram_charts(view: ArchiveView) -> Iterator[Chart]:
         if probabilities is not None and np.isfinite(probabilities.values[:, 0]).any():
             chart = shares(view, output, design, probabilities)
             notes = tuple(interval_notes([probabilities]))
-            yield replace(chart, keys=hollow_keys(probabilities), notes=notes)
+            hollow = () if all_bounded(probabilities.values) else (_HOLLOW,)
+            yield replace(chart, keys=hollow, notes=notes)
 
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:

@@ -7,7 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.tree import model_trees, read_group
+from uqpen.archive.groups import model_trees, read_group
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, RUNS
 from uqpen.designs.design import Design

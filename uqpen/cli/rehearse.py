@@ -116,7 +116,7 @@ def _repeats_text(findings: xr.Dataset) -> str:
 def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text: bool) -> None:
     """Show the findings as tables or as JSON."""
     from uqpen.cli.printable import printable_json
-    from uqpen.results.rehearsal_json import rehearsal_json
+    from uqpen.rehearsal.findings_tables import rehearsal_json
 
     if not as_text:
         _show_tables(findings, sufficient)
@@ -133,7 +133,7 @@ def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> 
 
     from uqpen.cli.console import show_line, show_table, standard_output
     from uqpen.cli.printable import screen_text
-    from uqpen.results.rehearsal_tables import coverage_tables, rehearsal_heading, width_tables
+    from uqpen.rehearsal.findings_tables import coverage_tables, rehearsal_heading, width_tables
 
     console = standard_output()
     title = f"{findings.attrs['title']}: rehearsal"

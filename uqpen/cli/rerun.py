@@ -58,8 +58,11 @@ def rerun(
         from uqpen.archive.read import open_archive
         from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.console import show_line
-        from uqpen.verification.archived_study import refuse_user_defined_names
-        from uqpen.verification.restored_study import restored_study, with_kept_folders
+        from uqpen.verification.archived_study import (
+            refuse_user_defined_names,
+            restored_study,
+            with_kept_folders,
+        )
 
         tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):

@@ -110,7 +110,7 @@ def _medians(
     tree: DataTree, found: ArchivedSurrogate, folder: Path | None, *, trust: bool
 ) -> dict[str, float]:
     """Return the medians of a surrogate's inputs, as far as the archive's study gives them."""
-    from uqpen.verification.restored_study import restored_study
+    from uqpen.verification.archived_study import restored_study
 
     names = set(found.fitted.random_inputs)
     with restored_study(tree, folder, trust=trust) as restored:

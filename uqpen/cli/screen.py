@@ -6,16 +6,15 @@ import xarray as xr
 from rich.console import Console
 from rich.text import Text
 
-from uqpen.archive.read import group_names, model_trees
+from uqpen.archive.read import group_names
 from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
-from uqpen.results.curve_tables import curve_tables, place_option
 from uqpen.results.failed_runs import failed_runs
-from uqpen.results.field_tables import field_tables
-from uqpen.results.field_texts import derived_lines
+from uqpen.results.field_tables import curve_tables, derived_lines, field_tables, place_option
 from uqpen.results.output_tables import output_tables
+from uqpen.results.table import headed_models
 
 __all__ = ["show_tables"]
 
@@ -40,11 +39,8 @@ def _show_fields(console: Console, tree: xr.DataTree) -> None:
         show_table(console, table)
     if option := place_option(tree):
         console.print(Text(f"\n{screen_text(option)}", style="dim"), soft_wrap=True)
-    lines = [
-        f"{name}: {line}" if name else line
-        for name, model in model_trees(tree).items()
-        for line in derived_lines(model)
-    ]
+    models = headed_models(tree)
+    lines = [f"{head}{line}" for head, each in models.items() for line in derived_lines(each)]
     if lines:
         console.print()
     for line in lines:
@@ -53,8 +49,8 @@ def _show_fields(console: Console, tree: xr.DataTree) -> None:
 
 def _show_failures(console: Console, tree: xr.DataTree) -> None:
     found = [
-        (f"{name}: " * bool(name), failed)
-        for name, model in model_trees(tree).items()
+        (head, failed)
+        for head, model in headed_models(tree).items()
         for design in group_names(model, RUNS)
         for failed in failed_runs(model, design)
     ]

@@ -198,7 +198,7 @@ def _archive_offers(
     from uqpen.surrogates.archived_surrogate import surrogate_paths
     from uqpen.surrogates.restoring import restore_surrogate
     from uqpen.surrogates.storage import refuted_outputs
-    from uqpen.verification.restored_study import restored_study
+    from uqpen.verification.archived_study import restored_study
 
     tree = open_archive(path)
     trees = model_trees(tree)

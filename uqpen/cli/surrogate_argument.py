@@ -41,7 +41,7 @@ def open_surrogate(
     """
     from uqpen.core.errors import UnknownNameError
     from uqpen.surrogates.archived_surrogate import archived_surrogate, surrogate_paths
-    from uqpen.verification.restored_study import restored_study
+    from uqpen.verification.archived_study import restored_study
 
     paths = surrogate_paths(tree)
     if not paths:

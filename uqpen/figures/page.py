@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import itertools
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
-from uqpen.archive.requirements import find_level_faults, find_model_faults
-from uqpen.core.errors import ArchiveError, FigureError
-from uqpen.core.labels import BENCHMARK, KIND
-from uqpen.figures import FIGURES
-from uqpen.figures.benchmark_figures import available_benchmark_figures, benchmark_panels
+from uqpen.archive.comparison import find_comparison_faults
+from uqpen.archive.read import is_benchmark, model_trees
+from uqpen.archive.structure import find_level_faults, find_model_faults
+from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
+from uqpen.core.lookup import choices
+from uqpen.figures import FIGURES, OF_BENCHMARKS
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.style import figure_style, require_matplotlib
 from uqpen.figures.user_defined_figures import FIGURE, FigureFunction, figure_panels
@@ -100,14 +100,23 @@ def panels(
 
     Parameters and errors are those of `figure`.
     """
-    if tree.attrs.get(KIND) == BENCHMARK:
-        return benchmark_panels(tree, name, output=output, source=source, model=model)
+    if is_benchmark(tree):
+        # All methods are shown.
+        for option, value in (("source", source), ("model", model)):
+            if value is not None:
+                text = f"a benchmark of methods has no {option} to select: found {value}"
+                raise FigureError(text)
+        if name not in OF_BENCHMARKS:
+            known = choices(str(name), OF_BENCHMARKS)
+            raise UnknownNameError(f'no figure "{name}" of a benchmark of methods; {known}')
     view = _select_view(tree, output, source, model)
     found = figure_panels(name, view)
     if not found:
         selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
         shown = name if isinstance(name, str) else FIGURE.find(name, Path.cwd()).reference
         what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
+        if is_benchmark(tree):
+            raise FigureError(f"the archive has nothing for the figure {what}")
         if not any(view.design(name).has_completed_runs for name in view.designs):
             what += ", as no run completed"
         elif not any(view.design(name).keeps_runs for name in view.designs):
@@ -119,18 +128,19 @@ def panels(
 
 def available(tree: xr.DataTree) -> dict[str, str]:
     """Return the figures that an archive has data for, each with its description."""
-    if tree.attrs.get(KIND) == BENCHMARK:
-        return available_benchmark_figures(tree)
     return _available_names(_select_view(tree, None, None, None))
 
 
 def check_archive(tree: xr.DataTree) -> None:
-    """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
-    if tree.attrs.get(KIND) == BENCHMARK:
-        raise FigureError("this is a benchmark of methods, not the archive of a study")
-    for each in model_trees(tree).values():
-        if fault := next(chain(find_model_faults(each), find_level_faults(each)), None):
-            raise ArchiveError(f"the archive is damaged: {fault}")
+    """Raise an `ArchiveError` for a damaged archive."""
+    faults: list[Iterable[str]] = [find_level_faults(tree)]
+    faults += (
+        [find_comparison_faults(tree)]
+        if is_benchmark(tree)
+        else map(find_model_faults, model_trees(tree).values())
+    )
+    if fault := next(chain(*faults), None):
+        raise ArchiveError(f"the archive is damaged: {fault}")
 
 
 def _select_view(
@@ -143,11 +153,12 @@ def _select_view(
 def _available_names(view: ArchiveView) -> dict[str, str]:
     """Return the figures that a part has data for; of one that fails, the reason."""
     found = {}
-    for name in FIGURES:
+    is_of_methods = is_benchmark(view.archive)
+    for name in OF_BENCHMARKS if is_of_methods else FIGURES:
         function = FIGURE.find(name, Path())
         if next(iter(function.function(view)), None) is not None:
             found[name] = function.title.removesuffix(".")
-    for name in FIGURE.installed():
+    for name in () if is_of_methods else FIGURE.installed():
         try:
             if figure_panels(name, view):
                 found[name] = FIGURE.find(name, Path()).title.removesuffix(".")

@@ -97,7 +97,8 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
             _draw_mark(axes, mark)
         for key in chart.keys:
             _draw_key(axes, key)
-        yield from chart.notes
+        # A figure has no table.
+        yield from (re.sub(r"; the table \w.*", ".", note) for note in chart.notes)
 
     shown = title if chart.is_of_all_models else title_of(title)
     return Panel(shown, draw, height, chart.y.rows, chart.of)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from uqpen.charts.axes import ValueAxis
 from uqpen.figures.style import figure_style
 from uqpen.results.texts import plain_text
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 else:  # matplotlib is only there where figures are drawn
     Axes = Any
 
-__all__ = ["LONGEST_ROW", "Axes", "Panel", "set_value_axis"]
+__all__ = ["LONGEST_ROW", "Axes", "Panel"]
 
 # Characters of a row's name that are shown.
 LONGEST_ROW = 28
@@ -36,7 +35,7 @@ class Panel:
     rows : tuple of str
         Names along the vertical axis, in place of numbers.
     group : str
-        Panels of another group begin a row of their own.
+        Panels of another group begin a row of their own, if any group has several.
     """
 
     title: str
@@ -61,14 +60,3 @@ class Panel:
             for text in axes.findobj(Text):
                 text.set_parse_math(False)
         return notes
-
-
-def set_value_axis(axes: Axes, span: ValueAxis, along: Literal["x", "y"] = "x") -> None:
-    """Give an axis of a panel the ends, the scale and the ticks of a value axis."""
-    if span.is_logarithmic:
-        axes.set(**{f"{along}scale": "log"})
-        ticks = dict(span.ticks())
-        getattr(axes, f"set_{along}ticks")([*ticks], [*ticks.values()])
-        getattr(axes, f"{along}axis").set_minor_formatter("")
-        axes.tick_params(axis=along, which="minor", length=0)
-    axes.set(**{f"{along}lim": span.ends})

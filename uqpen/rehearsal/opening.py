@@ -18,7 +18,7 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.archived_surrogate import surrogate_paths
 from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.storage import refuted_outputs
-from uqpen.verification.restored_study import restored_study
+from uqpen.verification.archived_study import restored_study
 
 __all__ = ["open_rehearsed"]
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import Any
 
 import xarray as xr
 
 from uqpen.core.statistic_dimensions import EVENT, LOWER_THRESHOLD, THRESHOLD
 from uqpen.results.digits import percent_text
+from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = ["Acceptance", "AcceptanceVerdict"]
+__all__ = ["Acceptance", "AcceptanceVerdict", "acceptance_json", "add_verdicts"]
 
 
 # What has acceptance limits lies along one of these.
@@ -48,12 +51,23 @@ class Acceptance:
     @classmethod
     def from_array(cls, array: xr.DataArray) -> Acceptance | None:
         """Return the acceptance of a single estimate along ``bound``; None without limits."""
-        at_least, at_most = (_limit(array, name) for name in ("at_least", "at_most"))
-        if math.isnan(at_least) and math.isnan(at_most):
+        limits: dict[str, float] = {}
+        for end in ("at_least", "at_most"):
+            for dimension in _DIMENSIONS:
+                # Coordinates of an array would each be made an array of their own.
+                limit = array.coords.variables.get(f"{dimension}_{end}")
+                if limit is not None and not math.isnan(limit.values):
+                    limits[end] = float(limit.values)
+        if not limits:
             return None
-        least = 0.0 if math.isnan(at_least) else at_least
-        most = 1.0 if math.isnan(at_most) else at_most
-        return cls(least, most, _verdict(array, least, most))
+        least, most = limits.get("at_least", 0.0), limits.get("at_most", 1.0)
+        _, lower, upper = array.values.tolist()
+        verdict = AcceptanceVerdict.NOT_DECIDED
+        if lower >= least and upper <= most:
+            verdict = AcceptanceVerdict.MET
+        elif lower > most or upper < least:
+            verdict = AcceptanceVerdict.NOT_MET
+        return cls(least, most, verdict)
 
     def __str__(self) -> str:
         parts = ["at least " + percent_text(self.at_least)] if self.at_least > 0 else []
@@ -62,19 +76,21 @@ class Acceptance:
         return " and ".join(parts)
 
 
-def _limit(array: xr.DataArray, name: str) -> float:
-    # Those of an array would each be made an array of their own.
-    coordinates = array.coords.variables
-    found = (coordinates.get(f"{dimension}_{name}") for dimension in _DIMENSIONS)
-    return next((float(each.values) for each in found if each is not None), math.nan)
+def add_verdicts(
+    table: OutputTable, arrays: Mapping[str, xr.DataArray], *, without: Collection[str] = ()
+) -> None:
+    """Add a row of verdicts on a probability by source, if the study has acceptance limits.
+
+    Sources in `without` have no verdict.
+    """
+    found = {source: Acceptance.from_array(array) for source, array in arrays.items()}
+    if first := next(filter(None, found.values()), None):
+        shown = (None if each in without else found.get(each) for each in table.columns)
+        cells = [str(each.verdict) if each else NOTHING for each in shown]
+        table.rows.append((f"accepted: {first}", cells))
 
 
-def _verdict(array: xr.DataArray, least: float, most: float) -> AcceptanceVerdict:
-    _, lower, upper = array.values.tolist()
-    if lower >= least and upper <= most:
-        return AcceptanceVerdict.MET
-    return (
-        AcceptanceVerdict.NOT_MET
-        if lower > most or upper < least
-        else AcceptanceVerdict.NOT_DECIDED
-    )
+def acceptance_json(array: xr.DataArray) -> dict[str, Any]:
+    """Return the acceptance limits of a probability and the verdict; empty without limits."""
+    found = Acceptance.from_array(array)
+    return {**asdict(found), "verdict": str(found.verdict)} if found else {}

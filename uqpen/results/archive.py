@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from html import escape
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import xarray as xr
 
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.archive.read import open_archive as open_tree
-from uqpen.results.html import archive_html
+from uqpen.core.html import html_table
+from uqpen.core.labels import RUNS
+from uqpen.results.field_tables import field_lines
 from uqpen.results.long_table import long_table
+from uqpen.results.output_tables import statistics_tables
 from uqpen.results.runs_table import runs_table
 
 if TYPE_CHECKING:
@@ -18,7 +24,10 @@ if TYPE_CHECKING:
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
     from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["Archive", "open_archive"]
+__all__ = ["Archive", "archive_html", "open_archive"]
+
+# More outputs than these are counted.
+_MOST_OUTPUTS = 6
 
 
 class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
@@ -114,3 +123,28 @@ def open_archive(path: str | Path) -> Archive:
         If it cannot be read, is no archive, or has another schema.
     """
     return Archive.of(open_tree(path))
+
+
+def archive_html(tree: xr.DataTree) -> str:
+    """Return the title of an archive and a table for each of its first outputs.
+
+    Nothing that the archive contains is taken as HTML.
+    """
+    title = f"<p><b>{escape(str(tree.attrs.get('title', '')))}</b></p>"
+    if is_benchmark(tree) or not any(
+        RUNS in model.children for model in model_trees(tree).values()
+    ):
+        groups = ", ".join(map(str, tree.children))
+        return f"{title}<p>{escape(f'groups: {groups}')}</p>"
+    tables = list(statistics_tables(tree))
+    shown = [
+        html_table(
+            [table.title, *table.columns],
+            ([label, *cells] for label, cells in table.rows),
+            table.notes,
+        )
+        for table in islice(tables, _MOST_OUTPUTS)
+    ]
+    more = len(tables) - len(shown)
+    lines = [*([f"and {more} more outputs"] if more else []), *map(escape, field_lines(tree))]
+    return "\n".join([title, *shown, *(f"<p>{line}</p>" for line in lines)])

@@ -1,8 +1,8 @@
-"""The part of an archive that a figure shows, and its names and units."""
+"""An archive as figures and the report see it: names, units, styles, and the runs of designs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,22 +10,174 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees
-from uqpen.core.arrays import FloatArray
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ABSENT, ROLE, RUNS
+from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
-from uqpen.core.units import DIMENSIONLESS, Scale, scale
-from uqpen.results.best_sources import is_sample_design
-from uqpen.results.design_view import DesignView
-from uqpen.results.logarithmic_scale import is_logarithmic, linear_scale_note
-from uqpen.results.source_slots import source_slots
-from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.source_style import SourceStyle, source_style
-from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
-from uqpen.results.texts import title_with_name, title_with_unit
+from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic
+from uqpen.core.status import Status
+from uqpen.core.units import Scale, scale
+from uqpen.execution import status_counts
+from uqpen.execution.omitted_runs import are_omitted
+from uqpen.results.digits import grouped_number, number_text, percent_text
+from uqpen.results.source_statistics import SourceStatistics, is_sample_design
+from uqpen.results.source_style import SourceStyle, source_slots, source_style
+from uqpen.results.table import Conversion, conversion
+from uqpen.results.texts import title_with_name, title_with_unit, unit_suffix
+from uqpen.statistics.convergence import reason_without_parts
+from uqpen.statistics.run_samples import input_sample
 
-__all__ = ["ArchiveView", "output_heading", "output_title", "select_view"]
+__all__ = [
+    "ArchiveView",
+    "DesignView",
+    "is_logarithmic",
+    "linear_scale_note",
+    "output_heading",
+    "output_title",
+    "select_view",
+]
+
+
+@dataclass(frozen=True)
+class DesignView:
+    """The runs of one design.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The groups of the model.
+    design : str
+        The name of the design.
+    """
+
+    tree: xr.DataTree
+    design: str
+
+    @property
+    def _archived(self) -> xr.Dataset:
+        return read_group(self.tree, RUNS, self.design)
+
+    @property
+    def sampling(self) -> Sampling:
+        """The way in which the points were chosen."""
+        return Sampling(self._archived.attrs[SAMPLING])
+
+    @property
+    def runs(self) -> xr.Dataset:
+        """The runs that sample the input distribution, failed ones too."""
+        return input_sample(self._archived)
+
+    @cached_property
+    def shown_runs(self) -> xr.Dataset:
+        """The runs that figures show: those of `runs`, in memory, the first of very many."""
+        return self.runs.isel({RUN: slice(RUNS_IN_MEMORY)}).load()
+
+    @property
+    def shown_prefix(self) -> str:
+        """Words before the design's name in figures that show only some of its runs."""
+        if self.runs.sizes[RUN] <= RUNS_IN_MEMORY:
+            return ""
+        return f"the first {grouped_number(RUNS_IN_MEMORY)} runs of "
+
+    @property
+    def has_completed_runs(self) -> bool:
+        """True if a run completed."""
+        return bool(status_counts(self.runs)[Status.OK])
+
+    @property
+    def keeps_runs(self) -> bool:
+        """True if the archive has the runs, and not only their statistics."""
+        return not are_omitted(self._archived)
+
+    @property
+    def shows_all_runs(self) -> bool:
+        """True if the runs that figures show are all of the design."""
+        return self.keeps_runs and self.runs.sizes[RUN] <= RUNS_IN_MEMORY
+
+    @property
+    def has_shown_runs(self) -> bool:
+        """True if there are completed runs to draw."""
+        return self.keeps_runs and self.has_completed_runs
+
+    @property
+    def random_inputs(self) -> list[str]:
+        """The inputs that are not the same in all runs."""
+        variables = self._archived.variables
+        named = [str(name) for name, v in variables.items() if v.attrs.get(ROLE) == "input"]
+        return [name for name in named if variables[name].dims]
+
+    @property
+    def reason_without_convergence(self) -> str:
+        """Reason why no part of the runs is a smaller sample; empty where some are."""
+        return reason_without_parts(self._archived)
+
+    def completed_values(self, output: str) -> FloatArray:
+        """Return an output of the completed ones of the shown runs, in SI units.
+
+        Runs without a value of a derived output are left out. Of weighted runs, as many values as
+        there are runs, each as often as its weight says.
+        """
+        runs = self.shown_runs
+        is_ok = runs[STATUS].values == Status.OK
+        # A field has a value where some of its places do.
+        values = runs[output].values
+        is_ok &= ~np.isnan(values).all(axis=tuple(range(1, values.ndim)))
+        values = np.asarray(values[is_ok], dtype=np.float64)
+        if WEIGHT not in runs.coords or not values.size:
+            return values
+        weights = np.asarray(runs[WEIGHT].values[is_ok], dtype=np.float64)
+        return values[rows_by_weight(weights, (np.arange(len(values)) + 0.5) / len(values))]
+
+
+def is_logarithmic(statistics: SourceStatistics, output: str) -> bool:
+    """Check if an output is shown by its logarithm: asked for, and every run has one."""
+    if not statistics.wants_logarithm(output):
+        return False
+    return all(values.min() > 0 for _, values in _completed_values(statistics, output))
+
+
+def linear_scale_note(statistics: SourceStatistics, output: str) -> str:
+    """Return why an output is not shown by its logarithm, as its study asks; else empty."""
+    if not statistics.wants_logarithm(output):
+        return ""
+    unit, parts = statistics.unit(output), []
+    for view, values in _completed_values(statistics, output):
+        if values.min() <= 0:
+            values = view.completed_values(output) if view.shows_all_runs else values
+            share = percent_text(float(f"{np.mean(values <= 0):.2g}"))
+            smallest = number_text(float(scale(unit).from_si(values.min()))) + unit_suffix(unit)
+            runs = f"the completed runs of {view.design}"
+            parts.append(f"{share} of {runs} (the smallest is {smallest})")
+    if not parts:
+        return ""
+    return (
+        'the scale is linear, though the study asks for scale = "log": values at or below 0 have '
+        f"no logarithm, and these are {' and '.join(parts)}"
+    )
+
+
+def _completed_values(
+    statistics: SourceStatistics, output: str
+) -> Iterator[tuple[DesignView, FloatArray]]:
+    """Yield the designs with values of an output, which are runs or equally spaced ranks of them.
+
+    The first rank is the smallest run.
+    """
+    for design in statistics.sources:
+        if statistics.kind(design) != "design":
+            continue
+        ranks = statistics.get(design, output, "cdf_value")
+        view = DesignView(statistics.tree, design)
+        if ranks is None and view.keeps_runs:
+            values = view.completed_values(output)
+        else:
+            values = np.empty(0) if ranks is None else np.asarray(ranks.values)
+        known = values[np.isfinite(values)]
+        if known.size:
+            yield view, known
 
 
 @dataclass(frozen=True)
@@ -81,6 +233,17 @@ class ArchiveView:
             if self.source in (None, name) and self.design(name).sampling.is_sample
         ]
 
+    @property
+    def leading_design(self) -> str | None:
+        """The design of the main results; None where no run of a sample completed.
+
+        It is the first design of the study whose runs are a sample. So its place decides, not its
+        results. A design that is made for another purpose is chosen only where there is no other.
+        """
+        found = [name for name in self.sample_designs if self.design(name).has_completed_runs]
+        plain = [name for name in found if self.is_sample_design(name)]
+        return next(iter((*plain, *found)), None)
+
     @cached_property
     def _slots(self) -> dict[str, int]:
         return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)
@@ -98,18 +261,14 @@ class ArchiveView:
         sources = None if self.source is None else [self.source]
         return self.statistics.by_source(output, statistic, sources)
 
-    def conversion(self, output: str, statistic: str) -> Conversion:
+    def conversion(self, output: str, statistic: Statistic) -> Conversion:
         """Return the conversion of a statistic from SI to the unit that is shown."""
         return conversion(statistic, self.scale(output))
 
     @cached_property
-    def _first_runs(self) -> xr.Dataset:
-        return first_runs(self.tree)
-
-    @cached_property
     def outputs(self) -> list[str]:
         """The outputs of the model."""
-        return output_names(self._first_runs)
+        return self.statistics.outputs
 
     @cached_property
     def numeric_outputs(self) -> list[str]:
@@ -140,8 +299,7 @@ class ArchiveView:
     @cached_property
     def fields(self) -> list[str]:
         """The outputs with dimensions; only the selected one, if any."""
-        known = field_names(self._first_runs)
-        return [name for name in known if self.output in (None, name)]
+        return [name for name in self.statistics.fields if self.output in (None, name)]
 
     @property
     def _selected(self) -> list[str]:
@@ -149,11 +307,11 @@ class ArchiveView:
 
     def attributes(self, name: str) -> dict[Any, Any]:
         """Return the attributes of an input or output."""
-        return dict(self._first_runs.variables[name].attrs)
+        return self.statistics.attributes(name)
 
     def unit(self, name: str) -> str:
         """Return the unit that an input or output is shown in."""
-        return str(self.attributes(name).get("display_units", DIMENSIONLESS))
+        return self.statistics.unit(name)
 
     def scale(self, name: str) -> Scale:
         """Return the conversion between the shown unit of an input or output and its SI unit."""
@@ -165,7 +323,7 @@ class ArchiveView:
 
     def linear_scale_note(self, output: str) -> str:
         """Return why an output is not shown by its logarithm, as its study asks; else empty."""
-        return linear_scale_note(self.statistics, output, self.scale(output), self.unit(output))
+        return linear_scale_note(self.statistics, output)
 
     def axis_label(self, name: str) -> str:
         """Return the label of an axis of an input or output."""
@@ -202,7 +360,7 @@ class ArchiveView:
         """The titles of the inputs of the model, by their names."""
         return {
             str(name): str(variable.attrs.get("long_name", name))
-            for name, variable in self._first_runs.variables.items()
+            for name, variable in self.statistics.runs.variables.items()
             if variable.attrs.get(ROLE) == "input"
         }
 

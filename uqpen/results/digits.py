@@ -91,7 +91,7 @@ def estimate_text(
     sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
     if not 0 < half < math.inf:
-        return _text_without_interval(estimate, is_short=is_short or half == 0)
+        return number_text(estimate, is_short=is_short or half == 0)
     number_format = _NumberFormat(estimate, half)
     if len(sides) == 2 and number_format.is_same(*sides):
         return number_format.write(with_half_width(number_format(estimate), number_format(half)))
@@ -107,13 +107,7 @@ def tolerance_limit_text(estimate: float, upper: float) -> str:
     >>> tolerance_limit_text(13.4812, 13.7612)
     '13.48, at most 13.77'
     """
-    side = max(_sides(estimate, math.nan, upper), default=math.nan)
-    if not 0 < side < math.inf:
-        return _text_without_interval(estimate, is_short=side == 0)
-    number_format = _NumberFormat(estimate, side)
-    return number_format.write(
-        f"{number_format(estimate)}, at most {number_format.rounded_up(upper)}"
-    )
+    return _one_sided_text(estimate, math.nan, upper)
 
 
 def lower_tolerance_limit_text(estimate: float, lower: float) -> str:
@@ -122,13 +116,20 @@ def lower_tolerance_limit_text(estimate: float, lower: float) -> str:
     >>> lower_tolerance_limit_text(13.4812, 13.2087)
     '13.48, at least 13.20'
     """
-    side = max(_sides(estimate, lower, math.nan), default=math.nan)
+    return _one_sided_text(estimate, lower, math.nan)
+
+
+def _one_sided_text(estimate: float, lower: float, upper: float) -> str:
+    """Write a limit with its only bound, which is rounded outward."""
+    side = max(_sides(estimate, lower, upper), default=math.nan)
     if not 0 < side < math.inf:
-        return _text_without_interval(estimate, is_short=side == 0)
+        return number_text(estimate, is_short=side == 0)
     number_format = _NumberFormat(estimate, side)
-    return number_format.write(
-        f"{number_format(estimate)}, at least {number_format.rounded_down(lower)}"
-    )
+    if math.isnan(upper):
+        bound = f"at least {number_format.rounded_down(lower)}"
+    else:
+        bound = f"at most {number_format.rounded_up(upper)}"
+    return number_format.write(f"{number_format(estimate)}, {bound}")
 
 
 def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
@@ -138,8 +139,7 @@ def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
     ('9.81', '14.22')
     """
     if not 0 < max(_sides(upper, lower, math.nan), default=math.nan) < math.inf:
-        lowest, highest = (_text_without_interval(end, is_short=True) for end in (lower, upper))
-        return lowest, highest
+        return number_text(lower), number_text(upper)
     number_format = _NumberFormat(max(abs(lower), abs(upper)), (upper - lower) / 10)
     ends = number_format.rounded_down(lower), number_format.rounded_up(upper)
     return number_format.with_power(ends[0]), number_format.with_power(ends[1])
@@ -160,7 +160,7 @@ def estimate_texts(
         return tuple(number_text(each, _OF_TENFOLDS, is_short=False) for each in values)
     half = max(_sides(estimate, lower, upper), default=math.nan)
     if not 0 < half < math.inf:
-        return tuple(_text_without_interval(each, is_short=True) for each in values)
+        return tuple(map(number_text, values))
     number_format = _NumberFormat(estimate, half)
     texts = (
         number_format(estimate),
@@ -179,7 +179,17 @@ def number_text(value: float, digits: int = _DIGITS, *, is_short: bool = True) -
     >>> number_text(8892.0), number_text(-2.5731), number_text(6.559e6), number_text(0.0001)
     ('8892', '−2.573', '6.559×10⁶', '1×10⁻⁴')
     """
-    return _text_without_interval(value, digits, is_short=is_short)
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else f"{value:g}"
+    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    exponent = int(power)
+    first, end = _WRITTEN_OUT
+    if first <= exponent < end or not value:
+        rounded = Decimal(mantissa).scaleb(exponent)
+        text = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
+        return _typeset(_shortened(text) if is_short or not value else text)
+    mantissa = _shortened(mantissa) if is_short else mantissa
+    return typeset_minus(f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}")
 
 
 def grouped_number(number: int) -> str:
@@ -242,21 +252,6 @@ def _sides(estimate: float, lower: float, upper: float) -> list[float]:
 
 def _spans_tenfolds(lower: float, upper: float) -> bool:
     return 0 < 10 * lower <= upper < math.inf
-
-
-def _text_without_interval(estimate: float, digits: int = _DIGITS, *, is_short: bool) -> str:
-    """Write some digits; a short text, or an exact number, has no zeros at its end."""
-    if not math.isfinite(estimate):
-        return "–" if math.isnan(estimate) else f"{estimate:g}"
-    mantissa, _, power = f"{estimate:.{digits - 1}e}".partition("e")
-    exponent = int(power)
-    first, end = _WRITTEN_OUT
-    if first <= exponent < end or not estimate:
-        rounded = Decimal(mantissa).scaleb(exponent)
-        text = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
-        return _typeset(_shortened(text) if is_short or not estimate else text)
-    mantissa = _shortened(mantissa) if is_short else mantissa
-    return typeset_minus(f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}")
 
 
 def _shortened(decimal: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -45,22 +45,20 @@ def _texts_json(array: xr.DataArray, name: str) -> Any:
 
 
 def entries_json(
-    array: xr.DataArray,
-    entry_json: Callable[[xr.DataArray], Any] = estimate_json,
-    *,
-    field: Sequence[str] = (),
+    array: xr.DataArray, entry_json: Callable[[xr.DataArray], Any] = estimate_json
 ) -> dict[str, Any]:
     """Return the entries of an estimate array, by the coordinate along each of its dimensions.
 
     A single entry lies along ``bound`` alone, behind the dimensions of its field if it has one.
     """
-    own = next((dim for dim in array.dims if dim not in (*field, BOUND)), None)
-    if own is None:
-        return entry_json(array)
-    return {
-        str(label): entries_json(array[{own: position}], entry_json, field=field)
-        for position, label in enumerate(array[own].values)
-    }
+    for dim in array.dims:
+        # Only the coordinates of a field have a unit for display.
+        if dim != BOUND and "display_units" not in array[dim].attrs:
+            return {
+                str(label): entries_json(array[{dim: position}], entry_json)
+                for position, label in enumerate(array[dim].values)
+            }
+    return entry_json(array)
 
 
 def json_value(value: Any) -> Any:

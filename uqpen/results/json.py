@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, REQUESTED
+from uqpen.core.catalogue import CATALOGUE, MODEL_FORM_STATISTICS, REQUESTED
 from uqpen.core.labels import (
     AGREEMENT,
     CAVEAT,
     CONFIDENCE_LEVEL,
     COST_SPENT,
     DIFFERENCES,
-    INPUT,
-    JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     LOGARITHMIC,
+    MODEL_FORM,
     MODELS,
     RUNS,
     RUNS_SPENT,
@@ -28,28 +27,18 @@ from uqpen.core.labels import (
     STOPPING_RULE,
     SURROGATES,
 )
-from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
-from uqpen.results.acceptance import Acceptance
-from uqpen.results.disagreements import disagreements
+from uqpen.results.acceptance import acceptance_json
+from uqpen.results.design_groups import design_json
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
-from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
-from uqpen.results.field_json import field_json
-from uqpen.results.model_form_tables import model_form_json
-from uqpen.results.sensitivity_json import sensitivity_json
-from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.surrogate_fits import (
-    diagnostic_titles,
-    fit_diagnostics,
-    fit_settings,
-    fitted_outputs,
-)
-from uqpen.results.table import first_runs, output_names
-from uqpen.results.user_defined_rows import user_defined_json
+from uqpen.results.input_measures import sensitivity_json
+from uqpen.results.source_statistics import SourceStatistics, user_defined
+from uqpen.results.surrogate_tables import fit_json, fit_settings, fitted_outputs
+from uqpen.results.table import cut_coordinates, output_names
 
-__all__ = ["archive_identity", "archive_json", "estimate_json"]
+__all__ = ["archive_identity", "archive_json"]
 
 # The statistics of an output that have no dimension.
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
@@ -97,7 +86,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         **head,
         "models": {name: _model_json(model) for name, model in models.items()},
         "differences": differences,
-        **model_form_json(tree),
+        **_model_form_json(SourceStatistics.of_model_form(tree)),
     }
 
 
@@ -135,7 +124,7 @@ def _outputs_json(statistics: SourceStatistics, source: str, runs: xr.Dataset) -
 
 
 def _publication_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
-    outputs = _outputs_json(statistics, name, first_runs(statistics.tree))
+    outputs = _outputs_json(statistics, name, statistics.runs)
     for output, estimates in outputs.items():
         if largest := statistics.largest_contribution(name, output):
             estimates[LARGEST_CONTRIBUTION] = largest
@@ -147,7 +136,11 @@ def _difference_json(statistics: SourceStatistics, model: xr.DataTree) -> dict[s
     found = {}
     for design in statistics.sources:
         outputs = _outputs_json(statistics, design, read_group(model, RUNS, design))
-        known = {name: estimates for name, estimates in outputs.items() if "mean" in estimates}
+        known = {
+            name: estimates
+            for name, estimates in outputs.items()
+            if not estimates.keys().isdisjoint(_SINGLE)
+        }
         found[design] = {"minus": statistics.minus(design), "outputs": known}
     return found
 
@@ -156,24 +149,16 @@ def _surrogate_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
     """Return the estimates of a surrogate, its settings and its fits."""
     group = statistics.tree.children[SURROGATES].children[name]
     fitted = fitted_outputs(group)
-    outputs = _outputs_json(statistics, name, first_runs(statistics.tree))
+    outputs = _outputs_json(statistics, name, statistics.runs)
     return {
         "runs": int(group.attrs[RUNS_SPENT]),
         "made_of": _attributes_json(fit_settings(group)),
         "outputs": {
-            output: {**estimates, **_fit_json(group, output)}
+            output: {**estimates, **fit_json(group, output)}
             for output, estimates in outputs.items()
             if output in fitted
         },
     }
-
-
-def _fit_json(group: xr.DataTree, output: str) -> dict[str, Any]:
-    """Return the diagnostics of a fit, and titles and units of those that have them."""
-    found: dict[str, Any] = {"fit": _attributes_json(fit_diagnostics(group, output))}
-    if titles := diagnostic_titles(group, output):
-        found["fit_titles"] = titles
-    return found
 
 
 def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:
@@ -181,33 +166,19 @@ def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    tree = statistics.tree
-    runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
-    cost = statistics.cost_spent(design)
+    runs = read_group(statistics.tree, RUNS, design)
+    cost, decision = statistics.cost_spent(design), statistics.decision(design)
     return {
         "runs": run_count(runs),
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
-        "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],
-        "lost": {
-            status: estimate_json(chance)
-            for status, chance in statistics.status_probabilities(design).items()
-        },
-        "where_lost": _failure_json(failures),
-        **_joint_json(statistics, design),
+        "reasons": [_reason_json(each) for each in failed_runs(statistics.tree, design)],
+        **design_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
-        **_decision_json(statistics, design),
+        **({} if decision is None else {"decision": _attributes_json(decision.to_json())}),
         "outputs": _outputs_json(statistics, design, runs),
     }
-
-
-def _decision_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    """Return the decision on the claim of a design, if it has one."""
-    decision = statistics.decision(design)
-    if decision is None:
-        return {}
-    return {"decision": {key: json_value(value) for key, value in decision.to_json().items()}}
 
 
 def _reason_json(failed: FailedRuns) -> dict[str, Any]:
@@ -216,98 +187,77 @@ def _reason_json(failed: FailedRuns) -> dict[str, Any]:
     return found | ({"example": failed.example} if failed.example else {})
 
 
-def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    """Return the probabilities of events of several outputs, where a study asks for them."""
-    joint = statistics.joint_probability(design)
-    if joint is None:
-        return {}
-    names = group_names(statistics.tree, JOINT_GROUP)
-    found = {name: statistics.joint_probability(name) for name in names}
-    arrays = {name: array for name, array in found.items() if array is not None}
-    entries = _family_json(joint)
-    for entry, condition in zip(entries.values(), joint["event_condition"].values, strict=True):
-        entry["condition"] = str(condition)
-        pairs = (
-            (each.first, each.second)
-            for each in disagreements(arrays)
-            if each.condition == condition and design in (each.first, each.second)
-        )
-        if others := sorted(name for pair in pairs for name in pair if name != design):
-            entry["disagrees_with"] = others
-    of_design = statistics.joint_statistics(design)
-    for name, array in of_design.items():
-        for of_event in array if SENSITIVITY_EVENT in array.dims else ():
-            entry = entries[str(of_event[SENSITIVITY_EVENT].item())]
-            entry.setdefault("sensitivities", {})[name] = entries_json(of_event)
-    if points := _design_points_json(of_design):
-        next(iter(entries.values()))["design_points"] = points
-    return {JOINT_GROUP: entries}
-
-
-def _design_points_json(statistics: Mapping[str, xr.DataArray]) -> list[dict[str, Any]]:
-    """Return the design points of an event, the nearest first; empty where none is known."""
-    indices = statistics.get("reliability_index")
-    if indices is None:
-        return []
-    points: list[dict[str, Any]] = [
-        {"run": int(run)} for run in indices[f"{DESIGN_POINT}_run"].values
-    ]
-    for name, array in statistics.items():
-        for point, entry in zip(points, array, strict=True) if DESIGN_POINT in array.dims else ():
-            of_inputs = INPUT in entry.dims
-            point[name] = entries_json(entry) if of_inputs else estimate_json(entry)
-    return points
-
-
-def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
-    """Return, by input, how the failed runs lie relative to the completed runs."""
-    found: dict[str, Any] = {}
-    for key in (*ASSOCIATIONS, *ENDS):
-        for entry in failures.get(key, ()):
-            value = json_value(entry.values) if key in ENDS else estimate_json(entry)
-            found.setdefault(str(entry[INPUT].item()), {})[key] = value
-    return found
-
-
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:
     """Return all estimates that a source has of an output."""
+    output, along = str(array.name), field_dimensions(array)
     found: dict[str, Any] = {"units": array.attrs.get("units", DIMENSIONLESS)}
-    found |= field_json(array)
-    if caveat := statistics.caveat(source, str(array.name)):
+    found |= _places_json(array)
+    if caveat := statistics.caveat(source, output):
         found[CAVEAT] = caveat
-    if statistics.wants_logarithm(str(array.name)):
+    if statistics.wants_logarithm(output):
         found["scale"] = LOGARITHMIC
-    along = field_dimensions(array)
-    arrays = statistics.statistics(source, str(array.name))
+    arrays = statistics.statistics(source, output)
     found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}
     for key, name in _FAMILIES.items():
         if name in arrays:
-            found[key] = _family_json(arrays[name], along)
-    missing = (each for each in REQUESTED if each.name not in arrays)
+            found[key] = _family_json(arrays[name], is_field=bool(along))
     reason = statistics.reason_without(source)
     if lacking := {
         each.shown.json: reason
-        for each in missing
-        if reason and statistics.by_source(str(array.name), each.name)
+        for each in REQUESTED
+        if reason and each.name not in arrays and statistics.by_source(output, each.name)
     }:
         found["not_estimated"] = lacking
     found |= sensitivity_json(arrays, field=along)
-    if other := user_defined_json(arrays, field=along):
-        found["other"] = other
+    if other := user_defined(arrays):
+        found["other"] = {name: entries_json(each, _described_json) for name, each in other.items()}
     return found
 
 
-def _family_json(array: xr.DataArray, field: Sequence[str] = ()) -> dict[str, Any]:
+def _places_json(variable: xr.DataArray) -> dict[str, Any]:
+    """Return ``dimensions`` and the place ``at`` which an output was cut; nothing without any.
+
+    Coordinates are in SI units.
+    """
+    dimensions = {
+        name: {
+            "size": int(variable.sizes[name]),
+            "units": str(variable[name].attrs.get("units", DIMENSIONLESS)),
+            "coordinates": variable[name].values.tolist(),
+        }
+        for name in field_dimensions(variable)
+    }
+    places = {str(each.name): each.item() for each in cut_coordinates(variable)}
+    found = {"dimensions": dimensions, "at": places}
+    return {key: content for key, content in found.items() if content}
+
+
+def _family_json(array: xr.DataArray, *, is_field: bool) -> dict[str, Any]:
     """Return the entries of a statistic, by their labels; those of a field have no verdict."""
-    entries = entries_json(array, field=field)
-    for entry, each in zip(entries.values(), array, strict=True) if not field else ():
-        if acceptance := Acceptance.from_array(each):
-            entry |= {
-                "at_least": acceptance.at_least,
-                "at_most": acceptance.at_most,
-                "verdict": str(acceptance.verdict),
-            }
+    entries = entries_json(array)
+    for entry, each in zip(entries.values(), array, strict=True) if not is_field else ():
+        entry |= acceptance_json(each)
     for name in (each for each in array.coords if str(each).endswith(_RUNS_NEEDED)):
         for entry, needed in zip(entries.values(), array[name].values, strict=True):
             entry["runs_needed"] = int(needed)
     return entries
+
+
+def _described_json(array: xr.DataArray) -> dict[str, Any]:
+    """Return an estimate that the catalogue does not know, with its unit and its title."""
+    described = {key: str(array.attrs.get(key, "")) for key in ("units", "long_name")}
+    return {**estimate_json(array), **described}
+
+
+def _model_form_json(statistics: SourceStatistics) -> dict[str, Any]:
+    """Return the shares of the variance by design and output; empty where there are none."""
+    found: dict[str, Any] = {}
+    for design in statistics.sources:
+        for output in statistics.outputs:
+            arrays = statistics.statistics(design, output)
+            shares = {
+                name: entries_json(arrays[name]) for name in MODEL_FORM_STATISTICS if name in arrays
+            }
+            if shares:
+                found.setdefault(design, {})[output] = shares
+    return {MODEL_FORM: found} if found else {}

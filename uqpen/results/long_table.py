@@ -3,29 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
+from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.archive.groups import DESIGN_GROUPS
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
+from uqpen.core.catalogue import DIMENSIONS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
+    BOUND,
+    BOUNDS,
     DECISION,
     DIFFERENCES,
+    EQUIVALENT_RUNS,
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
     NOTE,
     RUNS,
+    SURROGATE_ESTIMATE,
 )
 from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.estimate_rows import Row, estimate_rows, rows_frame
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.stopping_texts import StatedDecision
 
-__all__ = ["long_table", "statistics_rows"]
+__all__ = ["estimate_rows", "long_table", "rows_frame", "statistics_rows"]
+
+_BEFORE = ("model", "source", "kind", "output", "statistic", "coordinates")
+# Numbers of entries whose labels are texts, such as a threshold as it was written.
+_NUMBERS_OF_ENTRIES = [
+    companion
+    for labels in DIMENSIONS.values()
+    for companion, kind in labels.companions.items()
+    if kind == "number"
+]
+# Beside corrected estimates.
+_CORRECTION = (SURROGATE_ESTIMATE, EQUIVALENT_RUNS)
 
 
 def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
@@ -73,9 +91,8 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
 
 def statistics_rows(
     statistics: SourceStatistics, model: str = "", *, functions: bool = False
-) -> Iterator[Row]:
+) -> Iterator[dict[str, Any]]:
     """Yield the rows of one model, or of one difference, for `long_table`."""
-    units = statistics.units
     for source in statistics.sources:
         minus = statistics.minus(source) if statistics.is_difference else ""
         described = {
@@ -88,14 +105,16 @@ def statistics_rows(
             for name, array in statistics.statistics(source, output).items():
                 if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
                     for row in estimate_rows(array, **described, output=output, statistic=name):
-                        yield _with_decision(row, decision, units[output])
+                        yield _with_decision(row, decision, statistics.si_unit(output))
             if decision is not None and decision.output == output:
                 yield _decision_row(decision, described)
         if not statistics.is_difference:
             yield from _rows_of_runs(statistics, source, described)
 
 
-def _with_decision(row: Row, decision: StatedDecision | None, unit: str) -> Row:
+def _with_decision(
+    row: dict[str, Any], decision: StatedDecision | None, unit: str
+) -> dict[str, Any]:
     """Return a row; that of the event which a claim is on without its own interval.
 
     The runs stopped where they decided on this event. So its interval of a fixed number of runs
@@ -109,7 +128,7 @@ def _with_decision(row: Row, decision: StatedDecision | None, unit: str) -> Row:
     return row | none | {NOTE: "its interval is that of the decision"}
 
 
-def _decision_row(decision: StatedDecision, described: dict[str, str]) -> Row:
+def _decision_row(decision: StatedDecision, described: dict[str, str]) -> dict[str, Any]:
     return {
         **described,
         "output": decision.output,
@@ -127,14 +146,63 @@ def _decision_row(decision: StatedDecision, described: dict[str, str]) -> Row:
 
 def _rows_of_runs(
     statistics: SourceStatistics, design: str, described: dict[str, str]
-) -> Iterator[Row]:
-    """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a design's runs as a whole."""
     runs = read_group(statistics.tree, RUNS, design)
-    for name, array in statistics.joint_statistics(design).items():
-        yield from estimate_rows(array, **described, output="", statistic=name)
-    for name, array in statistics.failures(design).items():
-        for row in estimate_rows(array, **described, output="", statistic=name):
-            # The lowest and the highest are values of an input, each in its own unit.
-            if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
-                row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
-            yield row
+    for group in sorted(DESIGN_GROUPS, key=lambda name: DESIGN_GROUPS[name].rank):
+        for name, array in statistics.of_runs(group, design).items():
+            for row in estimate_rows(array, **described, output="", statistic=name):
+                # Values of an input are each in its own unit.
+                if "units" not in array.attrs and row.get(INPUT) in runs:
+                    row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
+                yield row
+
+
+def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[dict[str, Any]]:
+    """Yield the entries of an estimate array, or of an array without bounds.
+
+    Columns that are the same in all rows, such as ``source``, are passed by their names.
+    """
+    dims = [str(dim) for dim in array.dims if dim != BOUND]
+    labels = [array[dim].values.tolist() for dim in dims]
+    texts = {key: array.coords[key].values for key in INTERVAL_TEXTS if key in array.coords}
+    numbers = {key: array.coords[key].values for key in _CORRECTION if key in array.coords}
+    values_of = [name for name in _NUMBERS_OF_ENTRIES if name in array.coords]
+    beside = {name: (array.coords[name].dims[0], array.coords[name].values) for name in values_of}
+    unit = str(array.attrs.get("units", ""))
+    for index in np.ndindex(*(array.sizes[dim] for dim in dims)):
+        at = {dim: of_dim[i] for dim, of_dim, i in zip(dims, labels, index, strict=True)}
+        yield {
+            **described,
+            "coordinates": ", ".join(f"{dim}={label}" for dim, label in at.items()),
+            **at,
+            **{
+                key: float(values[index[dims.index(str(dim))]])
+                for key, (dim, values) in beside.items()
+            },
+            **dict(zip(BOUNDS, np.ravel(array.values[index]).tolist(), strict=False)),
+            **{key: float(values[index]) for key, values in numbers.items()},
+            "unit": unit,
+            **{key: str(values[index]) for key, values in texts.items()},
+        }
+
+
+def rows_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the table of rows, with a column for each dimension that is used.
+
+    Where estimates are corrected, the surrogate's own figures and the numbers of plain runs stand
+    last.
+    """
+    listed = list(rows)
+    keys = {key for row in listed for key in row}
+    behind = (*BOUNDS, "unit", *INTERVAL_TEXTS)
+    corrections = [key for key in _CORRECTION if key in keys]
+    used = keys.difference(_BEFORE, behind, corrections)
+    known = [(name, *labels.companions) for name, labels in DIMENSIONS.items() if name in used]
+    first = [name for names in known for name in names if name in used]
+    columns: dict[str, Any] = dict.fromkeys(_BEFORE, "")
+    columns |= dict.fromkeys([*first, *sorted(used.difference(first))])
+    columns |= dict.fromkeys(behind, "") | dict.fromkeys((*BOUNDS, *corrections), np.nan)
+    return pd.DataFrame(
+        {name: [row.get(name, missing) for row in listed] for name, missing in columns.items()}
+    )

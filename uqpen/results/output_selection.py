@@ -3,23 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import model_trees
-from uqpen.core.errors import QuantityError, UnknownNameError
-from uqpen.core.labels import DIFFERENCES, MODEL_FORM, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
+from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.groups import GROUPS, group_place, model_trees
+from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
+from uqpen.core.labels import RUNS
 from uqpen.core.lookup import choices
-from uqpen.results.field_places import FieldPlace, find_place
-from uqpen.results.surrogate_fits import FITTED, fitted_outputs
-from uqpen.results.table import first_runs, output_names
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.units import scale
+from uqpen.results.surrogate_tables import FITTED, fitted_outputs
+from uqpen.results.table import first_runs, output_names, shown_unit
 
-__all__ = ["select_output"]
+__all__ = ["FieldPlace", "find_place", "select_output"]
 
-# The depth of the groups of outputs, below each group of a model that has some.
-_DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3, MODEL_FORM: 2}
-# Groups that have values along the dimensions of a field.
-_ALONG_FIELDS = (RUNS, STATISTICS_GROUP, DIFFERENCES)
+
+class FieldPlace(NamedTuple):
+    """A coordinate along a dimension of a field.
+
+    Attributes
+    ----------
+    dimension : str
+        The dimension.
+    position : int
+        The position among the coordinates.
+    remark : str
+        Sentence on a place that is not where it was asked for; else empty.
+    """
+
+    dimension: str
+    position: int
+    remark: str
+
+
+def find_place(field: xr.DataArray, text: str) -> FieldPlace:
+    """Return the coordinate of a field that is nearest to a text of a user.
+
+    Parameters
+    ----------
+    field : DataArray
+        The field over runs.
+    text : str
+        Such as ``"time=10 day"``; without a unit it is that of the study.
+
+    Raises
+    ------
+    UnknownNameError
+        If the field has no such dimension.
+    QuantityError
+        If it is no quantity, or lies outside the coordinates.
+    """
+    name, _, asked = (part.strip() for part in text.partition("="))
+    along = field_dimensions(field)
+    if name not in along:
+        known = choices(name, along) if along else "it is a single number or category"
+        raise UnknownNameError(f'{field.name} has no dimension "{name}"; {known}')
+    coordinate = field[name]
+    values, unit = coordinate.values, shown_unit(coordinate.attrs)
+    if not asked:
+        raise QuantityError(toml_text(text), f"a place, such as {name}=1")
+    try:
+        value = scale(unit).to_si(float(asked))
+    except ValueError:
+        value = parse_quantity(asked, unit).value
+    if not values[0] <= value <= values[-1]:
+        first, last = (coordinate_text(coordinate, end) for end in values[[0, -1]])
+        raise QuantityError(toml_text(text), f"{first} to {last.partition('= ')[2]}")
+    position = int(np.abs(values - value).argmin())
+    is_there = np.isclose(values[position], value, rtol=1e-9, atol=0)
+    nearest = f"{coordinate_text(coordinate, values[position])} is the nearest to {asked}"
+    return FieldPlace(name, position, "" if is_there else nearest)
 
 
 def select_output(
@@ -68,25 +124,16 @@ def select_output(
     others = described.keys() - {output}
     groups = {}
     for node in tree.subtree:
-        kind, of_output = _kind_and_output(node.relative_to(tree))
-        if of_output in others:
+        kind, names = group_place(node.relative_to(tree))
+        if names.get("output") in others:
             continue
         dataset = node.to_dataset(inherit=False)
         if kind == RUNS:
             dataset = dataset.drop_vars(others, errors="ignore")
-        if kind in _ALONG_FIELDS:
+        if kind in GROUPS and GROUPS[kind].is_along_fields:
             dataset = dataset.isel(positions, missing_dims="ignore")
         if FITTED in dataset.attrs:
             kept = [name for name in fitted_outputs(node) if name == output]
             dataset = dataset.assign_attrs({FITTED: " ".join(kept)})
         groups[node.path] = dataset
     return xr.DataTree.from_dict(groups), places
-
-
-def _kind_and_output(path: str) -> tuple[str, str]:
-    """Return the kind of a group, such as ``runs``, and its output, if it has one."""
-    parts = path.split("/")
-    parts = parts[2:] if parts[0] == MODELS else parts
-    kind = parts[0] if parts else ""
-    depth = _DEPTHS.get(kind, len(parts))
-    return kind, parts[depth] if depth < len(parts) else ""

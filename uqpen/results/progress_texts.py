@@ -18,13 +18,17 @@ def step_text(progress: StudyProgress) -> str:
     'step 8 of 12: fitting polynomial_chaos'
     >>> step_text(StudyProgress(design="monte_carlo", design_number=2, designs=4))
     'design 2 of 4: monte_carlo'
+    >>> step_text(StudyProgress(design="a_latin_hypercube_of_the_rod", design_number=1, designs=1))
+    'a_latin_hypercube_of_th…'
     """
     if progress.step:
         number, total, what = progress.step_number, progress.steps, "step"
         name = progress.step
     else:
         number, total, what = progress.design_number, progress.designs, "design"
-        name = _shorten(progress.design)
+        name = progress.design
+        if len(name) > _LONGEST_NAME:
+            name = f"{name[: _LONGEST_NAME - 1]}…"
     return f"{what} {number} of {total}: {name}" if total > 1 else name
 
 
@@ -52,12 +56,3 @@ def duration_text(seconds: float) -> str:
         if seconds < most * length:
             return f"{max(1, round(seconds / length))} {unit}"
     return f"{round(seconds / 86_400)} days"
-
-
-def _shorten(name: str) -> str:
-    """Cut a name that would take the line for itself.
-
-    >>> _shorten("a_latin_hypercube_of_the_rod")
-    'a_latin_hypercube_of_th…'
-    """
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"

@@ -39,22 +39,16 @@ def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
         ``name [unit]``, ``status`` and ``reason``. An output with dimensions has a column for each
         place. Outputs of failed runs are missing values.
     """
-    models = model_trees(tree)
-    designs = {
-        (name, design): read_group(model, RUNS, design)
-        for name, model in models.items()
-        for design in group_names(model, RUNS)
-    }
+    designs = _designs(tree)
     if not designs:
         return pd.DataFrame()
     frames = [
         _design_table(runs, si=si).assign(model=model, design=design)
-        for (model, design), runs in designs.items()
+        for model, design, runs in designs
     ]
-    table = pd.concat(frames, ignore_index=True)
-    own = [*dict.fromkeys(name for runs in designs.values() for name in _run_coordinates(runs))]
-    table = table.astype(_whole_numbers(designs.values()))
-    before = [*(["model"] if len(models) > 1 else []), "design", RUN, *own]
+    table = pd.concat(frames, ignore_index=True).astype(_whole_numbers(designs))
+    own = dict.fromkeys(name for *_, runs in designs for name in _run_coordinates(runs))
+    before = [*(["model"] if len(model_trees(tree)) > 1 else []), "design", RUN, *own]
     behind = ["status", "reason"]
     between = [name for name in table if name not in {"model", *before, *behind}]
     return table[[*before, *between, *behind]]
@@ -65,16 +59,14 @@ def run_table_parts(tree: xr.DataTree, *, si: bool = False) -> Iterator[pd.DataF
 
     All parts have its columns.
     """
-    models = model_trees(tree)
-    columns = runs_table(_without_rows(tree), si=si).columns
-    whole_numbers = _whole_numbers(runs for _, runs in _designs(tree))
-    for model, groups in models.items():
-        for design in group_names(groups, RUNS):
-            runs = LoadedDataset(read_group(groups, RUNS, design))
-            for start, stop in block_ranges(runs.size):
-                part = _design_table(runs.read(start, stop), si=si, start=start)
-                named = part.assign(model=model, design=design)
-                yield named.reindex(columns=columns).astype(whole_numbers)
+    columns, designs = runs_table(_without_rows(tree), si=si).columns, _designs(tree)
+    whole_numbers = _whole_numbers(designs)
+    for model, design, archived in designs:
+        runs = LoadedDataset(archived)
+        for start, stop in block_ranges(runs.size):
+            part = _design_table(runs.read(start, stop), si=si, start=start)
+            named = part.assign(model=model, design=design)
+            yield named.reindex(columns=columns).astype(whole_numbers)
 
 
 def _without_rows(tree: xr.DataTree) -> xr.DataTree:
@@ -88,18 +80,21 @@ def _without_rows(tree: xr.DataTree) -> xr.DataTree:
 
 def designs_without_runs(tree: xr.DataTree) -> list[str]:
     """Return the designs whose runs an archive has not kept, each once."""
-    return [*dict.fromkeys(name for name, runs in _designs(tree) if are_omitted(runs))]
+    return [*dict.fromkeys(name for _, name, runs in _designs(tree) if are_omitted(runs))]
 
 
 def has_runs(tree: xr.DataTree) -> bool:
     """Return whether an archive has kept the runs of some design."""
-    return not all(are_omitted(runs) for _, runs in _designs(tree))
+    return not all(are_omitted(runs) for *_, runs in _designs(tree))
 
 
-def _designs(tree: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
-    for model in model_trees(tree).values():
-        for design in group_names(model, RUNS):
-            yield design, read_group(model, RUNS, design)
+def _designs(tree: xr.DataTree) -> list[tuple[str, str, xr.Dataset]]:
+    """Return the runs of each design of each model, behind the names of both."""
+    return [
+        (name, design, read_group(model, RUNS, design))
+        for name, model in model_trees(tree).items()
+        for design in group_names(model, RUNS)
+    ]
 
 
 def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
@@ -111,13 +106,13 @@ def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def _whole_numbers(designs: Iterable[xr.Dataset]) -> dict[str, str]:
+def _whole_numbers(designs: Iterable[tuple[str, str, xr.Dataset]]) -> dict[str, str]:
     """Return the type of each coordinate of runs that is a whole number wherever it is there.
 
     A design without replicates has missing values there, so the type is one with these.
     """
     kinds: dict[str, set[str]] = {}
-    for runs in designs:
+    for *_, runs in designs:
         for name, values in _run_coordinates(runs).items():
             kinds.setdefault(name, set()).add(values.dtype.kind)
     return {name: "Int64" for name, found in kinds.items() if found <= {"i", "u"}}

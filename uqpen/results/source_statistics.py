@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from uqpen.archive.labelled_arrays import array_entries
-from uqpen.archive.tree import model_trees, read_group
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, array_entries
+from uqpen.archive.fields import field_dimensions
+from uqpen.archive.groups import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
+    BOUND,
     CAVEAT,
     CITED,
     CONDITIONAL,
@@ -25,6 +28,7 @@ from uqpen.core.labels import (
     LOGARITHMIC,
     MISSING,
     MODEL_FORM,
+    RANK,
     RUNS,
     RUNS_ABSENT,
     SAMPLING,
@@ -35,9 +39,21 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, output_names, scalar_output_names
+from uqpen.results.table import (
+    cut_text,
+    first_runs,
+    label_with_unit,
+    output_names,
+    shown_unit,
+)
 
-__all__ = ["SourceStatistics", "source_entries"]
+__all__ = [
+    "SourceStatistics",
+    "best_sources",
+    "is_sample_design",
+    "source_entries",
+    "user_defined",
+]
 
 
 @dataclass(frozen=True)
@@ -78,25 +94,42 @@ class SourceStatistics:
         tree = archive.children.get(MODEL_FORM, xr.DataTree())
         return cls(tree, is_difference=True, described_by=first)
 
-    @property
+    @cached_property
+    def runs(self) -> xr.Dataset:
+        """The runs of the first design of the model, which describe its inputs and outputs."""
+        return first_runs(self.tree if self.described_by is None else self.described_by)
+
+    @cached_property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
-        return output_names(self._first_runs)
+        return output_names(self.runs)
 
     @property
     def scalar_outputs(self) -> list[str]:
         """The outputs of the model without dimensions, in its order."""
-        return scalar_output_names(self._first_runs)
+        return [each for each in self.outputs if each not in self.fields]
 
-    @property
-    def units(self) -> dict[str, str]:
-        """The SI unit of each output."""
-        runs = self._first_runs
-        return {name: str(runs[name].attrs.get("units", DIMENSIONLESS)) for name in self.outputs}
+    @cached_property
+    def fields(self) -> list[str]:
+        """The outputs of the model with dimensions, in its order."""
+        return [each for each in self.outputs if field_dimensions(self.runs.variables[each])]
 
-    @property
-    def _first_runs(self) -> xr.Dataset:
-        return first_runs(self.tree if self.described_by is None else self.described_by)
+    def attributes(self, name: str) -> dict[Any, Any]:
+        """Return the attributes of an input or output."""
+        return dict(self.runs.variables[name].attrs)
+
+    def si_unit(self, name: str) -> str:
+        """Return the unit that an archive has an input or output in."""
+        return str(self.runs.variables[name].attrs.get("units", DIMENSIONLESS))
+
+    def unit(self, name: str) -> str:
+        """Return the unit that an input or output is shown in."""
+        return shown_unit(self.runs.variables[name].attrs)
+
+    def label(self, output: str) -> str:
+        """Return the name of an output, the place to which it was cut, if it was, and its unit."""
+        place = cut_text(self.runs[output])
+        return label_with_unit(f"{output} at {place}" if place else output, self.unit(output))
 
     @property
     def node(self) -> xr.DataTree | None:
@@ -176,19 +209,12 @@ class SourceStatistics:
         """
         key = (source, output, statistic)
         if key not in self._entries:
-            array = self.get(*key)
-            along = CATALOGUE[statistic].dims[0]
-            self._entries[key] = (
-                {}
-                if array is None
-                else dict(
-                    zip(
-                        array.coords.variables[along].values.tolist(),
-                        array_entries(array.transpose(along, ...)),
-                        strict=True,
-                    )
-                )
-            )
+            found: dict[Any, xr.DataArray] = {}
+            if (array := self.get(*key)) is not None:
+                dims = CATALOGUE[statistic].dims if statistic in CATALOGUE else array.dims
+                entries = source_entries({source: array.transpose(dims[0], ...)}, str(dims[0]))
+                found = {label: entry[source] for label, entry in entries}
+            self._entries[key] = found
         return self._entries[key]
 
     def by_source(
@@ -236,6 +262,13 @@ class SourceStatistics:
         attributes = (self._dataset(source, output).attrs for output in self.outputs)
         return next((str(each["minus"]) for each in attributes if "minus" in each), "")
 
+    def of_runs(self, group: str, design: str) -> UnpackedStatistics:
+        """Return the statistics of a design's runs as a whole that a group has."""
+        key = ("", group, design)
+        if key not in self._arrays:
+            self._arrays[key] = UnpackedStatistics(read_group(self.tree, group, design))
+        return self._arrays[key]
+
     def failures(self, design: str) -> UnpackedStatistics:
         """Return the statistics of a design's failed runs.
 
@@ -247,10 +280,7 @@ class SourceStatistics:
             ``input``. Empty for a design that is no sample and lost no run. The attributes of
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
-        key = ("", FAILURES_GROUP, design)
-        if key not in self._arrays:
-            self._arrays[key] = UnpackedStatistics(read_group(self.tree, FAILURES_GROUP, design))
-        return self._arrays[key]
+        return self.of_runs(FAILURES_GROUP, design)
 
     def joint_probability(self, design: str) -> xr.DataArray | None:
         """Return a design's probabilities of events of several outputs; None without any.
@@ -259,13 +289,19 @@ class SourceStatistics:
         """
         return self.joint_statistics(design).get("joint_probability")
 
+    def joint_probabilities(self) -> dict[str, xr.DataArray]:
+        """Return those of all designs that have some."""
+        names = group_names(self.tree, JOINT_GROUP)
+        found = {name: self.joint_probability(name) for name in names}
+        return {name: array for name, array in found.items() if array is not None}
+
     def joint_statistics(self, design: str) -> UnpackedStatistics:
         """Return all statistics of a design's events of several outputs.
 
         Beside the probabilities, these are their sensitivities to the inputs, along
         ``sensitivity_event``, ``input`` and ``bound``, where a study requests them.
         """
-        return UnpackedStatistics(read_group(self.tree, JOINT_GROUP, design))
+        return self.of_runs(JOINT_GROUP, design)
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
@@ -292,3 +328,52 @@ def source_entries(
     entries = {source: array_entries(array) for source, array in arrays.items()}
     for position, label in enumerate(labels):
         yield label, {source: own[position] for source, own in entries.items()}
+
+
+def user_defined(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+    """Return the estimates that are not in the catalogue; distribution functions are too long."""
+    return {
+        name: arrays[name]
+        for name in arrays
+        if name not in CATALOGUE and BOUND in arrays[name].dims and RANK not in arrays[name].dims
+    }
+
+
+def is_sample_design(tree: xr.DataTree, source: str) -> bool:
+    """Return whether a source of a model is a design for no quantity of interest in particular."""
+    runs = read_group(tree, RUNS, source)
+    if not runs:
+        return False
+    sampling = Sampling(runs.attrs[SAMPLING])
+    return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
+
+
+def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -> list[str]:
+    """Return the sources whose indices of an output are shown: all but plain samples.
+
+    Where there are only these, or no other has a value, the largest of them is shown, the first of
+    equals. Where no other has an interval, the largest of those that have one is shown beside them.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The part of an archive on one model.
+    found : iterable of tuple
+        A source and an array of its indices, which has their number of runs.
+    """
+    runs: dict[str, int] = {}
+    with_values, with_intervals = set(), set()
+    for source, array in found:
+        runs.setdefault(source, int(array.attrs.get("runs", 0)))
+        if np.isfinite(array.values).any():
+            with_values.add(source)
+        if np.isfinite(array.values[..., 1:]).any():
+            with_intervals.add(source)
+    samples = [source for source in runs if is_sample_design(tree, source)]
+    dedicated = [source for source in runs if source not in samples]
+    if not with_intervals.isdisjoint(dedicated):
+        return dedicated
+    if not with_values.isdisjoint(dedicated):
+        samples = [source for source in samples if source in with_intervals]
+    # Those without a value stay, as they say why.
+    return dedicated + sorted(samples, key=lambda source: -runs[source])[:1]

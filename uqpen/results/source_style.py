@@ -1,11 +1,26 @@
-"""Colour, marker and dashes of each source: the same in figures and on the page."""
+"""Colour, marker and dashes of each source: the same in figures and on the page of a study."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
-__all__ = ["BLACK", "BLUE", "GREY", "STYLES", "VERMILION", "SourceStyle", "source_style"]
+from uqpen.core.errors import StudyError
+from uqpen.study.document import parse_document
+
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "GREY",
+    "STYLES",
+    "VERMILION",
+    "SourceStyle",
+    "source_slots",
+    "source_style",
+]
 
 # Distinct to every kind of colour vision (Okabe & Ito, 2008); without the yellow, which is too
 # light for a line on white.
@@ -31,6 +46,28 @@ _LINES: tuple[Any, ...] = (
     (0, (4, 1, 1, 1)),
 )
 
+_SURROGATE, _PUBLICATION = "surrogate", "publication"
+
+# The place of the first source of a kind, if no other source has it.
+_PLACES = MappingProxyType(
+    {
+        "monte-carlo": 0,
+        "latin-hypercube": 1,
+        "sobol-sequence": 2,
+        "saltelli": 3,
+        "morris": 4,
+        "one-at-a-time": 5,
+        "halton": 6,
+        "quadrature": 6,
+        _SURROGATE: 7,
+        _PUBLICATION: 8,
+        "full-factorial": 9,
+        "table": 9,
+    }
+)
+# Places of further sources, in turn; first those of kinds that are rare.
+_SPARE = (6, 9, 8, 7, 5, 4, 3, 2, 1, 0)
+
 
 @dataclass(frozen=True)
 class SourceStyle:
@@ -44,10 +81,52 @@ class SourceStyle:
     line: Any
 
 
+_STYLES = tuple(map(SourceStyle, _COLOURS, _MARKERS, _LINES))
+
+
 def source_style(position: int) -> SourceStyle:
     """Return the style at a place, that of a source (`source_slots`) or another number."""
-    return SourceStyle(
-        _COLOURS[position % len(_COLOURS)],
-        _MARKERS[position % len(_MARKERS)],
-        _LINES[position % len(_LINES)],
-    )
+    return _STYLES[position % STYLES]
+
+
+def source_slots(study_text: str, sources: Iterable[str]) -> dict[str, int]:
+    """Return the place of each source of a study among colours and markers.
+
+    The study's text decides, so a source looks the same on all pages and figures of its study, and
+    the first design of a kind the same in all studies.
+
+    Parameters
+    ----------
+    study_text : str
+        Of an archive. A text that cannot be read names no source.
+    sources : iterable of str
+        Those that need a place, also if the text does not name them.
+    """
+    kinds = dict(_kind_by_source(study_text))
+    kinds |= {source: "" for source in sources if source not in kinds}
+    found: dict[str, int] = {}
+    for source, kind in kinds.items():
+        place = _PLACES.get(kind)
+        if place is not None and place not in found.values():
+            found[source] = place
+    spare = [place for place in _SPARE if place not in found.values()]
+    others = [source for source in kinds if source not in found]
+    for number, source in enumerate(others):
+        found[source] = spare[number] if number < len(spare) else number % STYLES
+    return found
+
+
+@lru_cache(maxsize=4)
+def _kind_by_source(text: str) -> Mapping[str, str]:
+    """Return the kind of each source that a study names, in its order."""
+    found: dict[str, str] = {}
+    try:
+        content = parse_document(text, "study").content
+    except StudyError:
+        return found
+    for section, kind in (("designs", ""), ("surrogates", _SURROGATE), ("published", _PUBLICATION)):
+        tables = content.get(section)
+        for name, table in tables.items() if isinstance(tables, dict) else ():
+            if isinstance(table, dict):
+                found[str(name)] = kind or str(table.get("kind", ""))
+    return found

@@ -9,6 +9,7 @@ from typing import Any
 
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     DECISION,
@@ -34,13 +35,14 @@ __all__ = ["StatedDecision", "stopping_text", "unseen_text"]
 # By the rule of three: what has this probability times 1/n is missed by n runs in 5 % of studies.
 _UNSEEN = 3
 
-_KEYS = {
-    DECISION_CLAIM,
-    DECISION,
-    DECISION_RUNS,
-    DECISION_PROBABILITY,
-    DECISION_LOWER,
-    DECISION_UPPER,
+# The attributes with the fields of a decision, in their order, and the types of these.
+_FIELDS: dict[str, type] = {
+    DECISION_CLAIM: str,
+    DECISION: str,
+    DECISION_RUNS: int,
+    DECISION_PROBABILITY: float,
+    DECISION_LOWER: float,
+    DECISION_UPPER: float,
 }
 
 
@@ -95,16 +97,9 @@ class StatedDecision:
     @classmethod
     def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:
         """Return the decision among the attributes of a source; None without one."""
-        if not attributes.keys() >= _KEYS:
+        if not attributes.keys() >= _FIELDS.keys():
             return None
-        return cls(
-            str(attributes[DECISION_CLAIM]),
-            str(attributes[DECISION]),
-            int(attributes[DECISION_RUNS]),
-            float(attributes[DECISION_PROBABILITY]),
-            float(attributes[DECISION_LOWER]),
-            float(attributes[DECISION_UPPER]),
-        )
+        return cls(*(kind(attributes[key]) for key, kind in _FIELDS.items()))
 
     @property
     def output(self) -> str:
@@ -130,7 +125,8 @@ class StatedDecision:
             limit = parse_quantity(claim.value, unit).value
         except QuantityError:  # an archive can claim anything
             return False
-        is_event = statistic == ("exceedance" if claim.is_above else "below")
+        event = CATALOGUE[statistic].shown.event if statistic in CATALOGUE else ""
+        is_event = bool(event) and (event == "above") is claim.is_above
         return is_event and output == claim.output and math.isclose(value, limit, rel_tol=1e-12)
 
     @property

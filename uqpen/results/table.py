@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
-from uqpen.archive.fields import field_dimensions
-from uqpen.archive.read import group_names, read_group
+from uqpen.archive.fields import coordinate_text
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    COMPARISON_GROUP,
     ESTIMATOR,
     INPUT,
     INTERVAL_LABEL,
@@ -22,6 +24,7 @@ from uqpen.core.labels import (
     RUNS,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -30,21 +33,22 @@ __all__ = [
     "NOTHING",
     "Conversion",
     "OutputTable",
-    "below_label",
     "conversion",
+    "cut_coordinates",
+    "cut_text",
     "entry_label",
     "entry_text",
     "estimate_remark",
     "exceedance_label",
-    "field_names",
     "first_runs",
+    "headed_models",
     "identity",
     "label_with_unit",
     "output_names",
     "quantile_label",
-    "scalar_output_names",
     "shown_bounds",
     "shown_estimate",
+    "shown_unit",
     "telling_note",
 ]
 
@@ -83,13 +87,14 @@ class OutputTable:
     rows: list[tuple[str, list[str]]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def note_mark(self, note: str) -> str:
-        """Return the superscript of a note, which is added if it is new; nothing for no note."""
-        if not note:
-            return ""
-        if note not in self.notes:
-            self.notes.append(note)
-        return " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
+    def note_mark(self, *notes: str) -> str:
+        """Return the superscripts of notes, which are added if they are new; none for no note."""
+        marks = ""
+        for note in filter(None, notes):
+            if note not in self.notes:
+                self.notes.append(note)
+            marks += " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
+        return marks
 
     def cell(
         self,
@@ -150,21 +155,43 @@ def _is_plain_measure(array: xr.DataArray) -> bool:
     return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 
 
-def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> Conversion:
+def conversion(statistic: Statistic, shown: Scale, *, is_difference: bool = False) -> Conversion:
     """Return the conversion of a statistic from SI to the scale that its output is shown in.
 
     With `is_difference`, it is a statistic of the difference of two models.
     """
-    rule = CATALOGUE[statistic].unit
-    if rule is UnitRule.NONE:
+    if statistic.measure.relative_to:
+        return _percent
+    if statistic.unit is UnitRule.NONE:
         return identity
-    is_value = rule is UnitRule.VALUE and not is_difference
+    is_value = statistic.unit is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
+
+
+def _percent(values: Any) -> Any:
+    return values * 100.0
+
+
+def shown_unit(attributes: Mapping[Any, Any]) -> str:
+    """Return the unit that a variable with some attributes is shown in."""
+    return str(attributes.get("display_units", DIMENSIONLESS))
 
 
 def label_with_unit(label: str, unit: str) -> str:
     """Return a label and, in brackets, its unit, if it has one."""
     return label if unit == DIMENSIONLESS else f"{label} [{unit}]"
+
+
+def cut_coordinates(variable: xr.DataArray) -> Iterator[xr.DataArray]:
+    """Yield the coordinates of the place to which a field was cut; none of another output."""
+    for name, coordinate in variable.coords.items():
+        if not coordinate.dims and "units" in coordinate.attrs:
+            yield coordinate.rename(name)
+
+
+def cut_text(variable: xr.DataArray) -> str:
+    """Return the place to which a field was cut, such as ``time = 10 day``; empty without one."""
+    return ", ".join(coordinate_text(each, each.item()) for each in cut_coordinates(variable))
 
 
 def quantile_label(probability: float) -> str:
@@ -174,20 +201,20 @@ def quantile_label(probability: float) -> str:
 
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
-    return entry_label(CATALOGUE["exceedance"], threshold)
+    return entry_label(_OF_THRESHOLD, threshold)
 
 
-def below_label(threshold: str) -> str:
-    """Return the label of the probability of lying below a value, as it was written."""
-    return entry_label(CATALOGUE["below"], threshold)
-
+# The probability that a threshold is of.
+_OF_THRESHOLD = next(
+    each for each in CATALOGUE.values() if each.own is not None and each.own.name == THRESHOLD
+)
 
 # How an entry of a statistic is written, by its kind.
 _WRITTEN: Mapping[str, Callable[[Any], str]] = {
     "text": str,
     "number": "{:.10g}".format,
     "percent": percent_text,
-    "quantile": quantile_label,
+    "probability": quantile_label,
 }
 
 
@@ -215,8 +242,25 @@ def telling_note(array: xr.DataArray) -> str:
     return "; ".join(part for part in parts if part != DOUBTFUL_TAIL)
 
 
+def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the groups of each model of an archive, by the words before the titles of its tables.
+
+    These are empty for a single model.
+    """
+    return {f"{name}: " if name else "": model for name, model in model_trees(tree).items()}
+
+
 def first_runs(tree: xr.DataTree) -> xr.Dataset:
-    """Return the runs of a model's first design, which describe its inputs and outputs."""
+    """Return the runs of a model's first design, which describe its inputs and outputs.
+
+    A benchmark of methods keeps no runs, but it describes the outputs.
+    """
+    if is_benchmark(tree):
+        outputs = {
+            name: read_group(tree, COMPARISON_GROUP, name).attrs | {ROLE: "output"}
+            for name in group_names(tree, COMPARISON_GROUP)
+        }
+        return xr.Dataset({name: ((), math.nan, found) for name, found in outputs.items()})
     return read_group(tree, RUNS, next(iter(group_names(tree, RUNS)), ""))
 
 
@@ -225,13 +269,3 @@ def output_names(runs: xr.Dataset) -> list[str]:
     # As an array each would take time by the number of all variables.
     variables = runs.variables
     return [str(key) for key in runs.data_vars if variables[key].attrs.get(ROLE) == "output"]
-
-
-def scalar_output_names(runs: xr.Dataset) -> list[str]:
-    """Return the outputs without dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if not field_dimensions(runs.variables[name])]
-
-
-def field_names(runs: xr.Dataset) -> list[str]:
-    """Return the outputs with dimensions among the variables of a runs dataset."""
-    return [name for name in output_names(runs) if field_dimensions(runs.variables[name])]

@@ -10,7 +10,7 @@ import xarray as xr
 from uqpen.core.labels import RUN
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.digits import grouped_number
-from uqpen.results.failure_causes import failure_causes
+from uqpen.results.failed_runs import failure_causes
 from uqpen.results.output_tables import statistics_tables
 from uqpen.results.progress_texts import duration_text, runs_text, step_text
 from uqpen.results.table import OutputTable
@@ -48,10 +48,10 @@ def watch_state(running: RunningResults) -> dict[str, Any]:
         "tables": [_table(each) for each in statistics_tables(results.tree)],
         "causes": [
             {
-                "text": cause.text,
+                "text": cause.reason,
                 "runs": grouped_number(cause.runs),
                 "status": STATUS_TEXT[cause.status],
-                "example": cause.example,
+                "example": cause.example or cause.reason,
             }
             for cause in causes[:_MOST_CAUSES]
         ],

@@ -1,25 +1,30 @@
-"""Study of an archive, read from its own text; no code is executed unless trusted."""
+"""Study of an archive, restored from its own text, runs and files; no code runs unless trusted."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.errors import ArchiveError, ModelError, StudyError
-from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
+from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
+from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
+from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA
-from uqpen.study.document import Objects
+from uqpen.study.document import Objects, inner_table
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import USER_DEFINED_MODELS
 from uqpen.study.named_object import OBJECT
@@ -31,23 +36,132 @@ from uqpen.study.user_defined_members import (
     referenced_members,
     referenced_surrogates,
 )
-from uqpen.verification.unloaded_models import archived_dimensions, unloaded_models
+from uqpen.study.variables_section import dimensions_from_model
 
 __all__ = [
+    "NamedCode",
+    "RestoredStudy",
+    "Runs",
     "archived_runs",
     "archived_study",
     "find_incompatibility",
+    "named_code",
     "refuse_user_defined_names",
+    "restored_study",
     "run_inputs",
-    "user_defined_analyses",
-    "user_defined_members",
-    "user_defined_models",
-    "user_defined_names",
+    "with_kept_folders",
 ]
 
+# Archived runs by model and design.
+Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
 # The keys that name code; ``use`` does so unless it has the name of a model.
-_NAMED = ("use", *(key for key in USER_DEFINED_MODELS if key not in (OBJECT, DATA)))
+_CODE_KEYS = ("use", *(key for key in USER_DEFINED_MODELS if key not in (OBJECT, DATA)))
+
+
+# What the text names
+
+
+class NamedCode(NamedTuple):
+    """Code, Python objects and data files that the text of a study names.
+
+    Attributes
+    ----------
+    models, members, surrogates, analyses : list of str
+        Code of models, of designs and distributions, of surrogates, and of analyses.
+    objects : dict of str to list of str
+        Python objects by their kind.
+    data : list of str
+        Files that runs come from.
+    """
+
+    models: list[str]
+    members: list[str]
+    surrogates: list[str]
+    analyses: list[str]
+    objects: dict[str, list[str]]
+    data: list[str]
+
+    @property
+    def code(self) -> list[str]:
+        """All code: of models first, then of members, surrogates and analyses."""
+        return [*self.models, *self.members, *self.surrogates, *self.analyses]
+
+
+def named_code(tree: xr.DataTree) -> NamedCode:
+    """Return what the study of an archive names that is not built in."""
+    content = _content(tree)
+    several = content.get("models")
+    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
+    models = [table for table in tables if isinstance(table, dict)]
+    listed = content.get(ANALYSES_KEY)
+    analyses = listed if isinstance(listed, list) else []
+    return NamedCode(
+        models=[code for code in map(_model_code, models) if code],
+        members=referenced_members(content),
+        surrogates=referenced_surrogates(content),
+        analyses=[str(each) for each in analyses if is_reference(each)],
+        objects={
+            "model": [str(table[OBJECT]) for table in models if OBJECT in table],
+            "design or distribution": object_members(content),
+            "surrogate": object_surrogates(content),
+        },
+        data=[str(table[DATA]) for table in models if DATA in table],
+    )
+
+
+def _content(tree: xr.DataTree) -> dict[str, Any]:
+    try:
+        return tomllib.loads(str(tree.attrs.get("study_text", "")))
+    except (ValueError, RecursionError):
+        return {}  # whoever reads the study will say what is wrong with it
+
+
+def _model_code(table: Mapping[str, Any]) -> str:
+    """Return the code that the table of a model names; empty for a named model or an object."""
+    for key in _CODE_KEYS:
+        if key in table and (key != "use" or is_reference(table[key])):
+            # A class, a function, a server, or the words of a command.
+            named = table[key]
+            return " ".join(map(str, named)) if isinstance(named, list) else str(named)
+    return "" if {"use", OBJECT, DATA} & table.keys() else "a model of an unknown kind"
+
+
+def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
+    """Refuse an archive whose study cannot be repeated, or not without executing others' code.
+
+    Raises
+    ------
+    ArchiveError
+        If it is not the archive of a study.
+    ModelError
+        If that code may not be executed, or its runs come from a file. The message names the models
+        and analyses, or the file.
+    """
+    if is_benchmark(tree):
+        raise ArchiveError(
+            f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
+        )
+    named = named_code(tree)
+    if named.data:
+        raise ModelError(
+            f"{path}: its runs come from a file ({', '.join(named.data)}), and no model can make "
+            "them again; uqpen verify reads them again"
+        )
+    for kind, objects in named.objects.items():
+        if objects:
+            raise ModelError(
+                f"{path}: its {kind} is an object of a Python program ({', '.join(objects)}), "
+                "which no archive contains; run that program again"
+            )
+    if named.code and not trust:
+        raise ModelError(
+            f"{path}: its study executes code that it names: {', '.join(named.code)}\n"
+            "  if you trust its author, use --trust"
+        )
+
+
+# The study, with stand-ins for what is not loaded
 
 
 def archived_study(
@@ -71,125 +185,186 @@ def archived_study(
         If it cannot be read here, for example because a file that it names is missing.
     """
     name = str(tree.attrs.get("study_name", "study"))
-    text = str(tree.attrs["study_text"])
-    known = unloaded_models(tree, _content(text), trust=trust)
-    dimensions = {} if trust else archived_dimensions(tree, _content(text))
-    objects = {**known, **dimensions, **(objects or {})}
+    objects = {**_stand_ins(tree, trust=trust), **(objects or {})}
     try:
-        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects)
+        study = parse_study(
+            str(tree.attrs["study_text"]), name=name, folder=folder, trust=trust, objects=objects
+        )
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
     runs = next(iter(archived_runs(tree).values()), {})
-    designs = {
-        design: _with_archived_sampling(unloaded, runs[design])
-        for design, unloaded in study.designs.items()
-        if isinstance(unloaded, UnloadedDesign) and design in runs
-    }
-    return replace(study, designs={**study.designs, **designs})
+    designs = dict(study.designs)
+    for label, design in study.designs.items():
+        if isinstance(design, UnloadedDesign) and label in runs:
+            made = runs[label]
+            with contextlib.suppress(ValueError):  # the record of a damaged archive
+                design = replace(design, sampling=Sampling(str(made.attrs.get(SAMPLING))))
+            designs[label] = replace(design, runs=made.sizes.get(RUN, 0))
+    return replace(study, designs=designs)
 
 
-def _with_archived_sampling(design: UnloadedDesign, runs: xr.Dataset) -> UnloadedDesign:
-    with contextlib.suppress(ValueError):  # the record of a damaged archive
-        design = replace(design, sampling=Sampling(str(runs.attrs.get(SAMPLING))))
-    return replace(design, runs=runs.sizes.get(RUN, 0))
+def _stand_ins(tree: xr.DataTree, *, trust: bool) -> dict[tuple[str | int, ...], object]:
+    """Return what stands in for models and coordinates in code that is not loaded.
 
-
-def user_defined_models(text: str) -> list[str]:
-    """Return the models that a study names code for, as its text names them."""
-    named = [_named_code(table) for table in _model_tables(text)]
-    return [code for code in named if code]
-
-
-def _named_code(table: Mapping[str, Any]) -> str:
-    """Return the code that the table of a model names; empty for a named model or an object."""
-    named = [table[key] for key in _NAMED if key in table and _is_code(key, table[key])]
-    if not named:
-        return "" if {"use", OBJECT, DATA} & table.keys() else "a model of an unknown kind"
-    # A class, a function, a server, or the words of a command.
-    return " ".join(map(str, named[0])) if isinstance(named[0], list) else str(named[0])
-
-
-def _is_code(key: str, value: object) -> bool:
-    return key != "use" or is_reference(value)
-
-
-def _named_objects(text: str) -> dict[str, list[str]]:
-    """Return the names of the Python objects of a study, by their kind."""
-    models = [str(table[OBJECT]) for table in _model_tables(text) if OBJECT in table]
-    content = _content(text)
-    members, surrogates = object_members(content), object_surrogates(content)
-    return {"model": models, "design or distribution": members, "surrogate": surrogates}
-
-
-def user_defined_members(text: str) -> list[str]:
-    """Return the designs and distributions that a study names code for."""
-    return referenced_members(_content(text))
-
-
-def user_defined_analyses(text: str) -> list[str]:
-    """Return the user-defined analyses that the text of a study names."""
-    named = _content(text).get(ANALYSES_KEY)
-    references = named if isinstance(named, list) else []
-    return [str(each) for each in references if is_reference(each)]
-
-
-def _model_tables(text: str) -> list[dict[str, Any]]:
-    content = _content(text)
-    several = content.get("models")
-    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
-    return [table for table in tables if isinstance(table, dict)]
-
-
-def _content(text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError):
-        return {}  # whoever reads the study will say what is wrong with it
-
-
-def user_defined_names(text: str) -> list[str]:
-    """Return the user-defined code that the text of a study names.
-
-    First models, then designs and distributions, then surrogates, then analyses.
+    The archived runs say what they are. Each has the path of its table, as the objects of
+    `parse_study`. Objects of a Python program have a stand-in also where classes are trusted.
     """
-    members = [*user_defined_members(text), *referenced_surrogates(_content(text))]
-    return [*user_defined_models(text), *members, *user_defined_analyses(text)]
+    found: dict[tuple[str | int, ...], object] = {}
+    content = _content(tree)
+    for name, group in model_trees(tree).items():
+        path = ("models", name) if name else ("model",)
+        table = inner_table(content, *path)
+        for design in group_names(group, RUNS)[:1]:
+            runs = read_group(group, RUNS, design)
+            if table.get("class") is True and OBJECT in table:
+                found[path] = _model(str(table[OBJECT]), runs, is_absent=True)
+            elif is_reference(table.get("use")) and not trust:
+                found[path] = _model(str(table["use"]), runs, is_absent=False)
+            for inner in () if trust else dimensions_from_model(table):
+                # A damaged archive may have none, or another; the study then says so.
+                with contextlib.suppress(SettingsError, KeyError):
+                    found[*path, *inner] = _dimension(inner[-1], runs)
+    return found
 
 
-def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
-    """Refuse an archive whose study cannot be repeated, or not without executing others' code.
+def _model(reference: str, runs: xr.Dataset, *, is_absent: bool) -> UnloadedModel:
+    """Return a model with the inputs and outputs of runs; a value for all runs is a default."""
+    inputs: list[Input] = []
+    outputs: list[Output] = []
+    for name in map(str, runs.data_vars):
+        variable = runs.variables[name]
+        if variable.attrs.get(ROLE) == "input":
+            is_number = not variable.dims and variable.dtype.kind == "f"
+            default = float(variable.values) if is_number else None
+            inputs.append(Input(*_texts(name, variable), default=default))
+        elif variable.attrs.get(ROLE) == "output" and DERIVED_FROM not in variable.attrs:
+            flags = str(variable.attrs.get("flag_meanings", "")).split()
+            labels = map(str, np.atleast_1d(variable.attrs.get("flag_labels", flags)))
+            outputs.append(
+                Output(
+                    *_texts(name, variable),
+                    categories=tuple(map(Category, flags, labels)),
+                    dims=tuple(_dimension(str(dim), runs) for dim in variable.dims if dim != RUN),
+                    may_end=variable.attrs.get("comment") == CURVE_MAY_END,
+                )
+            )
+    return UnloadedModel(reference, tuple(inputs), tuple(outputs), is_absent)
+
+
+def _dimension(name: str, runs: xr.Dataset) -> Dimension:
+    coordinates = runs.variables[name]
+    return Dimension(*_texts(name, coordinates), values=tuple(coordinates.values.tolist()))
+
+
+def _texts(name: str, variable: xr.Variable) -> tuple[str, str, str, str]:
+    """Return the name, SI unit, title and display unit of a variable."""
+    keys = {"units": "1", "long_name": "", "display_units": ""}
+    return name, *(str(variable.attrs.get(*pair)) for pair in keys.items())  # type: ignore[return-value]
+
+
+# The study with its files
+
+
+class RestoredStudy(NamedTuple):
+    """A study of an archive that can be repeated.
+
+    Either its files are the archived ones (`has_kept_files`), or each that differs has a line.
+    """
+
+    study: ValidatedStudy
+    has_kept_files: bool
+    different_files: list[str]
+
+
+@contextlib.contextmanager
+def restored_study(
+    tree: xr.DataTree, folder: Path | None, *, trust: bool, objects: Objects | None = None
+) -> Iterator[RestoredStudy]:
+    """Provide an archive's study such that it can be repeated.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive without faults.
+    folder : Path or None
+        Folder with the files that the study names; None for the archived files. Files that the
+        archive has only as hashes are then taken from the current folder.
+    trust, objects
+        As for `archived_study`.
 
     Raises
     ------
     ArchiveError
-        If it is not the archive of a study.
-    ModelError
-        If that code may not be executed, or its runs come from a file. The message names the models
-        and analyses, or the file.
+        If its files do not match their hashes, or cannot be in a folder.
+    StudyError
+        If the study cannot be read, for example because a file that it names is missing.
     """
-    if KIND in tree.attrs:
-        raise ArchiveError(
-            f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
-        )
-    text = str(tree.attrs["study_text"])
-    if files := [str(table[DATA]) for table in _model_tables(text) if DATA in table]:
-        raise ModelError(
-            f"{path}: its runs come from a file ({', '.join(files)}), and no model can make them "
-            "again; uqpen verify reads them again"
-        )
-    for kind, objects in _named_objects(text).items():
-        if objects:
-            raise ModelError(
-                f"{path}: its {kind} is an object of a Python program ({', '.join(objects)}), "
-                "which no archive contains; run that program again"
-            )
-    named = user_defined_names(text)
-    if named and not trust:
-        raise ModelError(
-            f"{path}: its study executes code that it names: {', '.join(named)}\n"
-            "  if you trust its author, use --trust"
-        )
+    here = Path.cwd()
+    files = archived_files(read_group(tree, FILES))
+    if folder is not None or not files:
+        folder = folder or here
+        study = archived_study(tree, folder, trust=trust, objects=objects)
+        differing = _different_files(study, files, folder.absolute())
+        # No other stands in for a file that the archive knows by its hash alone.
+        known = {file.name for file in files if not file.is_whole}
+        if refused := [reason for name, reason in differing.items() if name in known]:
+            raise ArchiveError("\n".join(refused))
+        yield RestoredStudy(study, has_kept_files=False, different_files=list(differing.values()))
+        return
+    with extract_files(files, here) as (place, missing):
+        try:
+            study = archived_study(tree, place, trust=trust, objects=objects)
+        except UqpenError as error:
+            # The message does not name the temporary folder.
+            message = str(error).partition("\n\nthe files that it names")[0]
+            message = message.replace(f"{place}{os.sep}", "")
+            advice = "the files that it names are the archived ones (others: --folder)"
+            problems = error.problems if isinstance(error, StudyError) else ()
+            raise StudyError("\n".join([message, "", *missing, advice]), problems) from None
+        if differing := _different_files(study, files, None):
+            advice = "named by an absolute path, and changed since then (use it anyway: --folder)"
+            raise ArchiveError("\n".join([*differing.values(), advice]))
+        yield RestoredStudy(study, has_kept_files=True, different_files=[])
+
+
+def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:
+    """Return a study whose programs keep the folders of their runs in another folder.
+
+    Programs of several models get a folder each in that folder, when the first one is kept.
+    """
+    models = {
+        name: variant.with_model(variant.model.with_folder(folder / name))
+        for name, variant in study.models.items()
+    }
+    return replace(study, models=models)
+
+
+def _different_files(
+    study: ValidatedStudy, files: Sequence[ArchivedFile], folder: Path | None
+) -> dict[str, str]:
+    """Return the difference of each file from the archived one, including files in a folder."""
+    kept = {file.name: file.sha256 for file in files}
+    read = {name: file.sha256 for name, file in files_by_name(study.files(), study.folder).items()}
+    beside = {name: _sha256(folder / name) for name in kept.keys() - read.keys() if folder}
+    differing = {name: f"{name}: is not there" for name, found in beside.items() if not found}
+    for name, found in sorted({**read, **beside}.items()):
+        # An absolute path can have been another on the machine that made the archive.
+        if found and found != kept.get(name) and found not in kept.values():
+            expected = kept.get(name, "none, as the archive has no such file")
+            differing[name] = f"{name}: found the SHA-256 {found}, expected {expected}"
+    return differing
+
+
+def _sha256(path: Path) -> str:
+    """Return the hash of a file; empty where there is none."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    except (OSError, ValueError):
+        return ""
+
+
+# The runs
 
 
 def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
@@ -200,15 +375,14 @@ def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
     }
 
 
-def find_incompatibility(
-    study: ValidatedStudy, runs: Mapping[str, Mapping[str, xr.Dataset]]
-) -> str:
+def find_incompatibility(study: ValidatedStudy, runs: Runs) -> str:
     """Reason why runs cannot be those of a study; empty if they can."""
     if set(study.models) != set(runs):
-        return f"its text names other models than it holds: {_list_names(study.models)}"
+        names = ", ".join(study.models) or "a single one"
+        return f"its text names other models than it holds: {names}"
     for name, variant in study.models.items():
         if set(study.designs) != set(runs[name]):
-            return f"its text names other designs than it holds: {_list_names(study.designs)}"
+            return f"its text names other designs than it holds: {', '.join(study.designs)}"
         for design, design_runs in runs[name].items():
             if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
                 return f"its text has another kind of design by the name of {design}"
@@ -222,9 +396,8 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
     for output in variant.model.all_outputs:
         kind = "i" if output.categories else "f"
         dims = (RUN, *(dimension.name for dimension in output.dims))
-        if output.name not in made or made[output.name].dims != dims:
-            return output.name
-        if made[output.name].dtype.kind != kind:
+        found = made.variables.get(output.name)
+        if found is None or found.dims != dims or found.dtype.kind != kind:
             return output.name
         for dimension in output.dims:
             if not np.array_equal(made[dimension.name].values, dimension.values):
@@ -240,7 +413,3 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
 def run_inputs(study: ValidatedStudy, made: xr.Dataset) -> list[str]:
     """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
     return [variable.name for variable in study.joint.variables if variable.name in made]
-
-
-def _list_names(names: Mapping[str, object]) -> str:
-    return ", ".join(names) or "a single one"

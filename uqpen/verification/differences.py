@@ -1,4 +1,4 @@
-"""Differences between an archive and its repetition: equal to the bit, close, or different."""
+"""Differences between an archive's groups and those of its repetition, or of another archive."""
 
 from __future__ import annotations
 
@@ -9,19 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.workflow.repetition import (
-    Difference,
-    difference_text,
-    relative_difference,
-    unequal,
-)
+from uqpen.workflow.repetition import Difference, difference_text, relative_difference, unequal
 
-__all__ = [
-    "NEGLIGIBLE",
-    "find_attribute_differences",
-    "find_differences",
-    "missing_keys",
-]
+__all__ = ["NEGLIGIBLE", "find_attribute_differences", "find_differences", "missing_keys"]
 
 # Relative rounding error of a sum whose terms cancel; no statistic distinguishes it from 0.
 NEGLIGIBLE = 2.0**-60
@@ -33,29 +23,34 @@ _IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
 
 
 def find_differences(
-    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] = ()
+    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] | None = ()
 ) -> Iterator[Difference]:
     """Yield the differences between an archive's group and its repetition.
 
-    Of the group's attributes, those in `besides` are not compared.
+    Of the group's attributes, those in `besides` are not compared; None for values alone, each
+    variable by its own scale.
     """
     yield from missing_keys(archived.variables, found.variables)
-    scales = _scales(archived)
-    for name in archived.variables.keys() & found.variables.keys():
-        one, other = archived.variables[name], found.variables[name]
-        if one.dims != other.dims or one.shape != other.shape or _kind(one) != _kind(other):
+    scales = {} if besides is None else _scales(archived)
+    for name, one in archived.variables.items():
+        if (other := found.variables.get(name)) is None:
+            continue
+        if (one.dims, one.shape, _kind(one)) != (other.dims, other.shape, _kind(other)):
             yield Difference(f"{name} is of another shape or type", math.inf)
             continue
-        if difference := relative_difference(one.values, other.values, scales[str(name)]):
+        scale = scales.get(str(one.attrs.get("units")), 0.0)
+        if difference := relative_difference(one.values, other.values, scale):
             entries = int(unequal(one.values, other.values).sum())
             counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
             differ = "differ" if entries > 1 else "differs"
             yield Difference(f"{name}: {counted} {differ}{difference_text(difference)}", difference)
-        yield from find_attribute_differences(one.attrs, other.attrs, of=f" of {name}")
-    coefficients = archived.variables.get("coefficient", xr.Variable((), 0))
-    yield from find_attribute_differences(
-        archived.attrs, found.attrs, besides=besides, largest=_largest(coefficients)
-    )
+        if besides is not None:
+            yield from find_attribute_differences(one.attrs, other.attrs, of=f" of {name}")
+    if besides is not None:
+        largest = _largest(archived.variables.get("coefficient", xr.Variable((), 0)))
+        yield from find_attribute_differences(
+            archived.attrs, found.attrs, besides=besides, largest=largest
+        )
 
 
 def find_attribute_differences(
@@ -91,34 +86,8 @@ def find_attribute_differences(
         scale = largest if name in _IN_THE_OUTPUTS_UNIT else scale
         difference = relative_difference(one[name], other[name], scale) if alike else math.inf
         if difference:
-            yield Difference(
-                f"attribute {name}{of} differs{difference_text(difference)}", difference
-            )
-
-
-def _scales(group: xr.Dataset) -> dict[str, float]:
-    """Return the scale of each variable: the largest value with its unit in its group.
-
-    A mean may be 0 but for rounding. What it is rounded from has the scale of the other statistics
-    of its unit. The scale of a plain number, such as a skewness, is at least 1.
-    """
-    largest = {"1": 1.0}
-    for variable in group.variables.values():
-        unit = variable.attrs.get("units")
-        if isinstance(unit, str) and unit != "1":
-            largest[unit] = max(largest.get(unit, 0.0), _largest(variable))
-    return {
-        str(name): largest.get(str(variable.attrs.get("units")), 0.0)
-        for name, variable in group.variables.items()
-    }
-
-
-def _largest(variable: xr.Variable) -> float:
-    """Return the largest finite absolute value of a variable; 0 where it has none."""
-    values = np.asarray(variable.values)
-    if values.dtype.kind != "f":
-        return 0.0
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+            text = f"attribute {name}{of} differs{difference_text(difference)}"
+            yield Difference(text, difference)
 
 
 def missing_keys(
@@ -130,6 +99,28 @@ def missing_keys(
         yield Difference(f"{what}{name} is missing in the repetition", math.inf)
     for name in sorted(other - one):
         yield Difference(f"{what}{name} is missing", math.inf, is_new=True)
+
+
+def _scales(group: xr.Dataset) -> dict[str, float]:
+    """Return the scale of each unit: the largest value that has it in a group.
+
+    A mean may be 0 but for rounding. What it is rounded from has the scale of the other statistics
+    of its unit. The scale of a plain number, such as a skewness, is at least 1.
+    """
+    scales = {"1": 1.0}
+    for variable in group.variables.values():
+        unit = variable.attrs.get("units")
+        if isinstance(unit, str) and unit != "1":
+            scales[unit] = max(scales.get(unit, 0.0), _largest(variable))
+    return scales
+
+
+def _largest(variable: xr.Variable) -> float:
+    """Return the largest finite absolute value of a variable; 0 where it has none."""
+    values = np.asarray(variable.values)
+    if values.dtype.kind != "f":
+        return 0.0
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def _kind(array: Any) -> str:

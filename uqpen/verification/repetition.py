@@ -1,158 +1,241 @@
-"""Repetition of an archive's runs and statistics, and comparison with the archive."""
+"""Repetition of an archive's points, runs and statistics, and comparison with the archive."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES
+from uqpen.archive.groups import GROUPS, group_place
+from uqpen.archive.provenance import provenance
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
 from uqpen.core.blocks import block_ranges
-from uqpen.core.labels import CONTENT, MODELS, RECIPE, RUN, RUNS
+from uqpen.core.labels import BATCH_HASH, RUN
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, points_in_memory
 from uqpen.designs.rounds import first_round
-from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Progress, evaluate
+from uqpen.execution import (
+    EvaluationOptions,
+    Evaluator,
+    FailurePolicy,
+    Map,
+    Progress,
+    evaluate,
+    run_count,
+)
+from uqpen.execution.batching import BATCH_SIZE
 from uqpen.study.study import ValidatedStudy
-from uqpen.verification.archived_study import run_inputs
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.archived_study import Runs, run_inputs
+from uqpen.verification.check_result import CheckOutcome, CheckResult, first_lines
 from uqpen.verification.differences import NEGLIGIBLE, find_differences, missing_keys
-from uqpen.verification.interval_recipes import other_recipe, without_intervals
-from uqpen.verification.omitted_designs import omitted_designs
+from uqpen.verification.unrepeated import omitted_designs, other_recipe, without_intervals
 from uqpen.workflow import analyse_runs, run_design
-from uqpen.workflow.repetition import TOLERANCE, Difference, run_differences
+from uqpen.workflow.repetition import Difference, hashes_again, run_differences
 
-__all__ = [
-    "Runs",
-    "draw_runs",
-    "repeated_points",
-    "repeated_runs",
-    "repeated_statistics",
-    "reread_runs",
-]
+__all__ = ["Repetition"]
 
-Positions = IntArray | range
-Runs = Mapping[str, Mapping[str, xr.Dataset]]
-
-# Number of differences listed for one part; a damaged archive may have thousands.
-_MOST_LISTED = 8
+_ELSEWHERE = "last bits may differ where the versions or processors do, and a hash shows no size"
 
 
-def repeated_runs(
-    study: ValidatedStudy,
-    runs: Runs,
-    number: int | None,
-    tolerance: float,
-    *,
-    map: Map,
-    progress: Progress,
-) -> CheckResult:
-    """Repeat runs at the archived inputs and compare them with the archived runs.
+@dataclass(frozen=True)
+class Repetition:
+    """Repetition of a study whose runs an archive has.
 
     Parameters
     ----------
     study : ValidatedStudy
-        Read from the archive, with models that may be run.
+        Read from the archive.
     runs : mapping of str to mapping of str to Dataset
         The archived ones, by model and design.
     number : int or None
-        Number of runs, drawn at random from all; None for all.
+        Number of runs to repeat, drawn at random from all; None for all.
     tolerance : float
         Largest relative difference; 0 where every bit must be the same.
     map, progress
         As for `uqpen.run`.
     """
-    found: list[Difference] = []
-    policy = FailurePolicy(study.failures.retry)
-    options = EvaluationOptions(map=map, progress=progress, failures=policy)
-    chosen = list(draw_runs(study, runs, number))
-    progress.announce_designs({_runs_name(model, design): len(at) for model, design, at in chosen})
-    for model, design, positions in chosen:
-        progress.start_design(_runs_name(model, design), len(positions))
-        variant, archived_runs = study.models[model], runs[model][design]
-        for start in range(0, len(positions), RUNS_IN_MEMORY):  # very many are taken by parts
-            part = np.asarray(positions[start : start + RUNS_IN_MEMORY])
-            archived = archived_runs.isel({RUN: part}).load()
-            inputs = {name: archived.variables[name] for name in run_inputs(study, archived)}
-            points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
-            again = evaluate(
-                Evaluator(variant.model, study.constraints),
-                points,
-                {},
-                options,
-            )
-            found += run_differences(
-                _runs_name(model, design), archived, again, variant.model.all_outputs
-            )
-    repeated = sum(len(positions) for _, _, positions in chosen)
-    total = sum(
-        archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
-    )
-    return _check_result("runs", f"{repeated} of {total} repeated", found, tolerance)
 
+    study: ValidatedStudy
+    runs: Runs
+    number: int | None
+    tolerance: float = 0.0
+    map: Map = map
+    progress: Progress = field(default_factory=Progress)
 
-def reread_runs(study: ValidatedStudy, runs: Runs) -> CheckResult:
-    """Read runs again from the data file that they come from; no model can repeat them.
+    def check_runs(self) -> CheckResult:
+        """Repeat runs at the archived inputs and compare them with the archived runs."""
+        found: list[Difference] = []
+        policy = FailurePolicy(self.study.failures.retry)
+        options = EvaluationOptions(map=self.map, progress=self.progress, failures=policy)
+        drawn = list(self.drawn_runs())
+        self.progress.announce_designs(
+            {_runs_name(model, design): len(at) for model, design, at in drawn}
+        )
+        for model, design, positions in drawn:
+            name, variant = _runs_name(model, design), self.study.models[model]
+            self.progress.start_design(name, len(positions))
+            for start in range(0, len(positions), RUNS_IN_MEMORY):  # very many are taken by parts
+                part = np.asarray(positions[start : start + RUNS_IN_MEMORY])
+                archived = self.runs[model][design].isel({RUN: part}).load()
+                inputs = {
+                    each: archived.variables[each] for each in run_inputs(self.study, archived)
+                }
+                points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
+                evaluator = Evaluator(variant.model, self.study.constraints)
+                again = evaluate(evaluator, points, {}, options)
+                found += run_differences(name, archived, again, variant.model.all_outputs)
+        repeated = sum(len(positions) for _, _, positions in drawn)
+        total = sum(made.sizes[RUN] for designs in self.runs.values() for made in designs.values())
+        what = f"{repeated} of {total} repeated"
+        return CheckResult.of_differences("runs", what, found, self.tolerance)
 
-    The file is the archived one, or has its hash, so every bit must be the same.
-    """
-    found: list[Difference] = []
-    ((model, variant),) = study.models.items()
-    for name, design in study.designs.items():
-        stream = Stream(study.seed, "designs", name)
-        again = run_design(study, design, stream, map=map, progress=Progress())[model]
-        archived = runs[model][name]
-        inputs = _without_attributes(archived[run_inputs(study, archived)])
-        found += [
-            each._replace(what=f"{name}: {each.what}")
-            for each in find_differences(inputs, _without_attributes(again[list(inputs)]))
+    def drawn_runs(self) -> Iterator[tuple[str, str, IntArray | range]]:
+        """Draw runs at random from all runs, by the study's seed.
+
+        Yields model, design and positions in that design, in the order in which the study made
+        them; of all runs of a design a range.
+        """
+        places = [
+            (model, design, self.runs[model][design].sizes[RUN])
+            for design in self.study.designs
+            for model in self.study.models
         ]
-        found += run_differences(name, archived, again, variant.model.all_outputs)
-    rows = sum(archived.sizes[RUN] for archived in runs[model].values())
-    file = variant.model.name
-    what = f"not repeatable, as they come from a file; {rows} read again from {file}"
-    return _check_result("runs", what, found, 0.0)
+        total = sum(size for _, _, size in places)
+        if self.number is None or self.number >= total:
+            yield from ((model, design, range(size)) for model, design, size in places if size)
+            return
+        generator = Stream(self.study.seed, "verification").generator()
+        drawn = np.sort(generator.choice(total, self.number, replace=False))
+        start = 0
+        for model, design, size in places:
+            positions = drawn[(drawn >= start) & (drawn < start + size)] - start
+            if positions.size:
+                yield model, design, positions
+            start += size
 
+    def check_batches(self) -> CheckResult:
+        """Make batches of runs that are not kept again, and compare hashes with the archived ones.
 
-def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> CheckResult:
-    """Draw the first round of every design again and compare it with the archived runs.
+        Their number is that of runs, rounded up to whole batches, which are drawn at random.
+        """
+        found: list[str] = []
+        repeated = total = 0
+        for model, variant in self.study.models.items():
+            for design in omitted_designs(self.runs):
+                made = self.runs[model][design]
+                archived, size = made[BATCH_HASH].values, run_count(made)
+                wanted = len(archived)
+                if self.number is not None:
+                    wanted = min(-(-self.number // BATCH_SIZE), wanted)
+                stream = Stream(self.study.seed, "verification", "batches")
+                generator = stream.generator(f"{model} {design}")
+                drawn = np.sort(generator.choice(len(archived), wanted, replace=False)).tolist()
+                for batch, own in hashes_again(
+                    self.study, variant, design, size, drawn, self.map, self.progress
+                ):
+                    if own != archived[batch]:
+                        last = min((batch + 1) * BATCH_SIZE, size) - 1
+                        which = f"runs {batch * BATCH_SIZE} to {last}"
+                        found.append(f"{_runs_name(model, design)}: {which} are others now")
+                repeated, total = repeated + wanted, total + len(archived)
+        what = f"{repeated} of {total} batches of {BATCH_SIZE} runs made again"
+        if not found:
+            return CheckResult("batches", CheckOutcome.EQUAL, f"{what}: equal by their hashes")
+        details = first_lines(found)
+        if self.tolerance:
+            outcome, details = CheckOutcome.UNCHECKED, (*details, _ELSEWHERE)
+        else:
+            outcome = CheckOutcome.DIFFERENT
+        return CheckResult("batches", outcome, f"{what}: different", details)
 
-    Later rounds of an adaptive design follow from the runs before.
-    """
-    found: list[Difference] = []
-    for name, design in study.designs.items():
-        if name in omitted_designs(runs):  # their points are drawn again with their batches
-            continue
-        stream = Stream(study.seed, "designs", name)
-        for start, part in _parts(first_round(design, study.joint, stream)):
-            drawn = _without_attributes(part)
-            these = slice(start, start + drawn.sizes[RUN])
-            for model, variant in study.models.items():
-                again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
-                archived = _without_attributes(runs[model][name].isel({RUN: these}))
-                archived = xr.Dataset(
-                    {key: archived.variables[key] for key in again.variables if key in archived}
-                )
-                found += [
-                    each._replace(what=f"{_runs_name(model, name)}: {each.what}")
-                    for each in find_differences(archived, again.reset_coords())
-                ]
-    what = f"the first round of {', '.join(study.designs)} drawn again"
-    return _check_result("points", what, found, tolerance)
+    def check_data(self) -> CheckResult:
+        """Read runs again from the data file that they come from; no model can repeat them.
 
+        The file is the archived one, or has its hash, so every bit must be the same.
+        """
+        study, found = self.study, list[Difference]()
+        ((model, variant),) = study.models.items()
+        for name, design in study.designs.items():
+            stream = Stream(study.seed, "designs", name)
+            again = run_design(study, design, stream, map=map, progress=Progress())[model]
+            archived = self.runs[model][name]
+            inputs = archived[run_inputs(study, archived)]
+            differences = find_differences(inputs, again[list(inputs)], besides=None)
+            found += [each.within(name) for each in differences]
+            found += run_differences(name, archived, again, variant.model.all_outputs)
+        rows = sum(archived.sizes[RUN] for archived in self.runs[model].values())
+        file = variant.model.name
+        what = f"not repeatable, as they come from a file; {rows} read again from {file}"
+        return CheckResult.of_differences("runs", what, found, 0.0)
 
-def _without_attributes(dataset: xr.Dataset) -> xr.Dataset:
-    """Return what `Dataset.drop_attrs` does, which merges all variables for each of them."""
-    found = dataset.copy(deep=False)
-    found.attrs = {}
-    for variable in found.variables.values():
-        variable.attrs = {}
-    return found
+    def check_points(self) -> CheckResult:
+        """Draw the first round of every design again and compare it with the archived runs.
+
+        Later rounds of an adaptive design follow from the runs before.
+
+        Raises
+        ------
+        StudyError
+            If a user-defined design fails.
+        """
+        study, found = self.study, list[Difference]()
+        for name, design in study.designs.items():
+            if name in omitted_designs(self.runs):  # their points are drawn with their batches
+                continue
+            stream = Stream(study.seed, "designs", name)
+            for start, part in _parts(first_round(design, study.joint, stream)):
+                these = {RUN: slice(start, start + part.sizes[RUN])}
+                for model, variant in study.models.items():
+                    again = part.drop_vars([RUN, *variant.given], errors="ignore").reset_coords()
+                    archived = self.runs[model][name].isel(these)
+                    shared = {
+                        key: archived.variables[key] for key in again.variables if key in archived
+                    }
+                    differences = find_differences(xr.Dataset(shared), again, besides=None)
+                    found += [each.within(_runs_name(model, name)) for each in differences]
+        what = f"the first round of {', '.join(study.designs)} drawn again"
+        return CheckResult.of_differences("points", what, found, self.tolerance)
+
+    def check_statistics(self, tree: xr.DataTree, ignored: Collection[str]) -> CheckResult:
+        """Repeat the statistics of the archived runs and compare them with the archived ones.
+
+        Parameters
+        ----------
+        tree : DataTree
+            The archive. One of another uqpen may lack statistics of this one.
+        ignored : collection of str
+            Attributes that may differ.
+
+        Raises
+        ------
+        StudyError
+            If a user-defined analysis fails.
+        """
+        runs = {
+            model: {design: self.runs[model][design] for design in self.study.designs}
+            for model in self.study.models
+        }
+        again = analyse_runs(self.study, runs, self.progress)
+        archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
+        found = list(missing_keys(archived_groups, repeated_groups))
+        recipe = other_recipe(tree)
+        for path in sorted(archived_groups & repeated_groups):
+            parts = path.strip("/").split("/") if path != "/" else []
+            pair = [without_intervals(read_group(each, *parts), recipe) for each in (tree, again)]
+            found += [each.within(path) for each in find_differences(*pair, besides=ignored)]
+        total = len(found)
+        found = [each for each in found if each.relative > NEGLIGIBLE]
+        rounded = total - len(found)
+        if tree.attrs.get("version_uqpen") != provenance()["version_uqpen"]:
+            found = [each._replace(relative=0.0) if each.is_new else each for each in found]
+        what = f"{len(archived_groups)} groups computed again"
+        if rounded:
+            what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
+        return CheckResult.of_differences("statistics", what, found, self.tolerance)
 
 
 def _parts(points: Points) -> Iterator[tuple[int, xr.Dataset]]:
@@ -164,102 +247,11 @@ def _parts(points: Points) -> Iterator[tuple[int, xr.Dataset]]:
         yield start, points.read(start, stop)
 
 
-def repeated_statistics(
-    study: ValidatedStudy,
-    tree: xr.DataTree,
-    runs: Runs,
-    tolerance: float,
-    besides: Sequence[str],
-    *,
-    is_earlier: bool = False,
-    progress: Progress | None = None,
-) -> CheckResult:
-    """Repeat the statistics of the archived runs and compare them with the archived ones.
-
-    Parameters
-    ----------
-    study, tree, runs
-        Of the archive.
-    tolerance : float
-        Largest relative difference; 0 where every bit must be the same.
-    besides : sequence of str
-        Attributes that may differ.
-    is_earlier : bool
-        True if the archive is of another uqpen, which may lack statistics of this one.
-    progress : Progress, optional
-        Receives a report of each step.
-    """
-    in_order = {
-        model: {design: runs[model][design] for design in study.designs} for model in study.models
-    }
-    again = analyse_runs(study, in_order, progress)
-    archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
-    found = list(missing_keys(archived_groups, repeated_groups))
-    uncompared = other_recipe(tree)
-    for path in sorted(archived_groups & repeated_groups):
-        parts = path.strip("/").split("/") if path != "/" else []
-        pair = [without_intervals(read_group(each, *parts), uncompared) for each in (tree, again)]
-        found += [
-            difference._replace(what=f"{path}: {difference.what}")
-            for difference in find_differences(*pair, besides=(CONTENT, RECIPE, *besides))
-        ]
-    total = len(found)
-    found = [each for each in found if each.relative > NEGLIGIBLE]
-    rounded = total - len(found)
-    if is_earlier:
-        found = [each._replace(relative=0.0) if each.is_new else each for each in found]
-    what = f"{len(archived_groups)} groups computed again"
-    if rounded:
-        what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
-    return _check_result("statistics", what, found, tolerance)
-
-
-def draw_runs(
-    study: ValidatedStudy, runs: Runs, number: int | None
-) -> Iterator[tuple[str, str, Positions]]:
-    """Draw a number of runs at random from all runs, by the study's seed; None for all.
-
-    Yields model, design and positions in that design, in the order in which the study made them;
-    of all runs of a design a range.
-    """
-    places = [
-        (model, design, runs[model][design].sizes[RUN])
-        for design in study.designs
-        for model in study.models
-    ]
-    total = sum(size for _, _, size in places)
-    if number is None or number >= total:
-        yield from ((model, design, range(size)) for model, design, size in places if size)
-        return
-    generator = Stream(study.seed, "verification").generator()
-    drawn = np.sort(generator.choice(total, number, replace=False))
-    start = 0
-    for model, design, size in places:
-        positions = drawn[(drawn >= start) & (drawn < start + size)] - start
-        if positions.size:
-            yield model, design, positions
-        start += size
-
-
-def _check_result(name: str, what: str, found: list[Difference], tolerance: float) -> CheckResult:
-    """Return the result of a repetition, the largest differences first."""
-    found = sorted(found, key=lambda each: -each.relative)
-    details = [each.what for each in found[:_MOST_LISTED]]
-    if len(found) > len(details):
-        details.append(f"and {len(found) - len(details)} more")
-    if not found:
-        return CheckResult(name, CheckOutcome.EQUAL, f"{what}: bit-equal")
-    if found[0].relative <= tolerance:
-        close = f"{what}: equal within {TOLERANCE:g} of the largest value"
-        return CheckResult(name, CheckOutcome.CLOSE, close, tuple(details))
-    return CheckResult(name, CheckOutcome.DIFFERENT, f"{what}: different", tuple(details))
-
-
 def _runs_name(model: str, design: str) -> str:
     return f"{model}: {design}" if model else design
 
 
 def _statistics_groups(tree: xr.DataTree) -> set[str]:
     """Return the paths of all groups, except runs and files, which are not computed."""
-    left_out = re.compile(rf"/({RUNS}|{FILES}|{MODELS}/[^/]+/{RUNS})(/|\Z)")
-    return {node.path for node in tree.subtree if not left_out.match(node.path)}
+    kept = {name for name, group in GROUPS.items() if not group.is_repeated}
+    return {node.path for node in tree.subtree if group_place(node.path)[0] not in kept}

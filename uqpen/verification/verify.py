@@ -3,90 +3,43 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.files import FILES
-from uqpen.archive.provenance import of_python_functions, provenance
-from uqpen.archive.read import read_tree
+from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import group_hashes, recorded_hashes
+from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
+from uqpen.archive.read import is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
-from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import DEPENDENCIES, KIND, NOT_MADE_AGAIN, REUSED_RUNS
+from uqpen.core.errors import ArchiveError, StudyError, UqpenError
+from uqpen.core.labels import CONTENT, DEPENDENCIES, NOT_MADE_AGAIN, RECIPE, REUSED_RUNS
 from uqpen.execution import Map, Progress
+from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
+from uqpen.models.source import source_sha256
 from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
-from uqpen.verification.absent_code import (
-    check_points,
-    unchecked_analyses,
-    unrepeated_runs,
-    without_absent,
-)
 from uqpen.verification.archived_study import (
+    NamedCode,
     archived_runs,
     find_incompatibility,
-    user_defined_analyses,
-    user_defined_models,
+    named_code,
+    restored_study,
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.content_checks import check_files, check_hashes, check_text
-from uqpen.verification.earlier_surrogates import check_surrogate_recipe
-from uqpen.verification.interval_recipes import check_recipe
-from uqpen.verification.made_with import (
-    VERSION_ATTRIBUTES,
-    check_sources,
-    different_programs,
-    environment_differences,
-    has_other_version,
-    model_attributes,
-)
-from uqpen.verification.omitted_designs import (
-    omitted_designs,
-    repeated_batches,
-    without_omitted,
-)
-from uqpen.verification.repetition import (
-    Runs,
-    repeated_runs,
-    repeated_statistics,
-    reread_runs,
-)
-from uqpen.verification.restored_study import restored_study
-from uqpen.verification.user_defined_statistics import without_user_defined_statistics
+from uqpen.verification.repetition import Repetition
+from uqpen.verification.unrepeated import ADVICE, leave_out, omitted_designs
 from uqpen.workflow.repetition import TOLERANCE
 
 __all__ = ["verify"]
 
-
-class _Options(NamedTuple):
-    """Options of the repetition of an archive.
-
-    Parameters
-    ----------
-    run_count : int or None
-        Number of runs to repeat; None for all.
-    tolerance : float
-        Permitted difference; 0 where versions and processor are those of the archive.
-    is_earlier : bool
-        True if another uqpen made the archive, which may lack statistics of this one.
-    trust : bool
-        True if code that the archive names may be executed.
-    map : callable
-        Like the built-in; it makes the batches of runs.
-    progress : Progress
-        Receives reports of progress.
-    """
-
-    run_count: int | None
-    tolerance: float
-    is_earlier: bool
-    trust: bool
-    map: Map
-    progress: Progress
+# Attributes that describe a model, and what distinguishes its versions.
+_MODEL = "model_"
+_SOURCE, _PROGRAM = "source_sha256", "program_sha256"
 
 
 def verify(
@@ -103,20 +56,12 @@ def verify(
 
     Parameters
     ----------
-    path : Path
-        The archive.
-    folder : Path, optional
-        Folder with the files that its study names; by default, the archived files are used.
-    runs : int or None
-        Number of runs to repeat, drawn at random; None for all.
-    trust : bool
-        True if code that the archive names may be executed.
+    path, folder, runs, trust, progress
+        As for `uqpen.verify`.
     objects : mapping of tuple to object, optional
         Python objects that its study names, as for `parse_study`.
     map : callable
         Like the built-in; it makes the batches of runs.
-    progress : Progress, optional
-        Receives reports of progress.
 
     Raises
     ------
@@ -124,41 +69,23 @@ def verify(
         If it is no archive.
     """
     tree = read_tree(path)
-    yield check_hashes(tree)
-    yield check_text(tree)
+    yield _check_hashes(tree)
+    yield _check_text(tree)
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
-    elif KIND in tree.attrs:
+        return
+    if is_benchmark(tree):
         message = "runs of a benchmark of methods are not repeated; only hashes are checked"
         yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
-    else:
-        if FILES in tree.children:
-            yield check_files(tree)
-        reports = environment_differences(tree)
-        others = [each for each in reports if not each.endswith(NOT_MADE_AGAIN)]
-        same = [] if others else ["the same versions and kind of processor as here"]
-        message = ", ".join([*same, *reports])
-        outcome = CheckOutcome.CLOSE if others else CheckOutcome.EQUAL
-        yield CheckResult("made with", outcome, message)
-        options = _Options(
-            run_count=runs,
-            tolerance=TOLERANCE if others else 0.0,
-            is_earlier=has_other_version(tree),
-            trust=trust,
-            map=map,
-            progress=progress or Progress(),
-        )
-        yield from _repeat_checks(tree, folder, objects, options)
-
-
-def _repeat_checks(
-    tree: xr.DataTree, folder: Path | None, objects: Objects | None, options: _Options
-) -> Iterator[CheckResult]:
-    """Repeat the runs and statistics that can be repeated."""
+        return
+    if FILES in tree.children:
+        yield _check_files(tree)
+    environment = _check_environment(tree)
+    yield environment
     with contextlib.ExitStack() as stack:
         try:
             restored = stack.enter_context(
-                restored_study(tree, folder, trust=options.trust, objects=objects)
+                restored_study(tree, folder, trust=trust, objects=objects)
             )
         except UqpenError as error:
             message, details = "its study cannot be read here", tuple(str(error).split("\n"))
@@ -166,81 +93,190 @@ def _repeat_checks(
             return
         if details := tuple(restored.different_files):
             yield CheckResult("folder", CheckOutcome.DIFFERENT, "not the archived ones", details)
-        study, runs = restored.study, archived_runs(tree)
-        if reason := find_incompatibility(study, runs):
+        study, found = restored.study, archived_runs(tree)
+        if reason := find_incompatibility(study, found):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
-        untrusted = [] if options.trust else user_defined_models(study.text)
-        if isinstance(study.model, DataModel):
-            yield reread_runs(study, runs)
-        elif unrepeated := unrepeated_runs(study, untrusted):
-            yield unrepeated
-        else:
-            yield from _repeat_runs(study, tree, runs, options)
-        options.progress.start_analysis()
-        yield from check_points(study, runs, options.tolerance)
-        besides = model_attributes(tree) if untrusted else []
-        yield from _repeat_statistics(study, tree, runs, besides, options)
+        tolerance = 0.0 if environment.verdict is CheckOutcome.EQUAL else TOLERANCE
+        repetition = Repetition(study, found, runs, tolerance, map, progress or Progress())
+        yield from _repeat(repetition, tree, trust=trust)
 
 
-def _repeat_runs(
-    study: ValidatedStudy, tree: xr.DataTree, runs: Runs, options: _Options
-) -> Iterator[CheckResult]:
-    """Repeat runs, with the programs and sources of today."""
-    for variant in study.models.values():
-        options.progress.start_preparation(variant.model.name)
-        variant.model.prepare()
-    tolerance = options.tolerance
-    if others := list(different_programs(study, tree)):
-        tolerance = TOLERANCE
-        message = f"another than then: {', '.join(others)}"
-        yield CheckResult("program", CheckOutcome.CLOSE, message)
-    omitted = omitted_designs(runs)
-    if set(study.designs) != set(omitted):
-        yield repeated_runs(
-            study, runs, options.run_count, tolerance, map=options.map, progress=options.progress
+# Its content, and what it was made with
+
+
+def _check_hashes(tree: xr.DataTree) -> CheckResult:
+    """Check that every group is as it was written."""
+    found, written = group_hashes(tree), recorded_hashes(tree)
+    if not written:
+        return CheckResult("hashes", CheckOutcome.DIFFERENT, "no longer recorded in the archive")
+    shared = found.keys() & written.keys()
+    details = tuple(
+        f"{path} {what}"
+        for what, paths in (
+            ("is changed", {path for path in shared if found[path] != written[path]}),
+            ("is missing", written.keys() - found.keys()),
+            ("was added", found.keys() - written.keys()),
         )
-    if omitted:
-        yield repeated_batches(
-            study, runs, options.run_count, tolerance, map=options.map, progress=options.progress
-        )
-    yield from check_sources(study, tree)
+        for path in sorted(paths)
+    )
+    if details:
+        return CheckResult("hashes", CheckOutcome.DIFFERENT, "not those of its groups", details)
+    return CheckResult("hashes", CheckOutcome.EQUAL, f"those of its {len(found)} groups")
 
 
-def _repeat_statistics(
-    study: ValidatedStudy,
-    tree: xr.DataTree,
-    runs: Runs,
-    besides: list[str],
-    options: _Options,
-) -> Iterator[CheckResult]:
-    """Repeat statistics, except those that follow from code that is not loaded."""
-    if omitted := omitted_designs(runs):
-        study, tree, left_out = without_omitted(study, tree, omitted)
-        yield left_out
-        if not study.designs:
-            return
-    study, tree, unchecked = without_absent(study, tree)
-    yield from unchecked
-    study, tree, unchecked = check_surrogate_recipe(study, tree)
-    yield from unchecked
-    if not options.trust and (analyses := user_defined_analyses(study.text)):
-        yield unchecked_analyses(analyses, tree)
-        study, tree = replace(study, analyses=()), without_user_defined_statistics(tree)
-    if recipe := check_recipe(tree):
-        yield recipe
-    ignored = [*provenance(), *of_python_functions(), *VERSION_ATTRIBUTES, *besides]
-    ignored += [REUSED_RUNS, DEPENDENCIES]
+def _check_text(tree: xr.DataTree) -> CheckResult:
+    """Check that the study's text matches the archived hash."""
+    text = str(tree.attrs.get("study_text", ""))
+    digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    if digest == str(tree.attrs.get("study_sha256")):
+        return CheckResult("study", CheckOutcome.EQUAL, "its text has the recorded hash")
+    message = "its text is changed: it does not have the recorded hash"
+    return CheckResult("study", CheckOutcome.DIFFERENT, message)
+
+
+def _check_files(tree: xr.DataTree) -> CheckResult:
+    """Check that the archived files match their hashes."""
+    files = archived_files(read_group(tree, FILES))
+    details = []
+    for file in files:
+        try:
+            _ = file.read() if file.is_whole else b""
+        except ArchiveError as error:
+            details.append(str(error))
+    if details:
+        message = "not those of its study"
+        return CheckResult("files", CheckOutcome.DIFFERENT, message, tuple(details))
+    by_hash = [f"{file.name}: kept by its hash alone" for file in files if not file.is_whole]
+    message = f"{len(files)} archived, with the recorded hashes"
+    return CheckResult("files", CheckOutcome.EQUAL, message, tuple(by_hash))
+
+
+def _check_environment(tree: xr.DataTree) -> CheckResult:
+    """Compare what an archive was made with to this installation.
+
+    Versions, the processor and the sources of built-in models may change the last bits of results;
+    so may those that runs were made with which were taken from earlier archives.
+    """
+    # Versions that only Python functions depend on do not matter where there is no function.
+    has_user_defined_code = bool(named_code(tree).code)
+    here = {**provenance(), **of_python_functions()}
+    then = {str(name): value for name, value in tree.attrs.items()}
+    then |= {} if has_user_defined_code else of_python_functions()
+    reports = [
+        f"{name} {archived} (here {found})"
+        for name, archived, found in provenance_differences(then, here)
+    ]
+    reused = [line for line in str(tree.attrs.get(REUSED_RUNS, "")).split("\n") if line]
+    sources: list[str] = []
+    for model in model_trees(tree).values():
+        name, archived = (str(model.attrs.get(f"{_MODEL}{key}", "")) for key in ("name", _SOURCE))
+        if name in MODELS and archived:
+            found = source_sha256(MODELS[name].partition(":")[0])
+            if found != archived:
+                sources.append(f"source of {name} {archived[:8]} (here {found[:8]})")
+    reports += [*reused, *dict.fromkeys(sources)]
+    if any(not each.endswith(NOT_MADE_AGAIN) for each in reports):
+        return CheckResult("made with", CheckOutcome.CLOSE, ", ".join(reports))
+    message = ", ".join(["the same versions and kind of processor as here", *reports])
+    return CheckResult("made with", CheckOutcome.EQUAL, message)
+
+
+# Its runs and statistics
+
+
+def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterator[CheckResult]:
+    """Repeat the runs, points and statistics that can be repeated."""
+    study, named = repetition.study, named_code(tree)
+    absent = [each.model.name for each in study.models.values() if each.model.is_absent]
+    is_untrusted = bool(named.models) and not trust
+    if isinstance(study.model, DataModel):
+        yield repetition.check_data()
+    elif is_untrusted:
+        what = f"they execute code that the archive names ({', '.join(named.models)})"
+        yield _unrepeated("runs", f"not repeated: {what}", ADVICE)
+    elif absent:
+        what = f"{', '.join(absent)} is an object of the Python program that made the archive"
+        advice = "give the function: uqpen.verify(path, model=function)"
+        yield _unrepeated("runs", f"not repeated: {what}", advice)
+    else:
+        yield from _repeat_runs(repetition, tree)
+    repetition.progress.start_analysis()
+    yield from _repeat_points(repetition, named)
+    study, tree, left_out = leave_out(study, tree, trust=trust)
+    yield from left_out
+    if not study.designs:
+        return
+    ignored = {CONTENT, RECIPE, REUSED_RUNS, DEPENDENCIES, *provenance(), *of_python_functions()}
+    ignored |= {f"{_MODEL}{name}" for name in ("version", _SOURCE, _PROGRAM)}
+    if is_untrusted:  # some attributes are known only of a loaded model
+        attributes = {str(name) for model in model_trees(tree).values() for name in model.attrs}
+        ignored |= {name for name in attributes if name.startswith(_MODEL)}
     try:
-        yield repeated_statistics(
-            study,
-            tree,
-            runs,
-            options.tolerance,
-            ignored,
-            is_earlier=options.is_earlier,
-            progress=options.progress,
-        )
+        yield replace(repetition, study=study).check_statistics(tree, ignored)
     except StudyError as error:  # a user-defined analysis fails here
         message = "an analysis that its study names fails"
         yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _repeat_runs(repetition: Repetition, tree: xr.DataTree) -> Iterator[CheckResult]:
+    """Repeat runs, with the programs and sources of today."""
+    study = repetition.study
+    for variant in study.models.values():
+        repetition.progress.start_preparation(variant.model.name)
+        variant.model.prepare()
+    programs = []
+    for name, model_tree in model_trees(tree).items():
+        model = study.models[name].model
+        archived = str(model_tree.attrs.get(f"{_MODEL}{_PROGRAM}", ""))
+        found = model.identity().get(_PROGRAM, "")
+        if found != archived:
+            programs.append(f"{model.name} {archived[:8]} (here {found[:8]})")
+    if programs:
+        message = f"another than then: {', '.join(programs)}"
+        yield CheckResult("program", CheckOutcome.CLOSE, message)
+        repetition = replace(repetition, tolerance=TOLERANCE)
+    omitted = omitted_designs(repetition.runs)
+    if set(study.designs) != set(omitted):
+        yield repetition.check_runs()
+    if omitted:
+        yield repetition.check_batches()
+    yield from _check_sources(study, tree)
+
+
+def _check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckResult]:
+    """Check that the source of user-defined models is unchanged, where it was not archived."""
+    details = []
+    for name, model_tree in model_trees(tree).items():
+        model, archived = study.models[name].model, model_tree.attrs.get(f"{_MODEL}{_SOURCE}")
+        if model.name in MODELS or not archived or (FILES in tree.children and not model.is_object):
+            continue  # the archived files are what it was made with
+        found = model.identity().get(_SOURCE)
+        if found != archived:
+            differ = f"found the SHA-256 {found}, expected {archived}"
+            details.append(f"{model.name} and what it imports: {differ}")
+    if details:
+        message = "not the source of the models that it was made with"
+        yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
+
+
+def _repeat_points(repetition: Repetition, named: NamedCode) -> Iterator[CheckResult]:
+    """Draw the points again that code of the archive has drawn, if it is loaded."""
+    unloaded = repetition.study.unloaded_members
+    untrusted = [name for name in unloaded if name in named.members]
+    if untrusted:
+        what = f"they are drawn by code that the archive names ({', '.join(untrusted)})"
+        yield _unrepeated("points", f"not checked: {what}", ADVICE)
+    elif unloaded:
+        what = f"{', '.join(unloaded)} is an object of the Python program that made the archive"
+        yield _unrepeated("points", f"not checked: {what}", "run that program again")
+    elif named.members:
+        try:
+            yield repetition.check_points()
+        except StudyError as error:  # a user-defined design fails here
+            message = "a design that its study names fails"
+            yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _unrepeated(part: str, message: str, advice: str) -> CheckResult:
+    return CheckResult(part, CheckOutcome.UNCHECKED, message, (advice,))

@@ -13,6 +13,7 @@ import xarray as xr
 
 from uqpen.archive.fields import place_text
 from uqpen.core.arrays import BoolArray
+from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import BLOCK, Stream
@@ -27,6 +28,7 @@ __all__ = [
     "TOLERANCE",
     "Difference",
     "difference_text",
+    "first_difference",
     "hashes_again",
     "relative_difference",
     "run_differences",
@@ -54,6 +56,10 @@ class Difference(NamedTuple):
     what: str
     relative: float
     is_new: bool = False
+
+    def within(self, place: str) -> Difference:
+        """Return the difference with the name of the place that it is in."""
+        return self._replace(what=f"{place}: {self.what}")
 
 
 def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> BoolArray:
@@ -84,6 +90,23 @@ def relative_difference(
     # Halves, as the difference of the largest numbers of all is none.
     difference = float(np.abs(one[at] / 2 - other[at] / 2).max())
     return 2 * (difference / largest) if largest else 0.0
+
+
+def first_difference(one: xr.Variable, other: xr.Variable) -> tuple[tuple[int, ...], int]:
+    """Return the place of the first difference, and how many entries of the first dimension differ.
+
+    They are compared by blocks, as many runs need not fit the memory.
+    """
+    if not one.dims:
+        return (), int(unequal(one.values, other.values).any())
+    first: tuple[int, ...] = ()
+    rows = 0
+    for start, stop in block_ranges(one.shape[0]):
+        places = np.argwhere(unequal(one[start:stop].values, other[start:stop].values))
+        if len(places) and not rows:
+            first = (start + int(places[0, 0]), *map(int, places[0, 1:]))
+        rows += np.unique(places[:, 0]).size
+    return first, rows
 
 
 def difference_text(difference: float) -> str:
@@ -119,19 +142,16 @@ def run_differences(
         Where, or when, the two have their values.
     """
     for name in (STATUS, *(output.name for output in outputs)):
-        one, other = archived[name].values, again[name].values
-        places = np.argwhere(unequal(one, other))
-        at = np.unique(places[:, 0])
-        if at.size:
-            # In a field, the first value that differs, and where it is.
-            first = tuple(places[0])
-            numbers = archived[RUN].values[at]
+        place, rows = first_difference(archived.variables[name], again.variables[name])
+        if rows:
+            one, other = archived[name].values, again[name].values
+            number = archived[RUN].values[place[0]]
             difference = relative_difference(one, other, scales.get(name, 0.0))
-            count = f"; {at.size} of its runs differ" if at.size > 1 else "; it differs"
+            count = f"; {rows} of its runs differ" if rows > 1 else "; it differs"
             yield Difference(
-                f"{runs_name}: {name} of run {numbers[0]}{place_text(archived[name], first)} is "
-                f"{one[first]!s} {words[0]} and "
-                f"{other[first]!s} {words[1]}{count}{difference_text(difference)}",
+                f"{runs_name}: {name} of run {number}{place_text(archived[name], place)} is "
+                f"{one[place]!s} {words[0]} and "
+                f"{other[place]!s} {words[1]}{count}{difference_text(difference)}",
                 difference,
             )
 

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy import stats
 
 from uqpen.core.arrays import FloatArray
-from uqpen.statistics.by_blocks.cell_counts import CellCounts, OrderedValues
-from uqpen.statistics.by_blocks.power_sums import PowerSums
-from uqpen.statistics.by_blocks.products import Products, partial
-from uqpen.statistics.by_blocks.splitters import Splitters
+from uqpen.statistics.by_blocks.blocked_sample import PowerSums
+from uqpen.statistics.by_blocks.cells import CellCounts, OrderedValues, Splitters
 
 LARGE = 1e6
 # Some values come often, so that atoms and splitters meet.
@@ -99,16 +95,3 @@ def test_order_statistics_are_those_of_the_sorted_values(
             if not counts.asked:
                 assert (below, at_or_below) == ((expected < value).sum(), (expected <= value).sum())
             counts.asked.clear()
-
-
-def test_products_of_pieces_give_the_correlations_of_the_whole() -> None:
-    generator = np.random.default_rng(3)
-    columns = generator.normal(size=(4, 4)) @ generator.normal(size=(4, 500)) + 3.0
-    found = Products.empty(3, 4)
-    for number, part in enumerate(np.split(columns, [100, 101, 400], axis=1)):
-        found.add(number % 3, part)
-    matrix: npt.NDArray[np.float64] = found.whole.matrices()[0]
-    np.testing.assert_allclose(matrix, np.corrcoef(columns), rtol=1e-11)
-    others = np.column_stack([np.ones(500), columns[1:3].T])
-    residuals = [row - others @ np.linalg.lstsq(others, row)[0] for row in columns[[0, 3]]]
-    assert partial(matrix)[0] == pytest.approx(stats.pearsonr(*residuals)[0], rel=1e-9)

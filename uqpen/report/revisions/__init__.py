@@ -10,7 +10,7 @@ from uqpen.report import ReportSection
 
 __all__ = ["REVISION_SECTIONS"]
 
-# In the order of the page. The functions take a `uqpen.report.revisions.pair.ArchivePair`.
+# In the order of the page. The functions take a `uqpen.report.revisions.revision_page.ArchivePair`.
 REVISION_SECTIONS = {
     "estimates": ReportSection(
         "How the answers moved",
@@ -34,6 +34,6 @@ REVISION_SECTIONS = {
     "others": ReportSection(
         "What only one of them has",
         "Models, outputs, designs and surrogates without a counterpart are not compared.",
-        "uqpen.report.revisions.pair:unpaired",
+        "uqpen.report.revisions.study_changes:unpaired",
     ),
 }

@@ -9,7 +9,7 @@ from uqpen.charts.axes import ValueAxis
 from uqpen.charts.chart import Block
 from uqpen.charts.distributions import Curve, overlaid_chart
 from uqpen.report.blocks import Heading
-from uqpen.report.revisions.pair import ArchivePair, ModelPair
+from uqpen.report.revisions.revision_page import ArchivePair, ModelPair
 from uqpen.results.archive_view import output_heading
 
 __all__ = ["cdf_charts"]

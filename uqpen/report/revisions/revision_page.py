@@ -1,20 +1,80 @@
-"""The page of two archives side by side."""
+"""The page of two archives side by side, and what they have in common."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import xarray as xr
 
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.core.errors import ReportError
-from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report.page import FilledSection, PageHead, render_page, write_page
 from uqpen.report.revisions import REVISION_SECTIONS
-from uqpen.report.revisions.pair import ArchivePair
+from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["revision_page", "write_revision_report"]
+__all__ = ["ArchivePair", "ModelPair", "revision_page", "write_revision_report"]
+
+
+@dataclass(frozen=True)
+class ModelPair:
+    """The parts of two archives on a model of the same name.
+
+    Parameters
+    ----------
+    first, second : ArchiveView
+        Of A and of B.
+    """
+
+    first: ArchiveView
+    second: ArchiveView
+
+    @property
+    def outputs(self) -> list[str]:
+        """The scalar outputs of both that have the same unit in SI, in the order of A."""
+        others = set(self.second.outputs).difference(self.first.fields, self.second.fields)
+        return [name for name in self.first.outputs if name in others and self.has_same_unit(name)]
+
+    @property
+    def sources(self) -> list[str]:
+        """The designs and surrogates of both; first that of A's main results."""
+        first, second = self.first.statistics, self.second.statistics
+        published = {*first.publications, *second.publications}
+        common = [name for name in first.sources if name in second.sources]
+        leading = self.first.leading_design
+        return sorted((n for n in common if n not in published), key=lambda name: name != leading)
+
+    def has_same_unit(self, output: str) -> bool:
+        """Return whether an output of both has the same unit in SI."""
+        units = {str(view.attributes(output).get("units")) for view in (self.first, self.second)}
+        return len(units) == 1
+
+
+@dataclass(frozen=True)
+class ArchivePair:
+    """Two archives of studies.
+
+    Parameters
+    ----------
+    first, second : DataTree
+        A and B.
+    """
+
+    first: xr.DataTree
+    second: xr.DataTree
+
+    @cached_property
+    def models(self) -> dict[str, ModelPair]:
+        """The models of both, by their names; the only model of a study has none."""
+        others = model_trees(self.second)
+        return {
+            name: ModelPair(ArchiveView(self.first, name), ArchiveView(self.second, name))
+            for name in model_trees(self.first)
+            if name in others
+        }
 
 
 def write_revision_report(
@@ -54,7 +114,7 @@ def revision_page(
 ) -> str:
     """Return the page of two archives as HTML; see `write_revision_report`."""
     for tree in (first, second):
-        if tree.attrs.get(KIND) == BENCHMARK:
+        if is_benchmark(tree):
             raise ReportError("only archives of studies are shown side by side, no benchmarks")
         check_archive(tree)
     pair = ArchivePair(first, second)

@@ -1,28 +1,30 @@
-"""Differences between the studies of two archives: settings, models, versions, files, runs."""
+"""Differences between the studies of two archives, and what only one of them has."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import unified_diff
 from typing import Any
 
+import xarray as xr
+
 from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.provenance import provenance_differences
-from uqpen.archive.read import group_names, read_group
+from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.charts.chart import Block
 from uqpen.core.errors import StudyError, toml_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.execution import run_count, status_counts
-from uqpen.report.blocks import Listing, Table, Text
-from uqpen.report.revisions.pair import ArchivePair
+from uqpen.report.blocks import Listing, Remarks, Table, Text
+from uqpen.report.revisions.revision_page import ArchivePair
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text
 from uqpen.study.document import parse_document
 
-__all__ = ["study_changes"]
+__all__ = ["study_changes", "unpaired"]
 
 _COLUMNS = ["A", "B"]
 # Characters of a value, and of a hash, that are shown; and lines of texts that are no studies.
@@ -33,37 +35,39 @@ Row = tuple[str, list[str]]
 
 def study_changes(pair: ArchivePair) -> Iterator[Block]:
     """Tables of what differs; a sentence where nothing does."""
+    trees = pair.first, pair.second
     tables = {
-        "Settings of the study": list(_settings(pair)),
-        "Models": list(_models(pair)),
-        "Files of the study": list(_files(pair)),
-        "Runs": list(_runs(pair)),
-        "Versions and platform": list(_versions(pair)),
+        "Settings of the study": _different(*_settings(trees)),
+        "Models": _different_models(pair, _identity),
+        "Files of the study": _different(*map(_hashes, trees)),
+        "Runs": _different_models(pair, _run_texts),
+        "Versions and platform": [
+            (plain_text(name), [plain_text(one, _LONGEST), plain_text(other, _LONGEST)])
+            for name, one, other in provenance_differences(*(tree.attrs for tree in trees))
+        ],
     }
     for title, rows in tables.items():
         if rows:
             yield Table(OutputTable(title, list(_COLUMNS), rows))
-    listing = _text_lines(pair)
+    one, other = (str(tree.attrs.get("study_text", "")).splitlines() for tree in trees)
+    listing = list(unified_diff(one, other, "A", "B", lineterm="", n=1))
+    if left := len(listing[_MOST_LINES:]):
+        listing[_MOST_LINES:] = [f"and {left} more lines"]
     if listing:
         yield Listing("Lines of the study's text that differ", "\n".join(listing), is_folded=True)
     if not listing and not any(tables.values()):
         yield Text("The studies, their models, their files and the versions are the same.")
 
 
-def _settings(pair: ArchivePair) -> Iterator[Row]:
-    """Yield the keys of the study with other values."""
-    contents = [_content(each.attrs) for each in (pair.first, pair.second)]
-    if None not in contents:
-        first, second = (dict(_entries(each or {})) for each in contents)
-        yield from _different(first, second)
-
-
-def _content(attributes: Mapping[Any, Any]) -> dict[str, Any] | None:
-    """Return the content of a study's text; None for a text that cannot be parsed."""
+def _settings(trees: Iterable[xr.DataTree]) -> list[dict[str, str]]:
+    """Return the values of each study by their keys; none where a text cannot be parsed."""
     try:
-        return parse_document(str(attributes.get("study_text", "")), "study").content
+        contents = [
+            parse_document(str(tree.attrs.get("study_text", "")), "study").content for tree in trees
+        ]
     except StudyError:
-        return None
+        return [{}, {}]
+    return [dict(_entries(content)) for content in contents]
 
 
 def _entries(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
@@ -76,71 +80,77 @@ def _entries(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, 
             yield name, toml_text(value)
 
 
-def _models(pair: ArchivePair) -> Iterator[Row]:
-    """Yield what identifies the models of both, where it differs."""
-    for model, each in pair.models.items():
-        first, second = (
-            {
-                plain_text(str(name).removeprefix("model_").replace("_", " ")): str(value)
-                for name, value in view.tree.attrs.items()
-                if str(name).startswith("model_")
-            }
-            for view in (each.first, each.second)
+def _identity(view: ArchiveView) -> dict[str, str]:
+    """Return what identifies a model."""
+    return {
+        plain_text(str(name).removeprefix("model_").replace("_", " ")): str(value)
+        for name, value in view.tree.attrs.items()
+        if str(name).startswith("model_")
+    }
+
+
+def _hashes(tree: xr.DataTree) -> dict[str, str]:
+    """Return the start of the hash of each archived file."""
+    files = archived_files(read_group(tree, FILES))
+    return {str(file.name): str(file.sha256)[:_HASH] for file in files}
+
+
+def _run_texts(view: ArchiveView) -> dict[str, str]:
+    """Return the number of runs of each design, and that of failed ones."""
+    found = {}
+    for design in group_names(view.tree, RUNS):
+        runs = read_group(view.tree, RUNS, design)
+        counts = status_counts(runs).items()
+        failed = [f"{n} {STATUS_TEXT[status]}" for status, n in counts if n and status]
+        found[design] = ", ".join([f"{grouped_number(run_count(runs))} runs", *failed])
+    return found
+
+
+def _different_models(
+    pair: ArchivePair, facts: Callable[[ArchiveView], Mapping[str, str]]
+) -> list[Row]:
+    """Return the rows of facts that differ between the models of both archives."""
+    return [
+        row
+        for model, each in pair.models.items()
+        for row in _different(
+            *map(facts, (each.first, each.second)), head=f"{model}: " * bool(model)
         )
-        yield from _different(first, second, f"{model}: " * bool(model))
-
-
-def _files(pair: ArchivePair) -> Iterator[Row]:
-    """Yield the archived files with other content, by the start of their hashes."""
-    first, second = (
-        {
-            str(file.name): str(file.sha256)[:_HASH]
-            for file in archived_files(read_group(tree, FILES))
-        }
-        if FILES in tree.children
-        else {}
-        for tree in (pair.first, pair.second)
-    )
-    yield from _different(first, second)
-
-
-def _runs(pair: ArchivePair) -> Iterator[Row]:
-    """Yield the designs with another number of runs, or of failed ones."""
-    for model, each in pair.models.items():
-        first, second = (
-            {name: _run_text(view, name) for name in group_names(view.tree, RUNS)}
-            for view in (each.first, each.second)
-        )
-        yield from _different(first, second, f"{model}: " * bool(model))
-
-
-def _run_text(view: ArchiveView, design: str) -> str:
-    runs = read_group(view.tree, RUNS, design)
-    failed = [
-        f"{n} {STATUS_TEXT[status]}" for status, n in status_counts(runs).items() if n and status
     ]
-    return ", ".join([f"{grouped_number(run_count(runs))} runs", *failed])
 
 
-def _versions(pair: ArchivePair) -> Iterator[Row]:
-    for name, one, other in provenance_differences(pair.first.attrs, pair.second.attrs):
-        yield plain_text(name), [plain_text(one, _LONGEST), plain_text(other, _LONGEST)]
+def _different(first: Mapping[str, str], second: Mapping[str, str], *, head: str = "") -> list[Row]:
+    """Return a row for each entry that differs or that only one of them has."""
+    return [
+        (
+            plain_text(f"{head}{name}"),
+            [plain_text(each.get(name, NOTHING), _LONGEST) for each in (first, second)],
+        )
+        for name in dict.fromkeys([*first, *second])
+        if first.get(name) != second.get(name)
+    ]
 
 
-def _different(
-    first: Mapping[str, str], second: Mapping[str, str], head: str = ""
-) -> Iterator[Row]:
-    """Yield a row for each entry that differs or that only one of them has."""
-    for name in dict.fromkeys([*first, *second]):
-        if first.get(name) != second.get(name):
-            cells = [plain_text(each.get(name, NOTHING), _LONGEST) for each in (first, second)]
-            yield plain_text(f"{head}{name}"), cells
+def unpaired(pair: ArchivePair) -> Iterator[Block]:
+    """Content that only one of two archives has, or has in another unit."""
+    lines = [*_only_in_one("model", model_trees(pair.first), model_trees(pair.second))]
+    for model, each in pair.models.items():
+        of = f" of {model}" if model else ""
+        first, second = each.first, each.second
+        lines += _only_in_one(f"output{of}", first.outputs, second.outputs)
+        lines += [
+            f"output{of} {name}: in another unit, {first.unit(name)} and {second.unit(name)}"
+            for name in first.outputs
+            if name in second.outputs and not each.has_same_unit(name)
+        ]
+        lines += _only_in_one(f"source{of}", first.statistics.sources, second.statistics.sources)
+    if lines:
+        yield Remarks("Not compared:", tuple(plain_text(line, 200) for line in lines))
 
 
-def _text_lines(pair: ArchivePair) -> list[str]:
-    """Return the lines of two study texts that differ, as `diff -u` does."""
-    one, other = (str(each.attrs.get("study_text", "")) for each in (pair.first, pair.second))
-    lines = unified_diff(one.splitlines(), other.splitlines(), "A", "B", lineterm="", n=1)
-    found = list(lines)
-    left = len(found) - _MOST_LINES
-    return [*found[:_MOST_LINES], *([f"and {left} more lines"] if left > 0 else [])]
+def _only_in_one(what: str, first: Iterable[str], second: Iterable[str]) -> Iterator[str]:
+    one, other = list(first), list(second)
+    for label, these, those in (("A", one, other), ("B", other, one)):
+        for name in these:
+            if name not in those:
+                yield f"{what} {name or '(the only one)'}: in {label} only"

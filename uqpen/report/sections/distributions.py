@@ -24,7 +24,6 @@ from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.core.statistic_dimensions import PERCENT
 from uqpen.report.blocks import Fold, Table
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text, percent_text, range_text
@@ -42,7 +41,7 @@ _MOST_BEYOND = 40
 
 def distributions(view: ArchiveView) -> Iterator[Block]:
     """Distribution function with its band, histogram and quantiles of each output."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     # The main results have the histogram of the first main output.

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from uqpen.charts.chart import Block
 from uqpen.charts.distributions import model_chart
 from uqpen.report.blocks import Heading, Table
-from uqpen.report.sections.curve_overview import further_curves
-from uqpen.report.sections.leading_design import leading_design
+from uqpen.report.sections.fields import further_curves
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.results.archive_view import ArchiveView, output_heading
 from uqpen.results.output_tables import difference_tables
@@ -24,7 +23,7 @@ def model_comparison(view: ArchiveView) -> Iterator[Block]:
     if not view.model:
         return
     yield from further_curves(view)
-    design = leading_design(view)
+    design = view.leading_design
     first = main_outputs(view)[:1] if design else []
     for output in view.numeric_outputs if design else ():
         chart = model_chart(view, output, design or "")

@@ -1,11 +1,11 @@
-"""Groups of runs: parts that are samples by themselves, and batches whose scatter shows errors."""
+"""Groups of runs: parts of a design that are samples by themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,20 +16,10 @@ from uqpen.core.labels import REPLICATE, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.convergence import part_sizes
 
-__all__ = ["GroupedRuns", "Grouping"]
+__all__ = ["Grouping"]
 
-# Batches of independent draws: Student's t with so many is 2 % wider than the normal.
-_BATCHES = 64
 # More replicates are joined, as each group has counts of its own: 67 MB for an input.
 _MOST_GROUPS = 1024
-
-
-class GroupedRuns(NamedTuple):
-    """Runs of one group and one batch, by their places in a block."""
-
-    group: int
-    batch: int
-    rows: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +27,7 @@ class Grouping:
     """Division of the runs of a design.
 
     A group is a replicate, or as many consecutive ones in each; of other designs, the runs from one
-    end of a growing part to the next. So each growing part is the first groups. A batch is a group
-    of replicates, or one of equally many consecutive runs.
+    end of a growing part to the next. So each growing part is the first groups.
 
     Parameters
     ----------
@@ -97,15 +86,10 @@ class Grouping:
         """Number of groups."""
         return self.parts[-1]
 
-    @property
-    def batches(self) -> int:
-        """Number of batches."""
-        return self.replicates.size if self.is_replicated else self._batch_ends.size
-
     def grouped_runs(
         self, start: int, stop: int, replicate: npt.NDArray[Any] | None
-    ) -> Iterator[GroupedRuns]:
-        """Yield the runs of each group and batch from one number to another.
+    ) -> Iterator[tuple[int, Any]]:
+        """Yield each group of the runs from one number to another, and their places among these.
 
         Parameters
         ----------
@@ -118,25 +102,16 @@ class Grouping:
             groups = np.searchsorted(self.replicates, replicate, side="right") - 1
             for group in np.flatnonzero(np.bincount(groups)).tolist():
                 rows = np.flatnonzero(groups == group)
-                yield GroupedRuns(group, group, slice(None) if rows.size == stop - start else rows)
+                yield group, slice(None) if rows.size == stop - start else rows
             return
-        origin = first = start
-        ends = np.unique(np.concatenate([self._group_ends, self._batch_ends, [stop]]))
-        for end in ends[(ends > start) & (ends <= stop)].tolist():
-            group, batch = (
-                int(np.searchsorted(own, end)) for own in (self._group_ends, self._batch_ends)
-            )
-            yield GroupedRuns(group, batch, slice(first - origin, end - origin))
+        first = start
+        ends = np.append(self._group_ends, stop)
+        for end in np.unique(ends[(ends > start) & (ends <= stop)]).tolist():
+            group = int(np.searchsorted(self._group_ends, end))
+            yield group, slice(first - start, end - start)
             first = end
 
     @cached_property
     def _group_ends(self) -> IntArray:
-        return np.array(part_sizes(self.points, 0) if self._has_parts else [self.points])
-
-    @property
-    def _has_parts(self) -> bool:
-        return self.sampling is Sampling.INDEPENDENT
-
-    @cached_property
-    def _batch_ends(self) -> IntArray:
-        return np.unique(np.arange(1, _BATCHES + 1) * self.points // _BATCHES)
+        has_parts = self.sampling is Sampling.INDEPENDENT
+        return np.array(part_sizes(self.points, 0) if has_parts else [self.points])

@@ -12,11 +12,9 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, block_ranges
 from uqpen.core.labels import REPLICATE, STATUS
 from uqpen.core.status import Status
-from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
-from uqpen.statistics.by_blocks.cell_counts import CellCounts
+from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, PowerSums
+from uqpen.statistics.by_blocks.cells import CellCounts, Splitters
 from uqpen.statistics.by_blocks.grouping import Grouping
-from uqpen.statistics.by_blocks.power_sums import PowerSums
-from uqpen.statistics.by_blocks.splitters import Splitters
 
 __all__ = ["Tabulated", "status_sample", "tabulated_samples"]
 
@@ -63,7 +61,7 @@ def tabulated_samples(
         read = runs.part(start, stop, [*labels, *names])
         is_failed = (read[STATUS] != Status.OK) & (read[STATUS] != Status.INADMISSIBLE)
         found = [column(read) for column in columns]
-        for group, _, rows in grouping.grouped_runs(start, stop, read.get(REPLICATE)):
+        for group, rows in grouping.grouped_runs(start, stop, read.get(REPLICATE)):
             for k, (column, used) in enumerate(found):
                 taken = column[rows][used[rows]]
                 counted[k].add(group, splitters.locate(taken))

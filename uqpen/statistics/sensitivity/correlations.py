@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -35,12 +35,12 @@ from uqpen.statistics.standard_errors import standard_error
 if TYPE_CHECKING:
     from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup
 
-__all__ = ["CORRELATIONS", "FEWEST_RUNS", "correlation_array", "correlations", "shape_reason"]
+__all__ = ["correlations"]
 
 
-FEWEST_RUNS = 30
+_FEWEST_RUNS = 30
 # The statistics: whether of ranks, whether partial, and what they are.
-CORRELATIONS = {
+_CORRELATIONS = {
     "pearson": (False, False, "Pearson correlations"),
     "spearman": (True, False, "Spearman rank correlations"),
     "partial": (False, True, "partial correlations"),
@@ -68,32 +68,14 @@ def correlations(
     for is_ranked in (False, True):
         # The columns of values are not needed any more when those of ranks are made.
         columns = _CorrelatedColumns(sample, is_ranked=is_ranked)
-        for statistic, (goes_by_ranks, is_partial, _) in CORRELATIONS.items():
+        for statistic, (goes_by_ranks, is_partial, adjective) in _CORRELATIONS.items():
             if goes_by_ranks == is_ranked:
                 estimates = columns.correlations(is_partial=is_partial)
-                yield statistic, correlation_array(statistic, estimates, sample, quantity)
+                name = f"{adjective} of {quantity.output.title} with the inputs"
+                if sample.dependence and not is_partial:
+                    name = f"{name}, {texts.INCLUDES_CORRELATION}"
+                yield statistic, input_array(estimates, sample.inputs, name, level=sample.level)
         del columns
-
-
-def correlation_array(
-    statistic: str, estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
-) -> xr.DataArray:
-    """Return correlations, one for each input, as an estimate array."""
-    _, is_partial, adjective = CORRELATIONS[statistic]
-    long_name = f"{adjective} of {quantity.output.title} with the inputs"
-    if sample.dependence and not is_partial:
-        long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-    return input_array(estimates, sample.inputs, long_name, level=sample.level)
-
-
-def shape_reason(shape: SampleShape) -> str:
-    """Reason why no interval of a correlation of values is reliable; empty where one is."""
-    if shape.hidden_tail:
-        return f"{shape.hidden_tail}; {texts.SEE_RANKS}"
-    if shape.is_heavy:
-        heavy = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
-        return f"{heavy}; {texts.SEE_RANKS}"
-    return ""
 
 
 @dataclass(frozen=True)
@@ -150,7 +132,7 @@ class _CorrelatedColumns:
         """Estimate the correlation of the output with each input."""
         reasons = []
         for i in range(len(self.sample.inputs)):
-            reason = reason_without_measure(self.sample, i, FEWEST_RUNS)
+            reason = reason_without_measure(self.sample, i, _FEWEST_RUNS)
             if not reason and is_partial and self._residual_weights is None:
                 reason = texts.LINEARLY_DEPENDENT
             reasons.append(reason)
@@ -233,4 +215,11 @@ class _CorrelatedColumns:
 
     @property
     def _reason_without_bounds(self) -> str:
-        return "" if self.is_ranked else shape_reason(self.shape)
+        if self.is_ranked:
+            return ""
+        if self.shape.hidden_tail:
+            return f"{self.shape.hidden_tail}; {texts.SEE_RANKS}"
+        if self.shape.is_heavy:
+            heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
+            return f"{heavy}; {texts.SEE_RANKS}"
+        return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -22,22 +22,14 @@ from uqpen.statistics.sensitivity.input_measures import (
     reason_without_measure,
 )
 
-__all__ = [
-    "FEWEST_RUNS",
-    "SCORE_CELLS",
-    "class_count",
-    "delta",
-    "delta_array",
-    "delta_of_counts",
-    "score_cells",
-]
+__all__ = ["delta"]
 
 
-FEWEST_RUNS = 48
+_FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
 _FARTHEST_SCORE = 4.0
 # Cells of the normal scores.
-SCORE_CELLS = _CELLS = 80
+_CELLS = 80
 _RESAMPLES = 30
 _MOST_CLASSES = 48
 
@@ -59,40 +51,29 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     """
     if quantity.output.categories or not sample.inputs:
         return
-    cells = score_cells(_empirical_cdf(sample.ordering))
+    cells = _score_cells(_empirical_cdf(sample.ordering))
     estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
-    yield delta_array(estimates, sample, quantity)
-
-
-def delta_array(
-    estimates: Sequence[Estimate], sample: Sample, quantity: QuantityOfInterest
-) -> tuple[str, xr.DataArray]:
-    """Return estimates of delta, one for each input, as an estimate array with its name."""
     long_name = f"delta of {quantity.output.title}: how far knowing an input moves its distribution"
     if sample.dependence:
         long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-    return "delta", input_array(estimates, sample.inputs, long_name)
+    yield "delta", input_array(estimates, sample.inputs, long_name)
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
-    if reason := reason_without_measure(sample, column, FEWEST_RUNS):
+    if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
     first_cells = sample.run_inputs.once(
         ("cells of classes", column), lambda: _first_cells(sample.run_inputs.ordering(column))
     )
-    value = delta_of_counts(_counts(first_cells, cells))
+    counts = _counts(first_cells, cells)
+    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
+    resampled = _distances(_resampled(counts)).mean()
+    value = float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
     reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
     return Estimate.without_bounds(value, reason)
 
 
-def delta_of_counts(counts: FloatArray) -> float:
-    """Return delta from the runs in each score cell, a row for each class of the input."""
-    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
-    resampled = _distances(_resampled(counts)).mean()
-    return float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
-
-
-def score_cells(shares: FloatArray) -> IntArray:
+def _score_cells(shares: FloatArray) -> IntArray:
     """Return the cell of a value's normal score, from the share of the runs below it.
 
     Delta does not depend on the scale that the output is measured on; on that of normal scores a
@@ -105,21 +86,21 @@ def score_cells(shares: FloatArray) -> IntArray:
 
 def _first_cells(ordering: Ordering) -> npt.NDArray[np.int16]:
     """Return where the cells of each run's class begin, the classes being of an input's ranks."""
-    classes = class_count(len(ordering.order))
+    classes = _class_count(len(ordering.order))
     which = np.floor(_empirical_cdf(ordering) * classes)
     return (which * _CELLS).astype(np.int16)
 
 
 def _counts(first_cells: npt.NDArray[np.int16], cells: IntArray) -> FloatArray:
     """Count the runs in each cell, a row for each class of the input's ranks."""
-    classes = class_count(len(cells))
+    classes = _class_count(len(cells))
     # Equal values are in one class, so that some may be empty.
     counts = np.bincount(first_cells + cells, minlength=classes * _CELLS)
     table = counts.reshape(classes, _CELLS).astype(np.float64)
     return table[table.sum(axis=1) > 0]
 
 
-def class_count(runs: int) -> int:
+def _class_count(runs: int) -> int:
     """Return the number of classes of an input (Plischke et al.)."""
     exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
     return min(math.ceil(runs**exponent), _MOST_CLASSES)
