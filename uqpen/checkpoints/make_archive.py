@@ -14,7 +14,7 @@ from uqpen.checkpoints.archived_runs import unused_designs
 from uqpen.checkpoints.changed_designs import unusable_runs
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.journal import Journal
+from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.recheck import Recheck
@@ -23,7 +23,6 @@ from uqpen.checkpoints.replaced_designs import runs_not_kept
 from uqpen.checkpoints.replaced_runs import lacks_runs
 from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.reused_runs import ReusedRuns
-from uqpen.checkpoints.run_cost import are_costly
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
     open_named,
