@@ -9,7 +9,7 @@ import pytest
 from study_calls import StudyCalls
 
 import uqpen
-from uqpen.checkpoints.runs_file import FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.parts import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.core.model import Results
 from uqpen.execution.batch import BatchResult
@@ -87,7 +87,7 @@ def test_large_parts_are_written_as_they_come(
 ) -> None:
     monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
-    monkeypatch.setattr("uqpen.checkpoints.growing_part._MOST_BYTES", 5 * bytes_of_a_run)
+    monkeypatch.setattr("uqpen.checkpoints.parts._MOST_BYTES", 5 * bytes_of_a_run)
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
         make(folder)

@@ -22,7 +22,7 @@ import uqpen
 from uqpen.checkpoints.fingerprint_file import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
-from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.parts import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
 from uqpen.core.progress_broadcast import ProgressBroadcast

@@ -16,7 +16,7 @@ from uqpen.archive.read import group_names, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.model_versions import ModelComparison, compare_models
-from uqpen.checkpoints.runs_file import FinishedRuns, select_results
+from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import (

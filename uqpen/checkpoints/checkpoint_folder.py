@@ -10,7 +10,6 @@ from pathlib import Path
 from uqpen.checkpoints.block_store import block_stores
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.fingerprint_file import (
-    FILE_NAME,
     Change,
     encode_fingerprint,
     fingerprint_changes,
@@ -18,23 +17,22 @@ from uqpen.checkpoints.fingerprint_file import (
     read_fingerprint,
     was_record_of,
 )
-from uqpen.checkpoints.part_files import (
+from uqpen.checkpoints.parts import (
+    MADE_OF,
+    DamagedRunsError,
+    FinishedRuns,
     has_runs,
     part_files,
+    read_runs,
     remove,
     remove_checkpoint,
     remove_empty,
     remove_temporary,
     whole_blocks,
-)
-from uqpen.checkpoints.round_checkpoint import RoundCheckpoint, ScratchCheckpoint
-from uqpen.checkpoints.runs_file import (
-    DamagedRunsError,
-    FinishedRuns,
-    read_runs,
     write_file,
     write_runs,
 )
+from uqpen.checkpoints.round_checkpoint import RoundCheckpoint, ScratchCheckpoint
 from uqpen.checkpoints.saving_pace import SavingPace
 from uqpen.checkpoints.set_aside import (
     SET_ASIDE,
@@ -109,7 +107,7 @@ class CheckpointFolder:
                 # Unfinished files of an earlier start, perhaps of another study.
                 remove_checkpoint(folder)
                 continue
-            record = folder / FILE_NAME
+            record = folder / MADE_OF
             before, now = read_fingerprint(record), self._fingerprints[model, design]
             if before is None and was_record_of(record, now):
                 self._progress.warn(f"{record}: is damaged; it was of this study, so its runs stay")
@@ -136,7 +134,7 @@ class CheckpointFolder:
         elif before != now:
             self._discard(folder, [Status.TIMED_OUT])
             with self.writing():
-                write_file(folder / FILE_NAME, encode_fingerprint(now))
+                write_file(folder / MADE_OF, encode_fingerprint(now))
 
     def remove_temporary_files(self) -> None:
         """Remove unfinished files of an earlier start.
@@ -171,7 +169,7 @@ class CheckpointFolder:
             remove_checkpoint(self._runs_folder(model, design))
         for folder in used:
             remove_checkpoint(folder)
-        for file in sorted(self.folder.rglob(FILE_NAME)):
+        for file in sorted(self.folder.rglob(MADE_OF)):
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             if file.parent.parent.name == SET_ASIDE:
                 whose = set_aside_design(file.parent)

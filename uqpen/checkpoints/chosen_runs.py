@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource, depends_on_batch
-from uqpen.checkpoints.runs_file import FinishedRuns, select_results
+from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.model import Model
 from uqpen.core.status import Status

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.checkpoints.point_index import BatchIndex, Index, PointIndex
-from uqpen.checkpoints.runs_file import FinishedRuns, select_results
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.model import Model, Results
 from uqpen.core.status import Status

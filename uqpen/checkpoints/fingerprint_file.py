@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 __all__ = [
-    "FILE_NAME",
     "Change",
     "encode_fingerprint",
     "fingerprint_changes",
@@ -19,8 +18,6 @@ __all__ = [
     "read_fingerprint",
     "was_record_of",
 ]
-
-FILE_NAME = "made_of.json"
 
 _CHECKSUM = "checksum"
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.parts import FinishedRuns
 from uqpen.checkpoints.point_index import PointIndex
-from uqpen.checkpoints.runs_file import FinishedRuns
 from uqpen.checkpoints.set_aside import add_set_aside
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ArchiveError

@@ -13,10 +13,19 @@ from typing import Protocol
 import xarray as xr
 
 from uqpen.checkpoints.block_store import BlockStore
-from uqpen.checkpoints.fingerprint_file import FILE_NAME, encode_fingerprint
-from uqpen.checkpoints.growing_part import GrowingPart
-from uqpen.checkpoints.part_files import part_files, part_number, part_path, remove
-from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, covered_count, write_file
+from uqpen.checkpoints.fingerprint_file import encode_fingerprint
+from uqpen.checkpoints.parts import (
+    MADE_OF,
+    DamagedRunsError,
+    FinishedRuns,
+    GrowingPart,
+    covered_count,
+    part_files,
+    part_number,
+    part_path,
+    remove,
+    write_file,
+)
 from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import join_blocks
 from uqpen.core.errors import CheckpointError
@@ -201,7 +210,7 @@ class RoundCheckpoint(Checkpoint):
 
     def _write_fingerprint(self) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
-        record = self._folder / FILE_NAME
+        record = self._folder / MADE_OF
         if not record.exists():
             write_file(record, encode_fingerprint(self._fingerprint))
 

@@ -14,14 +14,16 @@ import numpy as np
 
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.fingerprint_file import (
-    FILE_NAME,
     encode_fingerprint,
     fingerprint_changes,
     read_fingerprint,
 )
-from uqpen.checkpoints.part_files import part_files, part_number, part_path
-from uqpen.checkpoints.runs_file import (
+from uqpen.checkpoints.parts import (
+    MADE_OF,
     FinishedRuns,
+    part_files,
+    part_number,
+    part_path,
     select_results,
     write_file,
     write_runs,
@@ -58,8 +60,8 @@ def set_aside(folder: Path, root: Path) -> None:
         If that cannot be done.
     """
     target = _new_folder(root)
-    record = folder / FILE_NAME
-    write_file(target / FILE_NAME, record.read_bytes())
+    record = folder / MADE_OF
+    write_file(target / MADE_OF, record.read_bytes())
     for file in part_files(folder):
         file.rename(target / file.name)
     record.unlink()
@@ -67,7 +69,7 @@ def set_aside(folder: Path, root: Path) -> None:
 
 def set_aside_design(folder: Path) -> str:
     """Return the design that runs were made for; empty for runs that only tried a model."""
-    fingerprint = read_fingerprint(folder / FILE_NAME) or {}
+    fingerprint = read_fingerprint(folder / MADE_OF) or {}
     names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
     return next(names, "")
 
@@ -81,7 +83,7 @@ def add_set_aside(root: Path, fingerprint: Mapping[str, str], runs: FinishedRuns
         If that cannot be done.
     """
     target = _new_folder(root)
-    write_file(target / FILE_NAME, encode_fingerprint(fingerprint))
+    write_file(target / MADE_OF, encode_fingerprint(fingerprint))
     write_runs(part_path(target, 0, 0), runs)
 
 
@@ -102,7 +104,7 @@ def set_aside_sources(
         Reads a part; it returns None for a damaged one.
     """
     for folder in set_aside_folders(root):
-        before = read_fingerprint(folder / FILE_NAME)
+        before = read_fingerprint(folder / MADE_OF)
         if before is None:
             continue
         own = {key: before[key] for key in before if key in fingerprint or _is_of_model(key)}
