@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.parts import FinishedRuns
 from uqpen.checkpoints.point_index import PointIndex
+from uqpen.checkpoints.reused_runs import first_points
 from uqpen.checkpoints.set_aside import add_set_aside
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ArchiveError

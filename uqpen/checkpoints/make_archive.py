@@ -11,7 +11,6 @@ import xarray as xr
 from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.archived_runs import unused_designs
-from uqpen.checkpoints.changed_designs import unusable_runs
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal, are_costly
@@ -19,8 +18,7 @@ from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.recheck import Recheck
 from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
-from uqpen.checkpoints.replaced_designs import runs_not_kept
-from uqpen.checkpoints.replaced_runs import lacks_runs
+from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
 from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.reused_runs import ReusedRuns
 from uqpen.checkpoints.run_sources import (

@@ -11,10 +11,9 @@ from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.archived_runs import archived_sources
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.recheck import Recheck, Takeable
-from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.reused_runs import ReusedRuns, first_points
 from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
 from uqpen.checkpoints.set_aside import SET_ASIDE
 from uqpen.core.labels import RUNS

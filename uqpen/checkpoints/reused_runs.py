@@ -12,14 +12,17 @@ import xarray as xr
 from uqpen.checkpoints.chosen_runs import BY_MACHINE
 from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
 from uqpen.core.arrays import Arrays, IntArray
-from uqpen.core.labels import NOT_MADE_AGAIN
+from uqpen.core.blocks import LoadedDataset
+from uqpen.core.labels import NOT_MADE_AGAIN, RUN
 from uqpen.core.status import Status
+from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.rounds import first_round
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ReusedRuns"]
+__all__ = ["ReusedRuns", "first_points"]
 
 _LOST_BY_MACHINE = "runs that timed out or crashed in an earlier study"
 
@@ -118,6 +121,22 @@ class ReusedRuns:
         Runs that timed out or crashed might not do so here.
         """
         return "\n".join(sorted(self._made_with))
+
+
+def first_points(study: ValidatedStudy, design: str, model: str) -> Arrays:
+    """Return the first points of a design, at most 65 536, as a model takes them.
+
+    Returns
+    -------
+    mapping of str to ndarray, shape (run,)
+        SI values by input.
+    """
+    stream = Stream(study.seed, "designs", design)
+    drawn = first_round(study.designs[design], study.joint, stream)
+    points = drawn.assign(study.models[model].given)
+    blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
+    head = blocked.read(0, min(blocked.size, BLOCK))
+    return {str(key): head[key].broadcast_like(head[RUN]).values for key in head.data_vars}
 
 
 class _ReusingCheckpoint(Checkpoint):
