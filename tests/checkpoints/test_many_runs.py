@@ -16,9 +16,8 @@ from uqpen.archive.content import group_hashes
 from uqpen.archive.file_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
-from uqpen.checkpoints.make_archive import make_archive
+from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
 from uqpen.checkpoints.parts import read_runs
-from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import FAILED_RUN

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_unchecked
@@ -15,11 +17,9 @@ from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.lock import lock_archive
-from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.recheck import Recheck
 from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
-from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.checkpoints.reused_runs import ReusedRuns
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
@@ -28,9 +28,16 @@ from uqpen.checkpoints.run_sources import (
     sources_of_archives,
 )
 from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
-from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
+from uqpen.core.errors import (
+    ArchiveError,
+    CheckpointError,
+    ClusterError,
+    StudyError,
+    TooManyFailedError,
+)
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.status import Status
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
@@ -38,7 +45,40 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.workflow import Checkpoints, run
 
-__all__ = ["make_archive"]
+__all__ = ["ResumeOptions", "make_archive"]
+
+
+@dataclass(frozen=True)
+class ResumeOptions:
+    """Use of the runs that earlier calls have finished.
+
+    Parameters
+    ----------
+    fresh : bool
+        Whether all checkpointed runs are removed, and all runs made.
+    repeat_failed : bool
+        Whether the missing ones among the finished runs are made again.
+    read_again : bool
+        Whether the outputs of runs whose folders are kept are read from these, without a run. If
+        finished runs have no folder, this needs `fresh`.
+    recheck : bool or None
+        Whether some of the finished runs are made again before all are taken; None for all but
+        costly ones.
+    reuse : sequence of str or Path, or None
+        Further archives whose runs may be taken; None for no archive, not even the one that is
+        replaced.
+    """
+
+    fresh: bool = False
+    repeat_failed: bool = False
+    read_again: bool = False
+    recheck: bool | None = None
+    reuse: Sequence[str | Path] | None = ()
+
+    @property
+    def takes_archived_runs(self) -> bool:
+        """True if runs may be taken from archives."""
+        return self.reuse is not None and not self.fresh
 
 
 def make_archive(
@@ -89,7 +129,7 @@ def make_archive(
     resume = resume or ResumeOptions()
     prepare_destination(path)
     title = f"{study.name}: study {study.sha256[:16]}"
-    log = _sibling_path(path, "log")
+    log = path.with_name(f"{path.name}.log")
     is_worth_keeping = not resume.fresh and are_costly(log, path.name)
     with (
         lock_archive(path),
@@ -108,7 +148,7 @@ def make_archive(
         is_unknown = _warn_if_unknown(study, journal)
         kept = _checkpoint_folder(study, path, journal, runs_in_memory)
         if resume.read_again:
-            study = reading_again(study, kept, repeats_others=resume.fresh)
+            study = _read_again(study, kept, repeats_others=resume.fresh)
         _discard_runs(kept, resume)
         reused = _reused_runs(
             study, kept, earlier, journal, resume, recheck, has_parts=not is_unknown
@@ -123,7 +163,10 @@ def make_archive(
             if record := reused.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
-            loses = is_worth_keeping and _loses_runs(study, tree, replaced)
+            # Of an archive that cannot be read, nobody knows what it has.
+            loses = is_worth_keeping and (
+                replaced is None or lacks_runs(study, tree, replaced.tree)
+            )
             copy = _write(tree, path, kept, keeps_earlier=loses)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
@@ -182,10 +225,49 @@ def _checkpoint_folder(
         for model in study.models
         for design in study.designs
     }
-    folder = _sibling_path(path, "parts")
+    folder = path.with_name(f"{path.name}.parts")
     kept = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
     kept.remove_temporary_files()
     return kept
+
+
+def _read_again(
+    study: ValidatedStudy, kept: CheckpointFolder, *, repeats_others: bool
+) -> ValidatedStudy:
+    """Return a study that reads the folders of its runs where they are kept.
+
+    All finished runs are removed from the checkpoint, as other readings may give other outputs.
+    With `repeats_others`, these may be runs without a folder, too.
+
+    Raises
+    ------
+    StudyError
+        If no model of the study keeps folders.
+    CheckpointError
+        If finished runs have no folder.
+    """
+    models = {name: variant.model.reading_again() for name, variant in study.models.items()}
+    if all(variant.model is models[name] for name, variant in study.models.items()):
+        raise StudyError("no model of the study keeps the folders of its runs; a command does")
+    if not repeats_others and (without := _runs_without_folder(study, kept)):
+        raise CheckpointError(
+            f"{kept.folder}: {without} finished runs have no folder that could be read again\n"
+            'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
+            "repeated"
+        )
+    kept.remove_all()
+    variants = {name: variant.with_model(models[name]) for name, variant in study.models.items()}
+    return replace(study, models=variants)
+
+
+def _runs_without_folder(study: ValidatedStudy, kept: CheckpointFolder) -> int:
+    """Return the number of finished runs whose folders are not kept."""
+    count = 0
+    for model, finished in kept.finished_runs():
+        for position in np.flatnonzero(finished.results.status == Status.OK).tolist():
+            inputs = {name: float(values[position]) for name, values in finished.inputs.items()}
+            count += study.models[model].model.run_folder(inputs) is None
+    return count
 
 
 def _discard_runs(kept: CheckpointFolder, resume: ResumeOptions) -> None:
@@ -244,11 +326,6 @@ def _model_sources(
     return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
 
 
-def _loses_runs(study: ValidatedStudy, tree: xr.DataTree, replaced: EarlierArchive | None) -> bool:
-    """Check whether the archive that is replaced has runs that the new one lacks, or may have."""
-    return replaced is None or lacks_runs(study, tree, replaced.tree)
-
-
 def _kept_text(kept: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
     return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
@@ -289,7 +366,3 @@ def _write(
     except BaseException:
         kept.save()
         raise
-
-
-def _sibling_path(path: Path, ending: str) -> Path:
-    return path.with_name(f"{path.name}.{ending}")
