@@ -19,7 +19,7 @@ import pytest
 from study_calls import StudyCalls
 
 import uqpen
-from uqpen.checkpoints.fingerprint_file import encode_fingerprint
+from uqpen.checkpoints.identity import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.parts import DamagedRunsError, FinishedRuns, read_runs, write_runs

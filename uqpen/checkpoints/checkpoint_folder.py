@@ -9,7 +9,7 @@ from pathlib import Path
 
 from uqpen.checkpoints.block_store import block_stores
 from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.fingerprint_file import (
+from uqpen.checkpoints.identity import (
     Change,
     encode_fingerprint,
     fingerprint_changes,

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource, depends_on_batch
+from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
+from uqpen.checkpoints.identity import depends_on_batch
 from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.model import Model

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from uqpen.checkpoints.identity import depends_on_batch
 from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.checkpoints.point_index import BatchIndex, Index, PointIndex
 from uqpen.core.arrays import Arrays, IntArray
@@ -18,12 +19,7 @@ from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 
-__all__ = ["EarlierRuns", "RunSource", "depends_on_batch"]
-
-
-def depends_on_batch(model: Model) -> bool:
-    """Return True for a model whose results may depend on the runs that are made with them."""
-    return model.vectorized and not model.is_batch_independent
+__all__ = ["EarlierRuns", "RunSource"]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.archived_runs import unused_designs
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
 from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.recheck import Recheck
@@ -27,7 +28,6 @@ from uqpen.checkpoints.run_sources import (
     open_replaced,
     sources_of_archives,
 )
-from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
 from uqpen.core.errors import (
     ArchiveError,
     CheckpointError,

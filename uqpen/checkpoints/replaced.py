@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.archived_runs import input_columns, unused_designs
-from uqpen.checkpoints.model_versions import compare_models
+from uqpen.checkpoints.identity import compare_models
 from uqpen.checkpoints.point_index import PointIndex
 from uqpen.checkpoints.reused_runs import ReusedRuns, first_points
 from uqpen.core.arrays import Arrays

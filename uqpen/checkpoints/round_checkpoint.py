@@ -13,7 +13,7 @@ from typing import Protocol
 import xarray as xr
 
 from uqpen.checkpoints.block_store import BlockStore
-from uqpen.checkpoints.fingerprint_file import encode_fingerprint
+from uqpen.checkpoints.identity import encode_fingerprint
 from uqpen.checkpoints.parts import (
     MADE_OF,
     DamagedRunsError,

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.provenance import provenance_differences
 from uqpen.checkpoints.archived_runs import archived_sources, open_intact, unused_designs
 from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.fingerprint_file import list_changes
+from uqpen.checkpoints.identity import list_changes
 from uqpen.checkpoints.journal import Journal
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.study.study import ValidatedStudy

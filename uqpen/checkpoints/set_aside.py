@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.fingerprint_file import (
+from uqpen.checkpoints.identity import (
     encode_fingerprint,
     fingerprint_changes,
     read_fingerprint,
