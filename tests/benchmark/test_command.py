@@ -12,7 +12,7 @@ from typing import Any
 import netCDF4
 import pytest
 
-from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.folder import lock_archive
 
 pytestmark = pytest.mark.slow
 

@@ -14,9 +14,9 @@ from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import group_names, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
-from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.identity import ModelComparison, compare_models
 from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import (

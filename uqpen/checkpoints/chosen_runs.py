@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
+from uqpen.checkpoints.earlier_runs import EarlierRuns
 from uqpen.checkpoints.identity import depends_on_batch
 from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.model import Model
 from uqpen.core.status import Status

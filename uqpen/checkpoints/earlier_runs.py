@@ -2,70 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from uqpen.checkpoints.identity import depends_on_batch
-from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.parts import select_results
 from uqpen.checkpoints.point_index import BatchIndex, Index, PointIndex
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.model import Model, Results
-from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 
-__all__ = ["EarlierRuns", "RunSource"]
-
-
-@dataclass(frozen=True)
-class RunSource:
-    """Finished runs of a model in one round of a design.
-
-    Parameters
-    ----------
-    place : str
-        Where they are kept, for display.
-    runs : FinishedRuns
-        The runs, with their numbers in the round, ascending and each once.
-    is_complete : bool
-        True if they are all runs of the round.
-    made_with : tuple of str
-        What they were made with, where that is not as it is here, in words.
-    folder : Path, optional
-        Their folder, if they are in no archive.
-    changed_design : str
-        Name of their design, if the study has it with other settings.
-    design : str
-        Name of their design; empty if they have none.
-    """
-
-    place: str
-    runs: FinishedRuns
-    is_complete: bool
-    made_with: tuple[str, ...] = ()
-    folder: Path | None = None
-    changed_design: str = ""
-    design: str = ""
-
-    def without_statuses(self, statuses: Collection[Status]) -> RunSource | None:
-        """Return it without the runs of some statuses; None if no other is left."""
-        runs = self.runs.without_statuses(statuses)
-        if runs is self.runs or runs is None:
-            return None if runs is None else self
-        return replace(self, runs=runs, is_complete=False)
-
-    def whole_batches(self) -> Iterator[IntArray]:
-        """Yield the positions of the runs of each batch that is whole."""
-        numbers = self.runs.runs
-        starts = [0, *np.flatnonzero(np.diff(numbers // BATCH_SIZE)) + 1, len(numbers)]
-        for begin, end in pairwise(starts):
-            if end - begin == BATCH_SIZE or (self.is_complete and end == len(numbers)):
-                yield np.arange(begin, end)
+__all__ = ["EarlierRuns"]
 
 
 class EarlierRuns:

@@ -13,11 +13,9 @@ import xarray as xr
 from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.archived_runs import unused_designs
-from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
-from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.folder import FAILED, CheckpointFolder, lock_archive
 from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
 from uqpen.checkpoints.journal import Journal, are_costly
-from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.recheck import Recheck
 from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
@@ -28,6 +26,7 @@ from uqpen.checkpoints.run_sources import (
     open_replaced,
     sources_of_archives,
 )
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.errors import (
     ArchiveError,
     CheckpointError,

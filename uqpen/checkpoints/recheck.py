@@ -13,9 +13,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
-from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.identity import compared_names
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS

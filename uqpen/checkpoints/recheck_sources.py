@@ -9,13 +9,12 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.archived_runs import archived_sources
-from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
-from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.recheck import Recheck, Takeable
 from uqpen.checkpoints.reused_runs import ReusedRuns, first_points
 from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
-from uqpen.checkpoints.set_aside import SET_ASIDE
+from uqpen.checkpoints.sources import SET_ASIDE, RunSource
 from uqpen.core.labels import RUNS
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.study import ValidatedStudy

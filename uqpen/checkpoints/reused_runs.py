@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.checkpoints.chosen_runs import BY_MACHINE
-from uqpen.checkpoints.earlier_runs import EarlierRuns, RunSource
+from uqpen.checkpoints.earlier_runs import EarlierRuns
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.labels import NOT_MADE_AGAIN, RUN

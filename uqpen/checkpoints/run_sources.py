@@ -10,9 +10,9 @@ import xarray as xr
 
 from uqpen.archive.provenance import provenance_differences
 from uqpen.checkpoints.archived_runs import archived_sources, open_intact, unused_designs
-from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.identity import list_changes
 from uqpen.checkpoints.journal import Journal
+from uqpen.checkpoints.sources import RunSource
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
