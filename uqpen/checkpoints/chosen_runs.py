@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqpen.checkpoints.earlier_runs import EarlierRuns
 from uqpen.checkpoints.identity import depends_on_batch
 from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.reuse import BY_MACHINE, by_inputs
 from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.model import Model
@@ -17,10 +17,7 @@ from uqpen.core.status import Status
 from uqpen.execution.batch import join_results
 from uqpen.execution.batching import BATCH_SIZE
 
-__all__ = ["BY_MACHINE", "ChosenRuns", "choose_runs", "order_runs"]
-
-# Whether a run ends so may depend on the machine.
-BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
+__all__ = ["ChosenRuns", "choose_runs", "order_runs"]
 
 # As many as a batch has: they meet a change of 1 % of the inputs' space for sure.
 _MOST = 1024
@@ -73,11 +70,11 @@ def choose_runs(
     generator : numpy.random.Generator
         Draws the runs that are no extremes.
     """
-    alike = EarlierRuns.by_inputs(model, sources).values()
+    alike = by_inputs(model, sources).values()
     if not alike:
         return None
     # Models of one study may be given other inputs; most runs have the same ones.
-    of_one_kind = max((each.sources for each in alike), key=_count_ok)
+    of_one_kind = max(alike, key=_count_ok)
     is_ok = _has_status(of_one_kind, Status.OK)
     if is_ok.any():
         status, is_wanted = Status.OK, is_ok

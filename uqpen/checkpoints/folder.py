@@ -41,8 +41,7 @@ from uqpen.checkpoints.parts import (
     write_file,
     write_runs,
 )
-from uqpen.checkpoints.point_index import PointIndex
-from uqpen.checkpoints.reused_runs import first_points
+from uqpen.checkpoints.reuse import PointIndex, first_points
 from uqpen.checkpoints.sources import SET_ASIDE, RunSource, set_aside_design, set_aside_sources
 from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import join_blocks

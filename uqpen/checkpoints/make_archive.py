@@ -19,7 +19,7 @@ from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.recheck import Recheck
 from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
-from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.reuse import RunFinder
 from uqpen.checkpoints.run_sources import (
     EarlierArchive,
     open_named,
@@ -287,7 +287,7 @@ def _reused_runs(
     recheck: Recheck,
     *,
     has_parts: bool,
-) -> ReusedRuns:
+) -> RunFinder:
     """Return the earlier runs that a study may take, and report those that it cannot take.
 
     Some of those that it would take are made again; `has_parts` if it takes those of its designs.

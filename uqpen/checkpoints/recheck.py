@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
+from uqpen.checkpoints.chosen_runs import ChosenRuns, choose_runs
 from uqpen.checkpoints.identity import compared_names
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
+from uqpen.checkpoints.reuse import BY_MACHINE
 from uqpen.checkpoints.sources import RunSource
 from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.errors import CheckpointError

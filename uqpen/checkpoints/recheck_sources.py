@@ -12,7 +12,7 @@ from uqpen.checkpoints.archived_runs import archived_sources
 from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.recheck import Recheck, Takeable
-from uqpen.checkpoints.reused_runs import ReusedRuns, first_points
+from uqpen.checkpoints.reuse import RunFinder, first_points
 from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
 from uqpen.checkpoints.sources import SET_ASIDE, RunSource
 from uqpen.core.labels import RUNS
@@ -47,7 +47,7 @@ def runs_that_are_as_made(
     journal: Journal,
     *,
     has_parts: bool,
-) -> ReusedRuns:
+) -> RunFinder:
     """Return the earlier runs that a study may take; of those in each place, some are made again.
 
     They are made again only where one of a design's first points has a run.
@@ -85,7 +85,7 @@ def runs_that_are_as_made(
         for source in own
     ]
     while True:
-        reused = ReusedRuns(study, sources, journal)
+        reused = RunFinder(study, sources, journal)
         refused = set()
         for name, place in _taken(study, sources, reused):
             own = [each for each in sources[name] if each.place == place]
@@ -110,7 +110,7 @@ def runs_that_are_as_made(
 
 
 def _taken(
-    study: ValidatedStudy, sources: _Sources, reused: ReusedRuns
+    study: ValidatedStudy, sources: _Sources, reused: RunFinder
 ) -> Iterator[tuple[str, str]]:
     """Yield the models and the places from which runs at the first points of a design come."""
     for name, found in sources.items():

@@ -13,8 +13,7 @@ from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.archived_runs import input_columns, unused_designs
 from uqpen.checkpoints.identity import compare_models
-from uqpen.checkpoints.point_index import PointIndex
-from uqpen.checkpoints.reused_runs import ReusedRuns, first_points
+from uqpen.checkpoints.reuse import PointIndex, RunFinder, first_points
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, RUNS, STATUS
@@ -182,7 +181,7 @@ def _use_text(
 
 def unusable_runs(
     study: ValidatedStudy,
-    reused: ReusedRuns,
+    reused: RunFinder,
     known: Collection[str],
 ) -> dict[str, str]:
     """Return a text for each changed design of whose earlier runs none is at its first points.
@@ -191,7 +190,7 @@ def unusable_runs(
     ----------
     study : ValidatedStudy
         The study.
-    reused : ReusedRuns
+    reused : RunFinder
         The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
