@@ -12,14 +12,18 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.checkpoints.chosen_runs import ChosenRuns, choose_runs
-from uqpen.checkpoints.identity import compared_names
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.checkpoints.archived_runs import archived_sources
+from uqpen.checkpoints.folder import CheckpointFolder
+from uqpen.checkpoints.identity import compared_names, depends_on_batch
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
-from uqpen.checkpoints.reuse import BY_MACHINE
-from uqpen.checkpoints.sources import RunSource
-from uqpen.core.arrays import Arrays, IntArray
+from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.reuse import BY_MACHINE, RunFinder, by_inputs, first_points
+from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
+from uqpen.checkpoints.sources import SET_ASIDE, RunSource
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
-from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS
+from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
 from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
 from uqpen.core.status import STATUS_TEXT, Status
@@ -34,9 +38,10 @@ from uqpen.execution import (
     run_count,
     status_counts,
 )
-from uqpen.execution.batch import BatchResult
+from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.models.source import BuiltInModel
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text
@@ -49,7 +54,16 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = ["Recheck", "RecheckOutcome", "Takeable"]
+__all__ = [
+    "ChosenRuns",
+    "Recheck",
+    "RecheckOutcome",
+    "Takeable",
+    "choose_runs",
+    "is_as_made",
+    "order_runs",
+    "runs_that_are_as_made",
+]
 
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
@@ -70,6 +84,16 @@ _CHANGE = (
     "the model has changed in a way that its files do not show, or its results depend on the "
     "order of its runs"
 )
+
+_Sources = Mapping[str, Sequence[RunSource]]
+
+_NEVERTHELESS = "take them nevertheless with --no-recheck"
+
+# As many as a batch has: they meet a change of 1 % of the inputs' space for sure.
+_MOST = 1024
+
+# Of very many runs, so many are sorted to bound the lowest values of all.
+_SOME = 8192
 
 
 class Takeable(NamedTuple):
@@ -478,3 +502,305 @@ def _same_text(names: Sequence[str]) -> str:
         return ""
     joined = " and ".join(filter(None, [", ".join(listed[:-1]), listed[-1]]))
     return f"{joined} {'are' if len(listed) > 1 else 'is'} the same"
+
+
+def is_as_made(study: ValidatedStudy, archive: EarlierArchive, recheck: Recheck) -> bool:
+    """Check that some runs of an archive of this very study are the same when made again."""
+    outcomes = []
+    for name in filter(recheck.applies, study.models):
+        found = archived_sources(study, name, archive.tree, archive.place, first_blocks=True)
+        group = model_trees(archive.tree)[name]
+        designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
+        omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
+        outcomes.append(recheck.look(name, _of_archive(archive, found.sources, omitted)))
+    return not any(each.is_refused for each in outcomes)
+
+
+def runs_that_are_as_made(
+    study: ValidatedStudy,
+    sources: _Sources,
+    archives: Mapping[str, EarlierArchive],
+    kept: CheckpointFolder,
+    recheck: Recheck,
+    journal: Journal,
+    *,
+    has_parts: bool,
+) -> RunFinder:
+    """Return the earlier runs that a study may take; of those in each place, some are made again.
+
+    They are made again only where one of a design's first points has a run.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    sources : mapping of str to sequence of RunSource
+        The sources of runs by the name of a model.
+    archives : mapping of str to EarlierArchive
+        The archives among their places.
+    kept : CheckpointFolder
+        The finished runs beside the archive.
+    recheck : Recheck
+        Makes runs again.
+    journal : Journal
+        Receives the numbers of runs that are taken.
+    has_parts : bool
+        Whether finished runs of the study's own designs are taken.
+
+    Raises
+    ------
+    CheckpointError
+        If runs of the folder, or of an archive that the user has named, differ.
+    """
+    parts = {name: kept.part_sources(name) for name in study.models if recheck.applies(name)}
+    parts = {name: found for name, found in parts.items() if found and has_parts}
+    planned = sum(study.design_runs(design) for design in study.designs)
+    left = {name: planned - _count(parts.get(name, ())) - _count(sources[name]) for name in sources}
+    unchecked = [
+        (name, source.design)
+        for name, own in parts.items()
+        if recheck.look(name, _of_folder(kept, kept.folder, own), left[name]).is_unchecked
+        for source in own
+    ]
+    while True:
+        reused = RunFinder(study, sources, journal)
+        refused = set()
+        for name, place in _taken(study, sources, reused):
+            own = [each for each in sources[name] if each.place == place]
+            if place in archives:
+                runs = _of_archive(archives[place], own)
+            else:
+                runs = _of_folder(kept, kept.folder / SET_ASIDE, own)
+            outcome = recheck.look(name, runs, left[name])
+            if outcome.is_unchecked:
+                reused.mark_not_made_again(name, place)
+            if outcome.is_refused:
+                refused.add((name, place))
+        if not refused:
+            break
+        sources = {
+            name: [each for each in found if (name, each.place) not in refused]
+            for name, found in sources.items()
+        }
+    for name, design in unchecked:
+        reused.record_not_made_again(design, name)
+    return reused
+
+
+def _taken(
+    study: ValidatedStudy, sources: _Sources, reused: RunFinder
+) -> Iterator[tuple[str, str]]:
+    """Yield the models and the places from which runs at the first points of a design come."""
+    for name, found in sources.items():
+        points = (first_points(study, design, name) for design in study.designs if found)
+        used = set[str]().union(*(reused.used_places(name, each) for each in points))
+        places = dict.fromkeys(each.place for each in found)
+        yield from ((name, place) for place in places if place in used)
+
+
+def _of_archive(
+    archive: EarlierArchive,
+    sources: Sequence[RunSource],
+    omitted: Mapping[str, xr.Dataset] | None = None,
+) -> Takeable:
+    leave_out = "leave it out to make all runs, or " if archive.is_named else ""
+    remedy = f"{leave_out}{_NEVERTHELESS}"
+    return Takeable(archive.place, sources, archive.log, remedy, archive.is_named, omitted or {})
+
+
+def _of_folder(kept: CheckpointFolder, place: Path, sources: Sequence[RunSource]) -> Takeable:
+    remedy = f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
+    return Takeable(shown_path(place), sources, kept.folder.with_suffix(".log"), remedy)
+
+
+def _count(sources: Sequence[RunSource]) -> int:
+    return sum(len(each.runs.runs) for each in sources)
+
+
+class ChosenRuns(NamedTuple):
+    """Finished runs that are made again, in this order.
+
+    Attributes
+    ----------
+    runs : FinishedRuns
+        The runs.
+    status : Status
+        The runs with this status are compared.
+    is_batch : bool
+        True if they have to be made together.
+    is_whole : bool
+        True if they are known to have been made as they will be now, in the same batch.
+    designs : tuple of str
+        The designs that they are of.
+    total : int
+        The number of runs from which they are chosen.
+    """
+
+    runs: FinishedRuns
+    status: Status
+    is_batch: bool
+    is_whole: bool
+    designs: tuple[str, ...]
+    total: int
+
+
+def choose_runs(
+    model: Model, sources: Sequence[RunSource], generator: np.random.Generator
+) -> ChosenRuns | None:
+    """Choose up to 1 024 runs, those that are ok; where none is, one that failed.
+
+    Of a model whose results may depend on the batch, it is a batch with many extremes. There are
+    none (None) among runs that are inadmissible, or that failed as it depends on the machine.
+
+    Parameters
+    ----------
+    model : Model
+        The model of the runs.
+    sources : sequence of RunSource
+        The runs that may be taken.
+    generator : numpy.random.Generator
+        Draws the runs that are no extremes.
+    """
+    alike = by_inputs(model, sources).values()
+    if not alike:
+        return None
+    # Models of one study may be given other inputs; most runs have the same ones.
+    of_one_kind = max(alike, key=_count_ok)
+    is_ok = _has_status(of_one_kind, Status.OK)
+    if is_ok.any():
+        status, is_wanted = Status.OK, is_ok
+    else:
+        status, is_wanted = _first_failure(of_one_kind)
+    if not is_wanted.any():
+        return None
+    at = np.flatnonzero(is_wanted)
+    order = at[order_runs(_columns(of_one_kind, at), generator)]
+    if depends_on_batch(model):
+        return _chosen_batch(of_one_kind, order, status)
+    order = order if status is Status.OK else order[:1]
+    return _chosen(of_one_kind, order, status, is_batch=False, is_whole=True)
+
+
+def order_runs(columns: Arrays, generator: np.random.Generator) -> IntArray:
+    """Return positions of runs by turns: those at the ends of each input, and random ones.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (run,)
+        The inputs of runs.
+    generator : numpy.random.Generator
+        Draws the random ones.
+
+    Returns
+    -------
+    ndarray of int
+        At most 1 024, each once. The first few of them are a choice of fewer runs.
+    """
+    size = len(next(iter(columns.values())))
+    varied = [values for values in columns.values() if (values != values[0]).any()]
+    each = -(-_MOST // (4 * max(len(varied), 1)))
+    ends = [_lowest(sign * values, each) for values in varied for sign in (1.0, -1.0)]
+    drawn = generator.choice(size, min(_MOST, size), replace=False)
+    extremes = np.stack(ends, axis=1).ravel()[: len(drawn)] if ends else drawn
+    turns = np.concatenate(
+        [np.stack([extremes, drawn[: len(extremes)]], axis=1).ravel(), drawn[len(extremes) :]]
+    )
+    _, first = np.unique(turns, return_index=True)
+    return np.asarray(turns[np.sort(first)][:_MOST], dtype=np.int64)
+
+
+def _lowest(values: FloatArray, number: int) -> IntArray:
+    """Return the positions of the lowest values, in ascending order."""
+    number = min(number, len(values))
+    # A value of some of them bounds the lowest of all, which are then a few.
+    some = np.sort(values[:: len(values) // _SOME + 1])
+    at = np.flatnonzero(values <= some[min(number, len(some) - 1)])
+    return np.asarray(at[np.argsort(values[at], kind="stable")][:number], dtype=np.int64)
+
+
+def _count_ok(sources: Sequence[RunSource]) -> int:
+    return int(_has_status(sources, Status.OK).sum())
+
+
+def _has_status(sources: Sequence[RunSource], status: Status) -> BoolArray:
+    return np.concatenate([each.runs.results.status for each in sources]) == status
+
+
+def _first_failure(sources: Sequence[RunSource]) -> tuple[Status, BoolArray]:
+    """Return the status of a failed run that has to fail again, and a mask of all runs with it."""
+    for status in (Status.FAILED, Status.NOT_FINITE):
+        if (mask := _has_status(sources, status)).any():
+            return status, mask
+    return Status.FAILED, mask
+
+
+def _columns(sources: Sequence[RunSource], at: IntArray) -> Arrays:
+    parts = [each.runs.inputs for each in sources]
+    columns = {
+        name: np.concatenate([part[name] for part in parts]) if len(parts) > 1 else values
+        for name, values in parts[0].items()
+    }
+    size = sum(len(each.runs.runs) for each in sources)
+    return columns if len(at) == size else {name: columns[name][at] for name in columns}
+
+
+def _chosen(
+    sources: Sequence[RunSource],
+    at: IntArray,
+    status: Status,
+    *,
+    is_batch: bool,
+    is_whole: bool,
+) -> ChosenRuns:
+    """Return the runs at positions among those of all sources, in this order."""
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
+    numbers = np.searchsorted(starts, at, side="right") - 1
+    by_source = np.argsort(numbers, kind="stable")
+    used = np.unique(numbers).tolist()
+    own = {each: at[by_source][numbers[by_source] == each] - starts[each] for each in used}
+    back = np.argsort(by_source)
+    inputs = {
+        name: np.concatenate([sources[each].runs.inputs[name][own[each]] for each in used])[back]
+        for name in sources[0].runs.inputs
+    }
+    results = join_results([select_results(sources[each].runs.results, own[each]) for each in used])
+    runs = np.concatenate([sources[each].runs.runs[own[each]] for each in used])[back]
+    return ChosenRuns(
+        FinishedRuns(runs, inputs, select_results(results, back)),
+        status,
+        is_batch,
+        is_whole,
+        tuple(dict.fromkeys(sources[each].design for each in used)),
+        int(starts[-1]),
+    )
+
+
+def _chosen_batch(
+    sources: Sequence[RunSource], order: IntArray, status: Status
+) -> ChosenRuns | None:
+    """Return the batch that has most of some runs, whole ones first."""
+    statuses = np.concatenate([each.runs.results.status for each in sources])
+    marks = np.zeros(len(statuses), dtype=np.int64)
+    marks[order] = 1
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
+    batches = [
+        (is_whole, int(marks[start + batch].sum()), start + batch)
+        for start, source in zip(starts, sources, strict=False)
+        for batch, is_whole in _batches(source)
+    ]
+    for is_whole, number, at in sorted(batches, key=lambda each: each[:2], reverse=True):
+        if number and not np.isin(statuses[at], BY_MACHINE).any():
+            # A model does not get the inadmissible points of a batch.
+            admissible = at[statuses[at] != Status.INADMISSIBLE]
+            return _chosen(sources, admissible, status, is_batch=True, is_whole=is_whole)
+    return None
+
+
+def _batches(source: RunSource) -> Iterator[tuple[IntArray, bool]]:
+    """Yield the positions of the runs of each batch, and whether it is known to be whole."""
+    whole = [*source.whole_batches()]
+    yield from ((batch, True) for batch in whole)
+    if not whole:
+        # The last batch of a round may have fewer, and so has one whose runs were discarded.
+        numbers = source.runs.runs // BATCH_SIZE
+        yield np.flatnonzero(numbers == numbers[-1]), False
