@@ -12,20 +12,20 @@ import xarray as xr
 
 from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
-from uqpen.checkpoints.archived_runs import unused_designs
 from uqpen.checkpoints.folder import FAILED, CheckpointFolder, lock_archive
 from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
 from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.recheck import Recheck, is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
 from uqpen.checkpoints.reuse import RunFinder
-from uqpen.checkpoints.run_sources import (
+from uqpen.checkpoints.sources import (
     EarlierArchive,
+    RunSource,
     open_named,
     open_replaced,
     sources_of_archives,
+    unused_designs,
 )
-from uqpen.checkpoints.sources import RunSource
 from uqpen.core.errors import (
     ArchiveError,
     CheckpointError,

@@ -13,14 +13,18 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.checkpoints.archived_runs import archived_sources
 from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.identity import compared_names, depends_on_batch
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
 from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.checkpoints.reuse import BY_MACHINE, RunFinder, by_inputs, first_points
-from uqpen.checkpoints.run_sources import EarlierArchive, shown_path
-from uqpen.checkpoints.sources import SET_ASIDE, RunSource
+from uqpen.checkpoints.sources import (
+    SET_ASIDE,
+    EarlierArchive,
+    RunSource,
+    archived_sources,
+    shown_path,
+)
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS

@@ -2,21 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
-from uqpen.checkpoints.identity import fingerprint_changes, read_fingerprint
+from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
+from uqpen.archive.read import group_names, model_trees, read_group, read_tree
+from uqpen.archive.structure import find_faults
+from uqpen.checkpoints.identity import (
+    ModelComparison,
+    compare_models,
+    fingerprint_changes,
+    list_changes,
+    read_fingerprint,
+)
+from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.parts import MADE_OF, FinishedRuns, part_files, part_number, select_results
-from uqpen.core.arrays import IntArray
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.errors import ArchiveError, CheckpointError
+from uqpen.core.labels import (
+    FAILED_RUN,
+    FAILURE_REASON,
+    KIND,
+    NOT_MADE_AGAIN,
+    REUSED_RUNS,
+    ROUND,
+    RUN,
+    RUNS,
+    STATUS,
+)
+from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.model import Model, Output, Results
 from uqpen.core.status import Status
+from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import join_results
 from uqpen.execution.batching import BATCH_SIZE
+from uqpen.execution.omitted_runs import are_omitted
+from uqpen.study.fingerprint import is_user_defined
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow import root_attributes
 
-__all__ = ["SET_ASIDE", "RunSource", "set_aside_design", "set_aside_sources"]
+__all__ = [
+    "SET_ASIDE",
+    "ArchivedSources",
+    "EarlierArchive",
+    "RunSource",
+    "archived_sources",
+    "input_columns",
+    "log_path",
+    "open_intact",
+    "open_named",
+    "open_replaced",
+    "set_aside_design",
+    "set_aside_sources",
+    "shown_path",
+    "sources_of_archives",
+    "unused_designs",
+]
 
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
@@ -97,7 +146,7 @@ def set_aside_sources(
         if not all(change.is_limit for change in changes):
             continue
         design = set_aside_design(folder)
-        for runs in _rounds(folder, read):
+        for runs in _stored_rounds(folder, read):
             source = RunSource(
                 _KEPT,
                 runs,
@@ -122,7 +171,9 @@ def _is_of_model(key: str) -> bool:
     return key.startswith(("model", "constraints."))
 
 
-def _rounds(folder: Path, read: Callable[[Path], FinishedRuns | None]) -> Iterator[FinishedRuns]:
+def _stored_rounds(
+    folder: Path, read: Callable[[Path], FinishedRuns | None]
+) -> Iterator[FinishedRuns]:
     """Yield the runs of each round in a folder, each number once."""
     for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
         parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
@@ -138,3 +189,293 @@ def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
     }
     results = join_results([part.results for part in parts])
     return FinishedRuns(runs, inputs, select_results(results, at))
+
+
+class EarlierArchive(NamedTuple):
+    """Archive of an earlier study.
+
+    Attributes
+    ----------
+    place : str
+        Its path, for display.
+    tree : DataTree
+        Its content.
+    log : Path
+        The log beside it.
+    is_named : bool
+        True if the user has named it, so that it is a mistake if none of its runs can be taken.
+    """
+
+    place: str
+    tree: xr.DataTree
+    log: Path
+    is_named: bool
+
+
+def open_replaced(path: Path, journal: Journal) -> EarlierArchive | None:
+    """Read the archive that the new one replaces; None, with a note, where it cannot be used."""
+    if not path.exists():
+        return None
+    place = shown_path(path)
+    try:
+        return EarlierArchive(place, open_intact(path), log_path(path), is_named=False)
+    except ArchiveError as error:
+        reason = str(error).removeprefix(f"{path}: ")
+        journal.inform(f"{place}: none of its runs is taken: {reason}")
+        return None
+
+
+def open_named(paths: Sequence[str | Path], replaced: Path) -> list[EarlierArchive]:
+    """Read the archives that the user has named; `replaced` is left out.
+
+    Raises
+    ------
+    ArchiveError
+        If one cannot be read, or is no archive of a study.
+    """
+    others = [Path(path) for path in paths]
+    return [
+        EarlierArchive(shown_path(path), open_intact(path), log_path(path), is_named=True)
+        for path in others
+        if path.resolve() != replaced.resolve()
+    ]
+
+
+def sources_of_archives(
+    study: ValidatedStudy, archives: Sequence[EarlierArchive], journal: Journal
+) -> Mapping[str, list[RunSource]]:
+    """Return the runs that each model of a study may take from archives, by the model's name.
+
+    Raises
+    ------
+    CheckpointError
+        If an archive that the user has named has no runs of any of the models; it states what has
+        changed.
+    """
+    found: dict[str, list[RunSource]] = {name: [] for name in study.models}
+    for archive in archives:
+        changes: list[str] = []
+        runs = 0
+        for name, sources in found.items():
+            archived = archived_sources(study, name, archive.tree, archive.place)
+            sources += archived.sources
+            runs += sum(len(source.runs.runs) for source in archived.sources)
+            changes += archived.changes
+        if runs:
+            journal.write_line(f"{archive.place}: {_made_with(study, archive.tree)}")
+        elif not changes:
+            if archive.is_named:
+                reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
+                raise CheckpointError(
+                    f"{archive.place}: none of its runs can be taken: {reasons}\n"
+                    "leave it out to make all runs"
+                )
+        elif archive.is_named:
+            raise CheckpointError(
+                f"{archive.place}: its runs cannot be taken, as they are of another model:\n"
+                f"{list_changes(changes)}\nleave it out to make all runs"
+            )
+        else:
+            journal.inform(
+                f"{archive.place}: none of its runs is taken, as they are of another model:\n"
+                f"{list_changes(changes)}"
+            )
+    return found
+
+
+def _made_with(study: ValidatedStudy, tree: xr.DataTree) -> str:
+    """Return the provenance of an archive, for the log."""
+    differences = provenance_differences(tree.attrs, root_attributes(study))
+    texts = ", ".join(f"{name} {one} (here {other})" for name, one, other in differences)
+    origin = f"study {str(tree.attrs['study_sha256'])[:16]}"
+    return f"{origin}, made with {texts or 'the same versions and kind of processor as here'}"
+
+
+def log_path(archive: Path) -> Path:
+    """Return the path of the log beside an archive."""
+    return archive.absolute().with_name(f"{archive.name}.log")
+
+
+def shown_path(path: Path) -> str:
+    """Return a path as short as it can be written here."""
+    path = path.absolute()
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+class ArchivedSources(NamedTuple):
+    """Runs of an archive that a model may take, or the reasons why it may take none."""
+
+    sources: tuple[RunSource, ...]
+    changes: tuple[str, ...] = ()
+
+
+def open_intact(path: Path) -> xr.DataTree:
+    """Read the archive of a study whose groups are those that were written.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, has been changed, or is no archive of a study.
+    """
+    tree = read_tree(path)
+    if recorded_hashes(tree) != group_hashes(tree):
+        raise ArchiveError(f"{path}: has been changed since it was written")
+    if fault := next(find_faults(tree), None):
+        raise ArchiveError(f"{path}: is damaged: {fault}")
+    try:
+        tomllib.loads(str(tree.attrs["study_text"]))
+    except ValueError as error:
+        raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
+    if KIND in tree.attrs:
+        raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
+    return tree
+
+
+def unused_designs(tree: xr.DataTree) -> dict[str, str]:
+    """Return the designs whose runs no study takes from an archive, each with the reason."""
+    found = {}
+    for model in model_trees(tree).values():
+        for design in group_names(model, RUNS):
+            runs = read_group(model, RUNS, design)
+            if are_omitted(runs):
+                found[design] = "the archive has only their statistics"
+            elif runs.sizes[RUN] > RUNS_IN_MEMORY:
+                found[design] = f"it has more than {RUNS_IN_MEMORY} runs"
+    return found
+
+
+def archived_sources(
+    study: ValidatedStudy, name: str, tree: xr.DataTree, place: str, *, first_blocks: bool = False
+) -> ArchivedSources:
+    """Return the runs of an archive that are runs of a model.
+
+    Of a design with very many runs there is none, or the first block only.
+
+    Parameters
+    ----------
+    study, name
+        The study, and the name of its model.
+    tree : DataTree
+        The result of `open_intact`.
+    place : str
+        The name of the archive, for display.
+    first_blocks : bool
+        Whether designs with very many runs have their first block.
+    """
+    names = list(model_trees(tree))
+    # The model of the same name first: its changes are told if there is no other.
+    names.sort(key=lambda each: each != name)
+    comparisons = {each: compare_models(study, name, tree, each) for each in names}
+    found = tuple(
+        source
+        for archived, comparison in comparisons.items()
+        if not comparison.changes
+        for source in _sources(study, name, tree, archived, comparison, place, first_blocks)
+    )
+    return ArchivedSources(found, () if found else comparisons[names[0]].changes)
+
+
+def _sources(
+    study: ValidatedStudy,
+    name: str,
+    tree: xr.DataTree,
+    archived_name: str,
+    comparison: ModelComparison,
+    place: str,
+    first_blocks: bool,
+) -> Iterator[RunSource]:
+    model = study.models[name].model
+    left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
+    left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
+    here = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
+    then = {key: value for key, value in tree.attrs.items() if key in here}
+    others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
+    made_with = [f"runs made with {others}"] if others else []
+    group = model_trees(tree)[archived_name]
+    changed = _changed_designs(study, tree)
+    for design in group_names(group, RUNS):
+        archived = read_group(group, RUNS, design)
+        is_whole = archived.sizes[RUN] <= RUNS_IN_MEMORY
+        if not is_whole:
+            if not first_blocks:
+                continue  # they are found by their inputs, for which all have to be in memory
+            archived = archived.isel({RUN: slice(BLOCK)})
+        for runs in _archived_rounds(archived, model, comparison.dependencies):
+            source = RunSource(
+                place,
+                runs,
+                is_complete=is_whole,
+                made_with=(*made_with, *_inherited(tree, archived_name, design)),
+                changed_design=design if design in changed else "",
+                design=design,
+            ).without_statuses(left_out)
+            if source is not None:
+                yield source
+
+
+def _inherited(tree: xr.DataTree, model: str, design: str) -> Iterator[str]:
+    """Yield what an archive says of runs of a design that it has taken from others."""
+    label = f"{model}: {design}: " if model else f"{design}: "
+    for line in str(tree.attrs.get(REUSED_RUNS, "")).split("\n"):
+        # Whether they are made again is decided wherever they are taken.
+        if line.startswith(label) and not line.endswith(NOT_MADE_AGAIN):
+            yield line.removeprefix(label)
+
+
+def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
+    """Return the names of the designs that the archive's study has with other settings."""
+    texts = str(tree.attrs["study_text"]), study.text
+    before, now = (tomllib.loads(text).get("designs", {}) for text in texts)
+    return {name for name in before.keys() & now.keys() if before[name] != now[name]}
+
+
+def _archived_rounds(
+    runs: xr.Dataset, model: Model, dependencies: frozenset[str]
+) -> Iterator[FinishedRuns]:
+    """Yield the runs of each round of a design; none if a variable is not as the model has it."""
+    inputs = input_columns(runs, model)
+    if not all(_has_output(runs, output) for output in model.outputs):
+        return
+    outputs = {output.name: _values(runs, output) for output in model.outputs}
+    status = runs[STATUS].values.astype(np.int8)
+    reasons = dict.fromkeys(np.flatnonzero(status != Status.OK).tolist(), "no reason was recorded")
+    if FAILED_RUN in runs:
+        failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
+        reasons |= {run: str(reason) for run, reason in failed if run in reasons}
+    whole = Results(outputs, status, reasons, dependencies)
+    if ROUND not in runs:
+        if runs.sizes[RUN]:
+            yield FinishedRuns(np.arange(runs.sizes[RUN]), inputs, whole)
+        return
+    number = runs[ROUND].values
+    for each in np.unique(number):
+        at = np.flatnonzero(number == each)
+        own = {name: values[at] for name, values in inputs.items()}
+        yield FinishedRuns(np.arange(len(at)), own, select_results(whole, at))
+
+
+def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
+    """Return the inputs of a model that archived runs have, each a value a run."""
+    size = runs.sizes[RUN]
+    return {
+        variable.name: np.broadcast_to(runs.variables[variable.name].values, size)
+        for variable in model.inputs
+        if variable.name in runs
+    }
+
+
+def _has_output(runs: xr.Dataset, output: Output) -> bool:
+    """Check that runs have an output along the dimensions and coordinates of the model's."""
+    if output.name not in runs:
+        return False
+    if runs[output.name].dims != (RUN, *(dim.name for dim in output.dims)):
+        return False
+    return all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims)
+
+
+def _values(runs: xr.Dataset, output: Output) -> FloatArray:
+    """Return the values of an output as a model returns them."""
+    values = runs[output.name].values.astype(np.float64, copy=False)
+    # A failed run has a category of its own there.
+    return np.where(values < 0, np.nan, values) if output.categories else values
