@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,10 +18,9 @@ from uqpen.checkpoints.recheck import Recheck, is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
 from uqpen.checkpoints.reuse import RunFinder
 from uqpen.checkpoints.sources import (
-    EarlierArchive,
+    ArchivePlace,
     RunSource,
-    open_named,
-    open_replaced,
+    open_archives,
     sources_of_archives,
     unused_designs,
 )
@@ -133,15 +131,16 @@ def make_archive(
         lock_archive(path),
         Journal(log, title, progress or Progress()) as journal,
     ):
-        earlier = _open_archives(path, resume, journal)
-        replaced = earlier.replaced
+        named = resume.reuse or ()
+        archives = open_archives(path, named, journal) if resume.takes_archived_runs else []
+        replaced = next((each for each in archives if not each.is_named), None)
         recheck = Recheck(study, resume.recheck, map, journal)
         if (
             replaced
             and _is_complete(study, replaced.tree, resume)
             and is_as_made(study, replaced, recheck)
         ):
-            journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
+            journal.inform(f"{replaced.name}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
         kept = _checkpoint_folder(study, path, journal, runs_in_memory)
@@ -149,7 +148,7 @@ def make_archive(
             study = _read_again(study, kept, repeats_others=resume.fresh)
         _discard_runs(kept, resume)
         reused = _reused_runs(
-            study, kept, earlier, journal, resume, recheck, has_parts=not is_unknown
+            study, kept, archives, journal, resume, recheck, has_parts=not is_unknown
         )
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
@@ -175,25 +174,6 @@ def make_archive(
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         kept.remove_archived(reused.used_folders())
     return tree
-
-
-class _EarlierArchives(NamedTuple):
-    """Archives whose runs may be taken: the one that is replaced, if any, and those named."""
-
-    replaced: EarlierArchive | None
-    named: Sequence[EarlierArchive]
-
-    @property
-    def all(self) -> list[EarlierArchive]:
-        return [self.replaced, *self.named] if self.replaced else [*self.named]
-
-
-def _open_archives(path: Path, resume: ResumeOptions, journal: Journal) -> _EarlierArchives:
-    """Open the archives whose runs may be taken."""
-    if not resume.takes_archived_runs:
-        return _EarlierArchives(None, [])
-    named = open_named(resume.reuse or (), path)
-    return _EarlierArchives(open_replaced(path, journal), named)
 
 
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
@@ -280,7 +260,7 @@ def _discard_runs(kept: CheckpointFolder, resume: ResumeOptions) -> None:
 def _reused_runs(
     study: ValidatedStudy,
     kept: CheckpointFolder,
-    earlier: _EarlierArchives,
+    archives: Sequence[ArchivePlace],
     journal: Journal,
     resume: ResumeOptions,
     recheck: Recheck,
@@ -291,18 +271,18 @@ def _reused_runs(
 
     Some of those that it would take are made again; `has_parts` if it takes those of its designs.
     """
-    archived = sources_of_archives(study, earlier.all, journal)
+    archived = sources_of_archives(study, archives, journal)
     sources = {
         name: _model_sources(study, name, kept, archived[name], resume) for name in study.models
     }
-    places = {archive.place: archive for archive in earlier.all}
     reused = runs_that_are_as_made(
-        study, sources, places, kept, recheck, journal, has_parts=has_parts
+        study, sources, archives, kept, recheck, journal, has_parts=has_parts
     )
-    for archive in earlier.all:
+    for archive in archives:
         for name, reason in unused_designs(archive.tree).items():
-            journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
-    not_kept = runs_not_kept(study, earlier.replaced.tree) if earlier.replaced else {}
+            journal.inform(f"{archive.name}: no run of its {name} is taken, as {reason}")
+    replaced = (archive for archive in archives if not archive.is_named)
+    not_kept = next((runs_not_kept(study, archive.tree) for archive in replaced), {})
     for name, text in (not_kept | unusable_runs(study, reused, not_kept)).items():
         journal.inform(f"{name}: {text}")
     return reused

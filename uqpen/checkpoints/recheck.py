@@ -6,7 +6,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,8 @@ from uqpen.checkpoints.parts import FinishedRuns, select_results
 from uqpen.checkpoints.reuse import BY_MACHINE, RunFinder, by_inputs, first_points
 from uqpen.checkpoints.sources import (
     SET_ASIDE,
-    EarlierArchive,
+    ArchivePlace,
+    Place,
     RunSource,
     archived_sources,
     shown_path,
@@ -62,7 +62,6 @@ __all__ = [
     "ChosenRuns",
     "Recheck",
     "RecheckOutcome",
-    "Takeable",
     "choose_runs",
     "is_as_made",
     "order_runs",
@@ -91,40 +90,11 @@ _CHANGE = (
 
 _Sources = Mapping[str, Sequence[RunSource]]
 
-_NEVERTHELESS = "take them nevertheless with --no-recheck"
-
 # As many as a batch has: they meet a change of 1 % of the inputs' space for sure.
 _MOST = 1024
 
 # Of very many runs, so many are sorted to bound the lowest values of all.
 _SOME = 8192
-
-
-class Takeable(NamedTuple):
-    """Finished runs of a model in one place, which a study could take.
-
-    Attributes
-    ----------
-    place : str
-        Where they are, for display.
-    sources : sequence of RunSource
-        The runs.
-    log : Path
-        The log beside them.
-    remedy : str
-        What a user can do if they are not taken.
-    are_needed : bool
-        True if it is an error if they cannot be taken.
-    omitted : mapping of str to Dataset
-        Designs whose runs an archive has not kept, but hashes of them.
-    """
-
-    place: str
-    sources: Sequence[RunSource]
-    log: Path
-    remedy: str
-    are_needed: bool = True
-    omitted: Mapping[str, xr.Dataset] = MappingProxyType({})
 
 
 class RecheckOutcome(NamedTuple):
@@ -190,17 +160,28 @@ class Recheck:
         model = self._study.models[name].model
         return not (isinstance(model, BuiltInModel) or model.uncallable_reason)
 
-    def look(self, name: str, runs: Takeable, left: int | None = None) -> RecheckOutcome:
+    def look(
+        self,
+        name: str,
+        place: Place,
+        sources: Sequence[RunSource],
+        left: int | None = None,
+        omitted: Mapping[str, xr.Dataset] | None = None,
+    ) -> RecheckOutcome:
         """Make some of the runs of a model again, once for each place, and compare them.
 
         Parameters
         ----------
         name : str
             The name of the model.
-        runs : Takeable
+        place : Place
+            Where they are.
+        sources : sequence of RunSource
             The runs that would be taken.
         left : int or None
             Number of runs that the study makes anyway; None if it makes none.
+        omitted : mapping of str to Dataset, optional
+            Designs whose runs an archive has not kept, but hashes of them.
 
         Raises
         ------
@@ -209,31 +190,38 @@ class Recheck:
         KeyboardInterrupt
             With a text for the user.
         """
-        key = (runs.place, name)
+        key = (place.name, name)
         if key not in self._outcomes:
             try:
-                self._outcomes[key] = self._look(name, runs, left)
+                self._outcomes[key] = self._look(name, place, sources, left, omitted or {})
             except KeyboardInterrupt:
                 kept = "all finished runs are kept; the same command continues from there"
                 raise KeyboardInterrupt(kept) from None
         return self._outcomes[key]
 
-    def _look(self, name: str, runs: Takeable, left: int | None) -> RecheckOutcome:
+    def _look(
+        self,
+        name: str,
+        place: Place,
+        sources: Sequence[RunSource],
+        left: int | None,
+        omitted: Mapping[str, xr.Dataset],
+    ) -> RecheckOutcome:
         if not self.applies(name):
             return RecheckOutcome()
         model = self._study.models[name].model
         generator = Stream(self._study.seed, "recheck", name).generator()
-        chosen = choose_runs(model, runs.sources, generator)
-        batch = None if chosen else _chosen_hash(runs.omitted, generator)
+        chosen = choose_runs(model, sources, generator)
+        batch = None if chosen else _chosen_hash(omitted, generator)
         if not (chosen or batch):
             return RecheckOutcome()
         if batch:
             size = batch.stop - batch.start
-            seconds = seconds_at_last_pace(runs.log, size, batch.design)
+            seconds = seconds_at_last_pace(place.log, size, batch.design)
         else:
-            seconds = run_seconds(runs.log, name)
-        if reason := self._reason_against(seconds, left, runs.log):
-            self._inform(name, runs, f"no run is made again, {reason}")
+            seconds = run_seconds(place.log, name)
+        if reason := self._reason_against(seconds, left, place.log):
+            self._inform(name, place, sources, f"no run is made again, {reason}")
             return RecheckOutcome(is_unchecked=True)
         self._journal.start_preparation(model.name)
         with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
@@ -243,28 +231,28 @@ class Recheck:
             self._journal.start_step("making finished runs again, for comparison")
             comparison: _Comparison | _HashComparison
             if chosen:
-                comparison = _Comparison(self._study, own, runs, chosen, self._map)
+                comparison = _Comparison(self._study, own, place, sources, chosen, self._map)
             elif batch:
                 comparison = _HashComparison(self._study, name, own, batch, self._map)
             refusal = comparison.make(seconds)
         if refusal:
-            self._refuse(name, runs, refusal)
+            self._refuse(name, place, refusal)
             return RecheckOutcome(is_refused=True)
         if not comparison.compared:
             reason = "those made again timed out or crashed, which depends on the machine"
-            self._inform(name, runs, f"no run is compared: {reason}")
+            self._inform(name, place, sources, f"no run is compared: {reason}")
             return RecheckOutcome(is_unchecked=True)
         made, total = map(grouped_number, (comparison.compared, comparison.total))
         verb = "are" if comparison.compared > 1 else "is"
         text = f"{made} of {total} runs made again {verb} equal{comparison.tolerance_text}"
-        self._inform(name, runs, text)
+        self._inform(name, place, sources, text)
         return RecheckOutcome()
 
-    def _refuse(self, name: str, runs: Takeable, refusal: str) -> None:
+    def _refuse(self, name: str, place: Place, refusal: str) -> None:
         """Say, or raise, why runs cannot be taken."""
-        where = f"{runs.place}: {name}" if name else runs.place
-        text = f"{where}: its runs are not taken: {refusal}\n{runs.remedy}"
-        if runs.are_needed:
+        where = f"{place.name}: {name}" if name else place.name
+        text = f"{where}: its runs are not taken: {refusal}\n{place.remedy}"
+        if place.are_needed:
             raise CheckpointError(text)
         self._journal.inform(text)
 
@@ -281,23 +269,29 @@ class Recheck:
                 return ""
         return f"as that takes {duration_text(seconds)}; --recheck makes one nevertheless"
 
-    def _inform(self, name: str, runs: Takeable, text: str) -> None:
+    def _inform(self, name: str, place: Place, sources: Sequence[RunSource], text: str) -> None:
         """Say what was compared, and how."""
         model = self._study.models[name].model
-        lines = frozenset[str]().union(*(each.runs.results.files for each in runs.sources))
+        lines = frozenset[str]().union(*(each.runs.results.files for each in sources))
         same, uncompared = compared_names(model, lines, self._study.folder)
         others = f"not compared: {', '.join(uncompared)}" if uncompared else ""
         said = "; ".join(filter(None, [_same_text(same), text, others]))
-        self._journal.inform(f"{runs.place}: {name}: {said}" if name else f"{runs.place}: {said}")
+        self._journal.inform(f"{place.name}: {name}: {said}" if name else f"{place.name}: {said}")
 
 
 class _Comparison:
     """Comparison of chosen runs with those that are made in their place."""
 
     def __init__(
-        self, study: ValidatedStudy, model: Model, runs: Takeable, chosen: ChosenRuns, map: Map
+        self,
+        study: ValidatedStudy,
+        model: Model,
+        place: Place,
+        sources: Sequence[RunSource],
+        chosen: ChosenRuns,
+        map: Map,
     ) -> None:
-        self._model, self._runs, self._chosen = model, runs, chosen
+        self._model, self._place, self._sources, self._chosen = model, place, sources, chosen
         # The model itself is run: points that a constraint excludes since were admissible.
         self._evaluator = Evaluator(model)
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
@@ -309,7 +303,7 @@ class _Comparison:
             EvaluationOptions(checkpoint=_Finished(chosen), progress=_NoReports()),
         )
         self.compared, self.total = 0, chosen.total
-        is_same = chosen.is_whole and not any(each.made_with for each in runs.sources)
+        is_same = chosen.is_whole and not any(each.made_with for each in sources)
         self._tolerance = 0.0 if is_same else TOLERANCE
         self._differs_at_all = False
         self._designs = ", ".join(filter(None, chosen.designs)) or "its runs"
@@ -373,7 +367,7 @@ class _Comparison:
 
     def _other_values(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how the values of runs differ; empty if they are equal."""
-        words = (f"in {self._runs.place}", "now")
+        words = (f"in {self._place.name}", "now")
         found = self._differences(self._kept.isel({RUN: at[own]}), again.isel({RUN: own}), words)
         self._differs_at_all |= bool(found)
         return found[0].what if found and found[0].relative > self._tolerance else ""
@@ -402,7 +396,7 @@ class _Comparison:
     def _scales(self) -> dict[str, float]:
         """Return the largest value of each output among all runs that would be taken."""
         largest: dict[str, float] = {}
-        for source in self._runs.sources:
+        for source in self._sources:
             is_ok = source.runs.results.status == Status.OK
             for name, values in source.runs.results.outputs.items():
                 finite = values[is_ok][np.isfinite(values[is_ok])]
@@ -508,22 +502,22 @@ def _same_text(names: Sequence[str]) -> str:
     return f"{joined} {'are' if len(listed) > 1 else 'is'} the same"
 
 
-def is_as_made(study: ValidatedStudy, archive: EarlierArchive, recheck: Recheck) -> bool:
+def is_as_made(study: ValidatedStudy, archive: ArchivePlace, recheck: Recheck) -> bool:
     """Check that some runs of an archive of this very study are the same when made again."""
     outcomes = []
     for name in filter(recheck.applies, study.models):
-        found = archived_sources(study, name, archive.tree, archive.place, first_blocks=True)
+        found, _ = archived_sources(study, name, archive, first_blocks=True)
         group = model_trees(archive.tree)[name]
         designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
         omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
-        outcomes.append(recheck.look(name, _of_archive(archive, found.sources, omitted)))
+        outcomes.append(recheck.look(name, archive, found, omitted=omitted))
     return not any(each.is_refused for each in outcomes)
 
 
 def runs_that_are_as_made(
     study: ValidatedStudy,
     sources: _Sources,
-    archives: Mapping[str, EarlierArchive],
+    archives: Sequence[ArchivePlace],
     kept: CheckpointFolder,
     recheck: Recheck,
     journal: Journal,
@@ -540,7 +534,7 @@ def runs_that_are_as_made(
         The study.
     sources : mapping of str to sequence of RunSource
         The sources of runs by the name of a model.
-    archives : mapping of str to EarlierArchive
+    archives : sequence of ArchivePlace
         The archives among their places.
     kept : CheckpointFolder
         The finished runs beside the archive.
@@ -560,22 +554,23 @@ def runs_that_are_as_made(
     parts = {name: found for name, found in parts.items() if found and has_parts}
     planned = sum(study.design_runs(design) for design in study.designs)
     left = {name: planned - _count(parts.get(name, ())) - _count(sources[name]) for name in sources}
+    log = kept.folder.with_suffix(".log")
+    folder, set_aside = (
+        Place(shown_path(each), log) for each in (kept.folder, kept.folder / SET_ASIDE)
+    )
     unchecked = [
         (name, source.design)
         for name, own in parts.items()
-        if recheck.look(name, _of_folder(kept, kept.folder, own), left[name]).is_unchecked
+        if recheck.look(name, folder, own, left[name]).is_unchecked
         for source in own
     ]
+    places = {archive.name: archive for archive in archives}
     while True:
         reused = RunFinder(study, sources, journal)
         refused = set()
         for name, place in _taken(study, sources, reused):
             own = [each for each in sources[name] if each.place == place]
-            if place in archives:
-                runs = _of_archive(archives[place], own)
-            else:
-                runs = _of_folder(kept, kept.folder / SET_ASIDE, own)
-            outcome = recheck.look(name, runs, left[name])
+            outcome = recheck.look(name, places.get(place, set_aside), own, left[name])
             if outcome.is_unchecked:
                 reused.mark_not_made_again(name, place)
             if outcome.is_refused:
@@ -600,21 +595,6 @@ def _taken(
         used = set[str]().union(*(reused.used_places(name, each) for each in points))
         places = dict.fromkeys(each.place for each in found)
         yield from ((name, place) for place in places if place in used)
-
-
-def _of_archive(
-    archive: EarlierArchive,
-    sources: Sequence[RunSource],
-    omitted: Mapping[str, xr.Dataset] | None = None,
-) -> Takeable:
-    leave_out = "leave it out to make all runs, or " if archive.is_named else ""
-    remedy = f"{leave_out}{_NEVERTHELESS}"
-    return Takeable(archive.place, sources, archive.log, remedy, archive.is_named, omitted or {})
-
-
-def _of_folder(kept: CheckpointFolder, place: Path, sources: Sequence[RunSource]) -> Takeable:
-    remedy = f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
-    return Takeable(shown_path(place), sources, kept.folder.with_suffix(".log"), remedy)
 
 
 def _count(sources: Sequence[RunSource]) -> int:

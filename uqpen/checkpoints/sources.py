@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -51,15 +50,12 @@ from uqpen.workflow import root_attributes
 
 __all__ = [
     "SET_ASIDE",
-    "ArchivedSources",
-    "EarlierArchive",
+    "ArchivePlace",
+    "Place",
     "RunSource",
     "archived_sources",
     "input_columns",
-    "log_path",
-    "open_intact",
-    "open_named",
-    "open_replaced",
+    "open_archives",
     "set_aside_design",
     "set_aside_sources",
     "shown_path",
@@ -72,6 +68,8 @@ __all__ = [
 SET_ASIDE = "set_aside"
 
 _KEPT = "those kept before"
+
+_NEVERTHELESS = "take them nevertheless with --no-recheck"
 
 
 @dataclass(frozen=True)
@@ -191,58 +189,91 @@ def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
     return FinishedRuns(runs, inputs, select_results(results, at))
 
 
-class EarlierArchive(NamedTuple):
-    """Archive of an earlier study.
+@dataclass(frozen=True)
+class Place:
+    """Place of finished runs: a folder beside the archive that is made.
 
     Attributes
     ----------
-    place : str
+    name : str
         Its path, for display.
-    tree : DataTree
-        Its content.
     log : Path
-        The log beside it.
-    is_named : bool
-        True if the user has named it, so that it is a mistake if none of its runs can be taken.
+        The log of the making of its runs.
     """
 
-    place: str
-    tree: xr.DataTree
+    name: str
     log: Path
+
+    @property
+    def are_needed(self) -> bool:
+        """True if it is an error if none of its runs can be taken."""
+        return True
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do if none of its runs is taken."""
+        return f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
+
+
+@dataclass(frozen=True)
+class ArchivePlace(Place):
+    """Archive of an earlier study, as a place of finished runs.
+
+    Attributes
+    ----------
+    tree : DataTree
+        Its content.
+    is_named : bool
+        True if the user has named it.
+    """
+
+    tree: xr.DataTree
     is_named: bool
 
+    @property
+    def are_needed(self) -> bool:
+        """True if it is an error if none of its runs can be taken."""
+        return self.is_named
 
-def open_replaced(path: Path, journal: Journal) -> EarlierArchive | None:
-    """Read the archive that the new one replaces; None, with a note, where it cannot be used."""
-    if not path.exists():
-        return None
-    place = shown_path(path)
-    try:
-        return EarlierArchive(place, open_intact(path), log_path(path), is_named=False)
-    except ArchiveError as error:
-        reason = str(error).removeprefix(f"{path}: ")
-        journal.inform(f"{place}: none of its runs is taken: {reason}")
-        return None
+    @property
+    def remedy(self) -> str:
+        """What a user can do if none of its runs is taken."""
+        leave_out = "leave it out to make all runs, or " if self.is_named else ""
+        return f"{leave_out}{_NEVERTHELESS}"
 
 
-def open_named(paths: Sequence[str | Path], replaced: Path) -> list[EarlierArchive]:
-    """Read the archives that the user has named; `replaced` is left out.
+def open_archives(
+    replaced: Path, named: Sequence[str | Path], journal: Journal
+) -> list[ArchivePlace]:
+    """Read the archive that is replaced, if it can be used, and those that the user has named.
 
     Raises
     ------
     ArchiveError
-        If one cannot be read, or is no archive of a study.
+        If one that is named cannot be read, or is no archive of a study.
     """
-    others = [Path(path) for path in paths]
-    return [
-        EarlierArchive(shown_path(path), open_intact(path), log_path(path), is_named=True)
+    others = [Path(path) for path in named]
+    found = [
+        _open_archive(path, is_named=True)
         for path in others
         if path.resolve() != replaced.resolve()
     ]
+    if replaced.exists():
+        try:
+            found.insert(0, _open_archive(replaced, is_named=False))
+        except ArchiveError as error:
+            reason = str(error).removeprefix(f"{replaced}: ")
+            journal.inform(f"{shown_path(replaced)}: none of its runs is taken: {reason}")
+    return found
+
+
+def _open_archive(path: Path, *, is_named: bool) -> ArchivePlace:
+    log = path.absolute().with_name(f"{path.name}.log")
+    return ArchivePlace(shown_path(path), log, _open_intact(path), is_named)
 
 
 def sources_of_archives(
-    study: ValidatedStudy, archives: Sequence[EarlierArchive], journal: Journal
+    study: ValidatedStudy, archives: Sequence[ArchivePlace], journal: Journal
 ) -> Mapping[str, list[RunSource]]:
     """Return the runs that each model of a study may take from archives, by the model's name.
 
@@ -257,27 +288,27 @@ def sources_of_archives(
         changes: list[str] = []
         runs = 0
         for name, sources in found.items():
-            archived = archived_sources(study, name, archive.tree, archive.place)
-            sources += archived.sources
-            runs += sum(len(source.runs.runs) for source in archived.sources)
-            changes += archived.changes
+            own, changed = archived_sources(study, name, archive)
+            sources += own
+            runs += sum(len(source.runs.runs) for source in own)
+            changes += changed
         if runs:
-            journal.write_line(f"{archive.place}: {_made_with(study, archive.tree)}")
+            journal.write_line(f"{archive.name}: {_made_with(study, archive.tree)}")
         elif not changes:
             if archive.is_named:
                 reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
                 raise CheckpointError(
-                    f"{archive.place}: none of its runs can be taken: {reasons}\n"
+                    f"{archive.name}: none of its runs can be taken: {reasons}\n"
                     "leave it out to make all runs"
                 )
         elif archive.is_named:
             raise CheckpointError(
-                f"{archive.place}: its runs cannot be taken, as they are of another model:\n"
+                f"{archive.name}: its runs cannot be taken, as they are of another model:\n"
                 f"{list_changes(changes)}\nleave it out to make all runs"
             )
         else:
             journal.inform(
-                f"{archive.place}: none of its runs is taken, as they are of another model:\n"
+                f"{archive.name}: none of its runs is taken, as they are of another model:\n"
                 f"{list_changes(changes)}"
             )
     return found
@@ -291,11 +322,6 @@ def _made_with(study: ValidatedStudy, tree: xr.DataTree) -> str:
     return f"{origin}, made with {texts or 'the same versions and kind of processor as here'}"
 
 
-def log_path(archive: Path) -> Path:
-    """Return the path of the log beside an archive."""
-    return archive.absolute().with_name(f"{archive.name}.log")
-
-
 def shown_path(path: Path) -> str:
     """Return a path as short as it can be written here."""
     path = path.absolute()
@@ -303,14 +329,7 @@ def shown_path(path: Path) -> str:
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
-class ArchivedSources(NamedTuple):
-    """Runs of an archive that a model may take, or the reasons why it may take none."""
-
-    sources: tuple[RunSource, ...]
-    changes: tuple[str, ...] = ()
-
-
-def open_intact(path: Path) -> xr.DataTree:
+def _open_intact(path: Path) -> xr.DataTree:
     """Read the archive of a study whose groups are those that were written.
 
     Raises
@@ -346,9 +365,9 @@ def unused_designs(tree: xr.DataTree) -> dict[str, str]:
 
 
 def archived_sources(
-    study: ValidatedStudy, name: str, tree: xr.DataTree, place: str, *, first_blocks: bool = False
-) -> ArchivedSources:
-    """Return the runs of an archive that are runs of a model.
+    study: ValidatedStudy, name: str, archive: ArchivePlace, *, first_blocks: bool = False
+) -> tuple[list[RunSource], tuple[str, ...]]:
+    """Return the runs of an archive that are runs of a model; if there are none, what has changed.
 
     Of a design with very many runs there is none, or the first block only.
 
@@ -356,35 +375,33 @@ def archived_sources(
     ----------
     study, name
         The study, and the name of its model.
-    tree : DataTree
-        The result of `open_intact`.
-    place : str
-        The name of the archive, for display.
+    archive : ArchivePlace
+        The archive.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """
-    names = list(model_trees(tree))
+    names = list(model_trees(archive.tree))
     # The model of the same name first: its changes are told if there is no other.
     names.sort(key=lambda each: each != name)
-    comparisons = {each: compare_models(study, name, tree, each) for each in names}
-    found = tuple(
+    comparisons = {each: compare_models(study, name, archive.tree, each) for each in names}
+    found = [
         source
         for archived, comparison in comparisons.items()
         if not comparison.changes
-        for source in _sources(study, name, tree, archived, comparison, place, first_blocks)
-    )
-    return ArchivedSources(found, () if found else comparisons[names[0]].changes)
+        for source in _sources(study, name, archive, archived, comparison, first_blocks)
+    ]
+    return found, () if found else comparisons[names[0]].changes
 
 
 def _sources(
     study: ValidatedStudy,
     name: str,
-    tree: xr.DataTree,
+    archive: ArchivePlace,
     archived_name: str,
     comparison: ModelComparison,
-    place: str,
     first_blocks: bool,
 ) -> Iterator[RunSource]:
+    tree = archive.tree
     model = study.models[name].model
     left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
     left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
@@ -403,7 +420,7 @@ def _sources(
             archived = archived.isel({RUN: slice(BLOCK)})
         for runs in _archived_rounds(archived, model, comparison.dependencies):
             source = RunSource(
-                place,
+                archive.name,
                 runs,
                 is_complete=is_whole,
                 made_with=(*made_with, *_inherited(tree, archived_name, design)),
