@@ -2,7 +2,7 @@
 
 import xarray as xr
 
-from uqpen.archive.content import hash_record
+from uqpen.archive.hashes import hash_record
 
 
 def with_hashes(tree: xr.DataTree) -> xr.DataTree:

@@ -171,7 +171,7 @@ def report(
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
     looked_at = {path.name for path in files}
-    known = {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc", "5-runs-draws.nc"}
+    known = {"3-files.nc", "4-comparison-y.nc", "0-statistics-blocks-y.nc", "5-runs-draws.nc"}
     assert known <= looked_at
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.archive.checksum import is_broken
 from uqpen.archive.estimates import interval_text
+from uqpen.archive.hashes import is_broken
 from uqpen.archive.read import open_archive
 from uqpen.core.errors import ArchiveError
 from uqpen.results.long_table import long_table

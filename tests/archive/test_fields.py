@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqpen
-from uqpen.archive.fields import find_field_faults
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import open_archive, read_groups
+from uqpen.archive.structure import find_field_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import BOUND, ROLE, RUN
 from uqpen.verification.check_result import CheckOutcome

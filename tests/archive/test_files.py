@@ -13,8 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from uqpen.archive.files import ArchivedFile, archived_files, files_by_name, files_group
-from uqpen.archive.files_extraction import extract_files
+from uqpen.archive.files import (
+    ArchivedFile,
+    archived_files,
+    extract_files,
+    files_by_name,
+    files_group,
+)
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import read_group, read_tree
 from uqpen.core.errors import ArchiveError

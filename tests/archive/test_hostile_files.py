@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.archive.checksum import append_checksum, is_broken
+from uqpen.archive.hashes import append_checksum, is_broken
 from uqpen.archive.read import is_archive, open_archive
 from uqpen.core.errors import ArchiveError
 from uqpen.core.netcdf.content import ARCHIVE_LIMITS, ContentLimits, RefusedContentError

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.read import open_archive, read_tree
 from uqpen.results.json import archive_json

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import netCDF4
+import pandas as pd
 import pytest
 
 from uqpen.checkpoints.folder import lock_archive
@@ -34,6 +35,8 @@ runs = 100
 kind = "latin-hypercube"
 runs = 100
 """
+# The group of the reference.
+TRUTH = "statistics/reference"
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
 
 
@@ -110,6 +113,47 @@ class TestCompare:
         assert "models: found 2 models, one, two; expected a single [model]" in done.err
 
 
+class TestExport:
+    def test_statistics_of_all_sources_are_listed(self, uqpen: Command, archive: Path) -> None:
+        assert uqpen("export", str(archive), "-o", "table.csv").code == 0
+        table = pd.read_csv("table.csv")
+        sources = ["reference", "monte_carlo", "latin_hypercube", "latin_hypercube_replicated"]
+        assert list(table["source"].unique()) == sources
+        own = table[table["source"] == "monte_carlo"]
+        (error,) = own[(own["statistic"] == "mean_error") & (own["budget"] == 32)].itertuples()
+        found = json.loads(uqpen("show", str(archive), "--json").out)
+        shown = found["outputs"]["y"]["mean"]["errors"]["monte_carlo"]["32"]
+        assert (error.estimate, error.lower) == (shown["estimate"], shown["lower"])
+        assert len(own[own["statistic"] == "mean"]) == 20, "two budgets, ten repeats"
+
+    def test_it_has_no_runs_to_export(self, uqpen: Command, archive: Path) -> None:
+        done = uqpen("export", str(archive), "--runs")
+        assert (done.code, done.out) == (2, "")
+        assert "is a benchmark of methods, which keeps no runs" in done.err
+
+
+class TestNames:
+    def test_a_design_may_have_the_name_of_the_reference(self, uqpen: Command) -> None:
+        text = STUDY.replace("monte_carlo", "reference").replace(
+            "[designs.latin_hypercube]", "[designs.reference_]"
+        )
+        Path("names.toml").write_text(
+            text + '[designs.reference__replicated]\nkind = "sobol-sequence"\nruns = 64\n',
+            encoding="utf-8",
+        )
+        shown = uqpen("compare", "names.toml", *SHORT)
+        assert shown.code == 0
+        found = json.loads(uqpen("show", "archives/names_compare.nc", "--json").out)
+        assert set(found["methods"]) == {
+            "reference",
+            "reference_",
+            "reference_ replicated",
+            "reference__replicated",
+            "reference__replicated replicated",
+        }
+        assert found["reference_runs"] == 512
+
+
 class TestShow:
     def test_json_is_for_scripts(self, uqpen: Command, archive: Path) -> None:
         found = json.loads(uqpen("show", str(archive), "--json").out)
@@ -125,34 +169,53 @@ class TestShow:
     @pytest.mark.parametrize(
         ("damage", "complaint"),
         [
-            (lambda d: d["benchmark"].renameGroup("y", "z"), "/reference/z: no mean"),
-            (lambda d: d["methods"].renameVariable("runs", "walks"), "/methods: no runs along"),
             (
-                lambda d: d["benchmark/y/mean"].renameVariable("lead", "led"),
-                "/benchmark/y/mean: no lead along",
+                lambda d: d["comparison"].renameGroup("y", "z"),
+                "/statistics/monte_carlo/z: no statistics",
             ),
             (
-                lambda d: d["benchmark/y/mean"]["error"].delncattr("interval_label"),
+                lambda d: d["statistics/monte_carlo/y"].renameVariable("runs", "walks"),
+                "/statistics/monte_carlo/y: no runs and replicates along budget",
+            ),
+            (
+                lambda d: d["statistics/monte_carlo"].delncattr("variants"),
+                "/statistics/monte_carlo: no runs_spent, source, variants",
+            ),
+            (
+                lambda d: d["comparison/y"].renameVariable("mean_lead", "mean_led"),
+                "/comparison/y: no mean_lead",
+            ),
+            (
+                lambda d: d["comparison/y"].delncattr("display_units"),
+                "/comparison/y: no units of the output",
+            ),
+            (
+                lambda d: d["statistics/monte_carlo/y"]["mean_error"].delncattr("interval_label"),
                 "how its interval",
             ),
             (
-                lambda d: d["reference/y"]["std"].delncattr("interval_label"),
-                "/reference/y: std: does not say how its interval",
+                lambda d: d[f"{TRUTH}/y"]["std"].delncattr("interval_label"),
+                f"/{TRUTH}/y: std: does not say how its interval",
             ),
             (
-                lambda d: d["reference/y"]["quantile"].delncattr("runs_used"),
-                "/reference/y: no runs_used of quantile",
+                lambda d: d[f"{TRUTH}/y"]["quantile"].delncattr("runs_used"),
+                f"/{TRUTH}/y: no runs_used of quantile",
             ),
             (
-                lambda d: d["reference/y"].renameVariable("threshold", "level"),
-                "/reference/y: no threshold to tell its entries apart",
+                lambda d: d[f"{TRUTH}/y"].renameVariable("threshold", "level"),
+                f"/{TRUTH}/y: no threshold to tell its entries apart",
             ),
             (
-                lambda d: d["benchmark/y"].renameGroup("mean", "mode"),
-                "/benchmark/y/mode: of no statistic",
+                lambda d: d["statistics/monte_carlo/y"].renameVariable("mean", "mode"),
+                "/statistics/monte_carlo/y: no mean",
             ),
-            (lambda d: d.renameGroup("benchmark", "contest"), "no benchmark"),
-            (lambda d: d["reference"].renameGroup("y", "lost"), "/reference/y: no mean"),
+            (lambda d: d.renameGroup("comparison", "contest"), "no comparison"),
+            (
+                lambda d: d["statistics/monte_carlo"].renameGroup("y", "lost"),
+                "/statistics/monte_carlo/y: no statistics",
+            ),
+            (lambda d: d[TRUTH].renameGroup("y", "lost"), f"/{TRUTH}/y: no statistics"),
+            (lambda d: d[TRUTH].delncattr("runs_spent"), f"/{TRUTH}: no runs_spent"),
             (lambda d: d.setncattr("uqpen_kind", "other"), 'of kind "other", which this uqpen'),
         ],
     )

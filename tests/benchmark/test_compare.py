@@ -65,7 +65,10 @@ def comparison(function: str, budgets: tuple[int, ...], more: str = "") -> xr.Da
 def statistic(
     function: str, budgets: tuple[int, ...], more: str = "", *, name: str = "mean"
 ) -> xr.Dataset:
-    return comparison(function, budgets, more)[f"/benchmark/y/{name}"].to_dataset()
+    """What is said of a statistic of all methods, by what it is."""
+    found = comparison(function, budgets, more)["/comparison/y"].to_dataset()
+    own = [each for each in found.data_vars if str(each).startswith(f"{name}_")]
+    return found[own].rename({each: str(each).removeprefix(f"{name}_") for each in own})
 
 
 def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path: Path) -> None:
@@ -127,19 +130,20 @@ class TestNumbers:
     def test_another_method_or_budget_or_repeat_changes_no_estimate(self) -> None:
         more = '[designs.halton]\nkind = "halton"\nruns = 64\n'
         many = compare(study("step", more), BenchmarkSettings((32, 64), 11, 1024))
-        few = self.TREE()["/benchmark/y/mean"]["estimate"].sel(budget=[64])
-        all_estimates = many["/benchmark/y/mean"]["estimate"]
-        chosen = all_estimates.sel(contestant=few["contestant"], budget=[64])
-        xr.testing.assert_identical(few, chosen.isel(repeat=slice(10)))
+        for method in ("latin_hypercube", "sobol_sequence", "sobol_sequence_replicated"):
+            few = self.TREE()[f"/statistics/{method}/y"]["mean"].sel(budget=[64])
+            all_estimates = many[f"/statistics/{method}/y"]["mean"].sel(budget=[64])
+            xr.testing.assert_identical(few, all_estimates.isel(repeat=slice(10)))
 
     def test_repeats_differ(self) -> None:
-        assert (np.ptp(self.TREE()["/benchmark/y/mean"]["estimate"].values, axis=-1) > 0).all()
+        for method in ("latin_hypercube", "sobol_sequence", "sobol_sequence_replicated"):
+            found = self.TREE()[f"/statistics/{method}/y"]["mean"]
+            assert (np.ptp(found.values, axis=-1) > 0).all()
 
     def test_runs_and_replicates_are_told(self) -> None:
-        methods = self.TREE()["/methods"].to_dataset()
-        replicates = methods["replicates"].sel(contestant="sobol_sequence replicated")
-        assert replicates.values.tolist() == [16, 20]
-        assert (methods["runs"].values == [64, 100]).all()
+        found = self.TREE()["/statistics/sobol_sequence_replicated/y"].to_dataset()
+        assert found["replicates"].values.tolist() == [16, 20]
+        assert found["runs"].values.tolist() == [64, 100]
 
 
 class TestRefusals:

@@ -18,8 +18,8 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import ArchiveError
 from uqpen.report.page import report_page
-from uqpen.results.benchmark_entries import entries
 from uqpen.results.benchmark_json import benchmark_json
+from uqpen.results.method_comparison import MethodComparison
 
 FOLDER = Path(__file__).parents[1] / "data" / "comparisons"
 
@@ -39,7 +39,9 @@ def test_scripts_are_told_the_same(path: Path) -> None:
 
 def test_the_reference_keeps_how_each_interval_was_made(path: Path) -> None:
     (least, *others) = (
-        e.reference for e in entries(open_archive(path)) if e.statistic == "quantile"
+        entry.reference
+        for entry in MethodComparison.of(open_archive(path)).entries
+        if entry.statistic.name == "quantile"
     )
     assert str(least["interval_label"].values) == "conservative"
     assert str(least["note"].values) == "256 runs are too few for a lower bound"
@@ -59,12 +61,12 @@ def test_it_has_a_page_and_can_be_written_again(path: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("group", "variable"),
     [
-        ("benchmark/y/std", "estimate"),
-        ("benchmark/y/mean", "scale"),
-        ("benchmark/y/mean", "lead"),
-        ("reference/y", "quantile_interval"),
-        ("reference/y", "std"),
-        ("methods", "budget"),
+        ("statistics/monte_carlo/y", "std"),
+        ("statistics/monte_carlo/y", "budget"),
+        ("comparison/y", "mean_scale"),
+        ("comparison/y", "mean_lead"),
+        ("statistics/reference/y", "quantile_interval"),
+        ("statistics/reference/y", "std"),
     ],
 )
 def test_one_that_is_damaged_is_told_as_such(path: Path, group: str, variable: str) -> None:

@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.content import group_hashes
-from uqpen.archive.file_variables import is_in_memory
+from uqpen.archive.hashes import group_hashes
+from uqpen.archive.lazy_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
@@ -64,7 +64,7 @@ LIMIT = 2_000
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make blocks small, where they are no matter of random streams."""
     for module in (
-        "archive.file_variables",
+        "archive.lazy_variables",
         "core.blocks",
         "execution.open_blocks",
         "designs.rounds",

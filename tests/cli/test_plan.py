@@ -20,7 +20,7 @@ from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.required_runs import required_runs
-from uqpen.study.pilot import pilot_study
+from uqpen.study.load import pilot_study
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 

@@ -14,8 +14,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.estimates import unpack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, unpack
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import QuantityError, SettingsError, StudyError
 from uqpen.core.status import Status
@@ -25,7 +24,7 @@ from uqpen.designs.stopping.deciding import deciding_looks
 from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict, decide, log_evidence_below
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
-from uqpen.report.sections.decision_findings import decision_findings
+from uqpen.report.sections.sentences import decision_findings
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table

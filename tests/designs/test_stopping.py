@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.lookup import resolve

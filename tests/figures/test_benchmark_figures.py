@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 from uqpen.archive.read import open_archive
 from uqpen.core.errors import FigureError, UnknownNameError
-from uqpen.figures import BENCHMARK_FIGURES
+from uqpen.figures import OF_BENCHMARKS
 from uqpen.figures.page import available, figure, panels
-from uqpen.results.benchmark_entries import entries
 
 KEPT = Path(__file__).parents[1] / "data" / "comparisons" / "schema_1.nc.gz"
 
@@ -28,36 +27,46 @@ def benchmark(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
 
 
 def test_it_has_figures_of_its_own(benchmark: xr.DataTree) -> None:
-    assert list(available(benchmark)) == list(BENCHMARK_FIGURES)
+    assert list(available(benchmark)) == list(OF_BENCHMARKS)
 
 
 def test_errors_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
     found = panels(benchmark, "errors", output="y")
-    entry = next(entry for entry in entries(benchmark) if entry.label == "mean")
-    panel = next(panel for panel in found if panel.title == "y: mean")
+    panel = next(panel for panel in found if panel.title.startswith("y: mean: "))
     axes = Figure().subplots()
     notes = panel.draw_on_axes(axes)
     joined = [np.asarray(line.get_ydata()) for line in axes.lines if len(line.get_ydata()) == 2]
-    monte_carlo, latin_hypercube, guide = joined
-    errors = 100 * entry.variable("error").values[..., 0]
-    np.testing.assert_allclose(monte_carlo, errors[0])
-    np.testing.assert_allclose(latin_hypercube, errors[1])
-    assert guide[1] == pytest.approx(errors[0, 0] / np.sqrt(2)), "at twice the runs"
-    assert "bars: 95 % intervals of the error over the repeats" in notes
+    guide, monte_carlo, latin_hypercube = joined
+    for name, line in {"monte_carlo": monte_carlo, "latin_hypercube": latin_hypercube}.items():
+        errors = benchmark[f"statistics/{name}/y/mean_error"].values[:, 0]
+        np.testing.assert_allclose(line, 100 * errors)
+    assert guide[1] == pytest.approx(monte_carlo[0] / np.sqrt(2)), "at twice the runs"
+    assert "Bars: 95 % intervals of the error over the repeats." in notes
     _, labels = axes.get_legend_handles_labels()
-    assert labels == ["falls with 1/√runs", "monte_carlo", "latin_hypercube"]
+    assert labels[:3] == ["monte_carlo", "latin_hypercube", "1/√runs"]
 
 
-def test_coverage_has_a_row_for_each_statistic_with_intervals(benchmark: xr.DataTree) -> None:
+def test_rates_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
+    (panel,) = panels(benchmark, "rates")
+    axes = Figure().subplots()
+    notes = panel.draw_on_axes(axes)
+    slope = float(benchmark["statistics/monte_carlo/y/mean_slope"].values[0])
+    marked = [float(x) for line in axes.lines for x in np.ravel(line.get_xdata())]
+    assert slope in marked
+    assert "Dashed: −0.5, as errors fall with 1/√runs." in notes
+
+
+def test_coverage_has_a_row_for_each_statistic(benchmark: xr.DataTree) -> None:
     (panel,) = panels(benchmark, "coverage")
-    assert panel.rows == ("mean", "median", "P(> 5)")
+    quantiles = ("0.2 % quantile", "5 % quantile", "median", "95 % quantile")
+    assert panel.rows == ("mean", "sd", *quantiles, "P(> 5)")
     axes = Figure().subplots()
     notes = panel.draw_on_axes(axes)
     marks = np.concatenate([np.asarray(line.get_xdata(), dtype=float) for line in axes.lines])
     assert (marks <= 100).all()
     lower, upper = axes.get_xlim()
     assert lower < marks.min() <= marks.max() < upper
-    assert any(re.match(r"shaded: shares from \d+ %, which 10 intervals", note) for note in notes)
+    assert any(re.search(r"Shaded: shares from \d+ %, which 10 intervals", note) for note in notes)
 
 
 def test_both_can_be_on_a_page(benchmark: xr.DataTree, tmp_path: Path) -> None:
@@ -66,7 +75,7 @@ def test_both_can_be_on_a_page(benchmark: xr.DataTree, tmp_path: Path) -> None:
 
 
 def test_mistakes_are_told(benchmark: xr.DataTree) -> None:
-    with pytest.raises(UnknownNameError, match="known: errors, coverage"):
+    with pytest.raises(UnknownNameError, match="known: errors, rates, coverage"):
         panels(benchmark, "cdf")
     with pytest.raises(UnknownNameError, match='no output "xy"; did you mean "y"'):
         panels(benchmark, "errors", output="xy")

@@ -11,8 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
 from uqpen.core.errors import FigureError
 from uqpen.core.labels import INTERVAL_LEVEL
 
@@ -67,9 +66,24 @@ def drawn(tree: xr.DataTree, name: str, **asked: Any) -> list[Axes]:
     return uqpen.figure(tree, name, **asked).axes
 
 
-def line(axes: Axes, label: str) -> np.ndarray:
-    (found,) = [each for each in axes.lines if each.get_label() == label]
+def line(axes: Axes, name: str) -> np.ndarray:
+    (found,) = [each for each in axes.lines if each.get_label() == f"_{name}"]
     return np.asarray(found.get_ydata())
+
+
+def panel(tree: xr.DataTree, name: str, title: str, **asked: Any) -> Axes:
+    """The panel whose title ends with a text."""
+    (found,) = [
+        each
+        for each in drawn(tree, name, **asked)
+        if each.get_title(loc="left").replace("\n", " ").endswith(title)
+    ]
+    return found
+
+
+def notes(tree: xr.DataTree, name: str, **asked: Any) -> str:
+    (legend,) = uqpen.figure(tree, name, **asked).legends
+    return legend.get_title().get_text().replace("\n", " ")
 
 
 def labels(axes: Axes) -> list[str]:
@@ -108,7 +122,16 @@ def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree: xr.Data
     np.testing.assert_allclose(line(axes, "mean"), 100 * statistics["mean"].values[:, 0])
     assert axes.get_ylabel() == "ending [cm]"
     assert axes.get_xlabel() == "t [ms]"
-    assert {"5 % to 95 % quantile", "single runs"} <= set(labels(axes))
+    assert {"5 % quantile", "95 % quantile", "20 of 60 runs of mc"} <= set(labels(axes))
+    assert axes.get_title(loc="left") == "(a) mc: Ending along t [ms]"
+
+
+def test_a_label_of_two_colours_says_which_panel_it_is_of(tree: xr.DataTree) -> None:
+    page = uqpen.figure(tree, "fan", output="ending")
+    named = [each.get_text() for each in page.legends[0].get_texts()]
+    assert {"median (a)", "median (b)", "mean"} <= set(named)
+    titles = [each.get_title(loc="left")[:4] for each in page.axes]
+    assert titles == ["(a) ", "endi", "(b) "]
 
 
 def test_a_curve_of_one_place_has_a_fan() -> None:
@@ -134,14 +157,17 @@ def test_lines_stand_where_fewer_curves_go_on(tree: xr.DataTree) -> None:
     }
     assert len(expected) >= 2
     assert marks == pytest.approx(expected)
+    told = notes(tree, "fan", output="ending")
+    assert "Where curves end: estimates at a place are of the curves that get there." in told
+    assert "Upright lines: shares of the curves that get there." in told
 
 
 def test_the_share_of_the_curves_that_go_on_is_a_panel(tree: xr.DataTree) -> None:
-    axes = drawn(tree, "fan", output="ending")[1]
-    np.testing.assert_allclose(
-        axes.lines[0].get_ydata(), tree["statistics/mc/ending"]["reached"].values[:, 0]
-    )
-    assert axes.get_ylabel() == "P(curve gets there)"
+    axes = panel(tree, "fan", "Runs that get this far", output="ending")
+    reached = tree["statistics/mc/ending"]["reached"].values[:, 0]
+    np.testing.assert_allclose(line(axes, "reached"), reached)
+    assert axes.get_ylabel() == "probability"
+    assert "Shade: pointwise 95 % intervals." in notes(tree, "fan", output="ending")
 
 
 def test_models_are_drawn_together(tmp_path: Path) -> None:
@@ -155,7 +181,12 @@ def test_models_are_drawn_together(tmp_path: Path) -> None:
     for name in ("one", "other"):
         quantile = several[f"models/{name}/statistics/mc/ending"]["quantile"]
         median = 100 * quantile.sel(probability=0.5).values[:, 0]
-        np.testing.assert_allclose(line(axes, f"{name}, median"), median, rtol=1e-12)
+        np.testing.assert_allclose(line(axes, name), median, rtol=1e-12)
+    assert labels(axes) == ["median by one", "median by other"]
+    assert axes.get_title(loc="left") == "mc: Ending [cm]", "of all models, so it names none"
+    assert notes(several, "model-curves").startswith(
+        "Shades: between the 5 % and the 95 % quantile"
+    )
 
 
 def test_indices_are_stacked_the_largest_first(tree: xr.DataTree) -> None:
@@ -163,10 +194,26 @@ def test_indices_are_stacked_the_largest_first(tree: xr.DataTree) -> None:
     bounds = np.stack([shares, shares - 0.05, shares + 0.05], axis=-1)
     made = with_statistics(tree, {"first_order": along(tree, bounds, input=["a", "b"])})
     stacked, lines = drawn(made, "sensitivity-along", output="ending")
-    assert labels(stacked) == ["b", "a"]
+    assert labels(stacked) == ["b", "a", "interactions"]
     tops = [each.get_paths()[0].vertices[:, 1].max() for each in stacked.collections]
-    assert tops == pytest.approx([0.7, 0.9])
-    np.testing.assert_allclose([each.get_ydata()[0] for each in lines.lines], [0.7, 0.2])
+    assert tops == pytest.approx([0.7, 0.9, 1.0])
+    np.testing.assert_allclose([line(lines, name)[0] for name in ("b", "a")], [0.7, 0.2])
+    title = lines.get_title(loc="left").replace("\n", " ")
+    assert title == "ending: First order by mc, pointwise 95 % intervals"
+
+
+def test_indices_without_intervals_say_why(tree: xr.DataTree) -> None:
+    bounds = np.full((11, 2, 3), np.nan)
+    bounds[..., 0] = [-0.1, 0.7]
+    indices = along(tree, bounds, input=["a", "b"])
+    indices["note"] = indices["note"].copy(data=np.full(indices["note"].shape, "too few runs"))
+    made = with_statistics(tree, {"first_order": indices})
+    lines = drawn(made, "sensitivity-along", output="ending")[1]
+    assert lines.get_title(loc="left") == "ending: First order by mc"
+    told = notes(made, "sensitivity-along", output="ending")
+    assert "No interval of the first order: too few runs." in told
+    assert "An index below 0, by its error, is stacked as 0." in told
+    assert "What remains (interactions) also has the errors of the indices." in told
 
 
 def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
@@ -176,6 +223,8 @@ def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
     np.testing.assert_allclose(np.asarray(mesh.get_array()).reshape(known.shape), known)
     assert axes[0].get_xlabel() == "x"
     assert axes[0].get_ylabel() == "t [ms]"
+    assert axes[0].get_title(loc="left") == "mc: Whole: mean [m]"
+    assert "Mean of whole: half-widths of 95 % intervals up to " in notes(tree, "map")
 
 
 def test_a_study_of_numbers_has_none_of_them(tree: xr.DataTree) -> None:
@@ -194,11 +243,13 @@ def test_bands_are_told_from_intervals_at_each_place(tree: xr.DataTree) -> None:
             "tolerance_band": along(tree, wide[:, np.newaxis], **content),
         },
     )
-    axes = drawn(made, "fan", output="ending")[0]
-    assert {
-        "95 % intervals of the mean, each place by itself",
-        "simultaneous 95 % band of the mean",
-        "band that holds 90 % of the curves, 95 % confidence",
-    } <= set(labels(axes))
-    held = line(axes, "band that holds 90 % of the curves, 95 % confidence")
-    np.testing.assert_allclose(held, 100 * wide[:, 1])
+    fan, *_ = drawn(made, "fan", output="ending")
+    assert "simultaneous 95 % band of the mean" in labels(fan)
+    assert "Darker: pointwise 95 % intervals." in notes(made, "fan")
+    held = panel(made, "fan", "Tolerance band", output="ending")
+    assert "holds a new curve in 90 % of cases, with 95 % confidence" in labels(held)
+    shades = [*fan.collections, *held.collections]
+    for bounds, shade in zip((wide, mean, mean, wide), shades, strict=True):
+        known = 100 * bounds[np.isfinite(bounds).all(axis=1), 1:]
+        corners = shade.get_paths()[0].vertices[:, 1]
+        assert set(known.ravel().round(9)) <= set(corners.round(9))

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partialmethod
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,11 @@ import uqpen
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
-from uqpen.figures import BENCHMARK_FIGURES, FIGURES
+from uqpen.figures import FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
+from uqpen.figures.panel import Panel
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text, typeset_unit
 from uqpen.results.texts import plain_text
 
@@ -33,6 +35,7 @@ pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[2] / "docs"
 
 BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
+BEAM |= {"convergence"}
 
 Archives = dict[str, xr.DataTree]
 Command = Callable[..., Any]
@@ -40,8 +43,8 @@ Command = Callable[..., Any]
 
 def test_what_is_in_the_family_says_what_it_shows() -> None:
     table = re.findall(r"^\| `([\w-]+)` \|", (DOCS / "figures.md").read_text(), re.MULTILINE)
-    assert table == [*FIGURES, *BENCHMARK_FIGURES]
-    for reference in (*FIGURES.values(), *BENCHMARK_FIGURES.values()):
+    assert table == [*FIGURES]
+    for reference in FIGURES.values():
         assert len(resolve(reference).__doc__.splitlines()[0]) <= 62, reference
 
 
@@ -117,20 +120,22 @@ class TestMany:
         tree = uqpen.run(study_of("a * b", distribution, a=(0, 1), b=(0, 1)))
         page = figure(tree, "scatter", "histogram", "cdf")
         first, *_, histogram, _ = page.axes
-        assert len(first.lines[0].get_xdata()) == 1000
+        assert len(first.lines[0].get_xdata()) == 400
         assert histogram.patches[0].get_data().values.sum() == 20_000
         notes = page.legends[0].get_title().get_text()
-        assert "1 000 of 20 000 completed runs" in notes
+        assert "Runs of some in the charts: 400 of 20 000 completed." in notes
         assert len(figure_bytes(page, "svg")) < 800_000
 
     def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:
         inputs = {f"x{number}": (0, 1) for number in range(30)}
         design = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
         tree = uqpen.run(study_of(" + ".join(inputs), design, **inputs))
-        assert len(panels(tree, "scatter")) == 30
-        page = figure(tree, "scatter")
+        assert len(panels(tree, "scatter")) == 24
+        page = figure(tree, "scatter", "histogram")
         assert len(page.axes) == 24
-        assert "the first 24 of 30 panels" in page.legends[0].get_title().get_text()
+        notes = page.legends[0].get_title().get_text()
+        assert "Shown are the 24 of 30 inputs with the largest first order by some." in notes
+        assert "the first 24 of 25 panels" in notes
         (indices,) = figure(tree, "sensitivity").axes
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
 
@@ -238,3 +243,17 @@ def test_a_constant_output_is_drawn(study_of: Any) -> None:
     tree = uqpen.run(study_of("2 + 0 * x", x=(0, 1)))
     for name in available(tree):
         assert all(np.isfinite(axes.get_xlim()).all() for axes in figure(tree, name).axes)
+
+
+def test_panels_of_one_output_each_share_a_row(study_of: Any) -> None:
+    tree = uqpen.run(study_of("a", '[designs.mc]\nkind = "monte-carlo"\nruns = 20', a=(0, 1)))
+
+    def rows(*groups: str) -> list[int]:
+        def drawn(_: ArchiveView) -> Iterator[Panel]:
+            """Empty panels."""
+            yield from (Panel(each, lambda _: (), group=each) for each in groups)
+
+        return [each.get_subplotspec().rowspan.start for each in figure(tree, drawn).axes]
+
+    assert rows("y", "z") == [0, 0]
+    assert rows("y", "y", "z") == [0, 0, 1]

@@ -12,11 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
-from uqpen.figures import FIGURES
+from uqpen.charts.scatter import thin_runs
+from uqpen.figures import FIGURES, OF_BENCHMARKS
 from uqpen.figures.page import available, panels
-from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
-from uqpen.figures.velocity_profile import axial_velocity
 from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
@@ -52,12 +51,15 @@ def dots(axes: Axes) -> list[tuple[float, float, float]]:
 
 # Of outputs with dimensions, which these archives do not have.
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
+OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS)
 # What each has something for.
 EXPECTED = {
-    "beam": {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"},
+    "beam": OF_STUDIES
+    - FIELDS
+    - {"models", "responses", "surrogate", "trajectory", "velocity-profile"},
     "lost": {"scatter", "losses"},
-    "rods": set(FIGURES) - FIELDS - {"responses", "surrogate", "losses"},
-    "schema_1": set(FIGURES) - FIELDS - {"models", "trajectory", "velocity-profile"},
+    "rods": OF_STUDIES - FIELDS - {"responses", "surrogate", "losses"},
+    "schema_1": OF_STUDIES - FIELDS - {"convergence", "models", "trajectory", "velocity-profile"},
     "schema_1_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
 }
 
@@ -157,6 +159,21 @@ class TestEstimates:
         assert legend.get_title().get_text() == "Bars: 95 % intervals."
         assert [each.get_text() for each in legend.get_texts()] == ["no interval"]
 
+    def test_the_last_estimate_of_a_convergence_is_that_of_all_runs(
+        self, archives: Archives
+    ) -> None:
+        page = uqpen.figure(archives["rods"], "convergence", output="penetration_depth")
+        axes = page.axes[0]
+        assert axes.get_title(loc="left").startswith("original: penetration_depth: mean")
+        told = 100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        last = axes.containers[-1]
+        low, high = last.lines[2][0].get_segments()[0][:, 1]
+        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(told.values))
+        assert line(axes, "by all runs").is_dashed()
+        notes = page.legends[0].get_title().get_text()
+        assert notes.startswith("By latin, the design of the main results")
+        assert "points are not independent of each" in notes
+
     def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
         tree = archives["schema_1"]
         axes = drawn(tree, "sensitivity", source="blocks")[0]
@@ -179,18 +196,31 @@ class TestEstimates:
         told_larger = told["larger"].values[:, 0]
         assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told_larger)
 
+    def test_a_figure_says_nothing_of_a_table(self, archives: Archives) -> None:
+        (page, *_) = drawn(archives["beam"], "losses")
+        notes = page.figure.legends[0].get_title().get_text().splitlines()
+        assert "Hollow: no interval." in notes
+        assert not any("table" in note for note in notes)
+
 
 class TestRuns:
     def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives: Archives) -> None:
         runs = archives["beam"]["runs/only"]
         axes = drawn(archives["beam"], "scatter")[0]
-        points, lost = axes.lines
+        points, lost, *keys = axes.lines
         is_ok = runs["status"].values == 0
         np.testing.assert_allclose(points.get_xdata(), runs["load"].values[is_ok] / 1e3)
         np.testing.assert_allclose(points.get_ydata(), 1e3 * runs["deflection"].values[is_ok])
         np.testing.assert_allclose(lost.get_xdata(), runs["load"].values[~is_ok] / 1e3)
-        assert lost.get_ydata().max() < 0.05
+        foot = axes.transAxes.inverted().transform(axes.transData.transform(lost.get_xydata()))
+        assert 0 < foot[:, 1].max() < 0.05
+        assert [each.get_label() for each in keys] == ["run", "failed run, at the foot"]
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("load [kN]", "deflection [mm]")
+
+    def test_where_no_run_completed_the_failed_ones_are_drawn(self, archives: Archives) -> None:
+        axes = drawn(archives["lost"], "scatter")[0]
+        assert [each.get_text() for each in axes.get_yticklabels()] == ["no run completed"]
+        assert len(axes.lines[0].get_xdata()) == 100
 
     def test_a_histogram_counts_all_runs_that_came_back(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "histogram")
@@ -236,24 +266,15 @@ class TestSeveralModels:
         assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
         for name in ("original", "smoothed", "rigid"):
             told = tree[f"models/{name}/trajectory"]
-            shown = line(axes["s [mm]"], name)
+            shown = line(axes["s [mm]"], f"_{name} plastic_extent")
             np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])
             np.testing.assert_allclose(shown.get_xdata(), 100 * told["penetration_depth"])
+        titles = {each.get_title(loc="left") for each in axes.values()}
+        assert "Length of the projectile, L" in titles, "of all models, so it names none"
 
     def test_there_is_no_figure_of_models_of_a_single_one(self, archives: Archives) -> None:
         assert "models" not in available(archives["beam"])
         assert "models" in available(archives["rods"])
-
-
-@pytest.mark.parametrize("smoothing", [0.0, 0.5, 1.0])
-def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
-    u, v, s, R, S = 900.0, 1300.0, 0.003, 0.017, 0.1
-    places, velocities = axial_velocity((u, v), s, (R, S, smoothing))
-    at = dict(zip(places.round(12).tolist(), velocities.tolist(), strict=True))
-    assert at[-s] == pytest.approx(v)
-    assert at[0.0] == pytest.approx(u)
-    assert at[round(S - R, 12)] == pytest.approx(0, abs=1e-9)
-    assert (np.diff(velocities) <= 1e-9).all()
 
 
 def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:

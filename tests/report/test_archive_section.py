@@ -11,8 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.charts.chart import Block
 from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
-from uqpen.report.sections.archive import archive
-from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.report.sections.archive import archive, archive_notes
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import OutputTable
 

@@ -18,10 +18,11 @@ from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.charts.chart import Block, Chart, Charts
 from uqpen.core.errors import ArchiveError
 from uqpen.core.lookup import resolve
-from uqpen.report import BENCHMARK_SECTIONS
+from uqpen.report import SECTIONS
 from uqpen.report.blocks import Heading, Listing, Quote, Remarks, Table, Text, find_charts
 from uqpen.report.page import report_page
 from uqpen.report.plotly import shapes, traces
+from uqpen.results.archive_view import ArchiveView
 from uqpen.study.load import parse_study
 
 pytestmark = pytest.mark.slow
@@ -68,7 +69,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
 
 
 def blocks_of(tree: xr.DataTree, name: str, kind: type[Block] = Block) -> list[Any]:
-    made: Iterator[Block] = resolve(BENCHMARK_SECTIONS[name].function)(tree)
+    made: Iterator[Block] = resolve(SECTIONS[name].function)(ArchiveView(tree, ""))
     return [block for block in made if isinstance(block, kind)]
 
 
@@ -82,12 +83,13 @@ def traced(chart: Chart, name: str) -> dict[str, Any]:
 
 class TestAnswer:
     def test_sentences_to_be_quoted_count_what_the_verdicts_say(self, tree: xr.DataTree) -> None:
-        (quote,) = blocks_of(tree, "answer", Quote)
+        (quote,) = blocks_of(tree, "leaders", Quote)
         levels = [
             level
             for output in ("y", "z")
-            for statistic in tree[f"benchmark/{output}"].children.values()
-            for level in np.ravel(statistic["level"].values[0, 0])
+            for name, said in tree[f"comparison/{output}"].data_vars.items()
+            if name.endswith("_level")
+            for level in np.ravel(said.values[0, 0])
         ]
         assert len(levels) == 11
         tied = sum("monte_carlo" in level.split() for level in levels)
@@ -99,15 +101,15 @@ class TestAnswer:
         )
 
     def test_each_verdict_stands_in_words(self, tree: xr.DataTree) -> None:
-        words = next(b for b in blocks_of(tree, "answer", Remarks) if b.head == "In words: y")
-        first, second = tree["benchmark/y/mean/verdict"].values[0]
+        words = next(b for b in blocks_of(tree, "leaders", Remarks) if b.head == "In words: y")
+        first, second = tree["comparison/y/mean_verdict"].values[0]
         assert re.match(
             r"at 16 runs latin_hypercube leads monte_carlo by a factor of [\d.]+ \(", first
         )
         assert words.lines[0] == f"mean: {first}; {second}."
 
     def test_a_chart_marks_who_leads_and_who_is_level(self, tree: xr.DataTree) -> None:
-        chart = charts_of(tree, "answer")[0]
+        chart = charts_of(tree, "leaders")[0]
         assert chart.y.rows == (
             "mean",
             "sd",
@@ -123,7 +125,7 @@ class TestAnswer:
         assert 0 not in traced(chart, "monte_carlo")["y"]
 
     def test_what_must_be_known_is_counted(self, tree: xr.DataTree) -> None:
-        known = blocks_of(tree, "answer", Remarks)[0]
+        known = blocks_of(tree, "leaders", Remarks)[0]
         assert known.head == "What to keep in mind"
         assert (
             "For 2 of 22 verdicts: the reference has no interval here, so how far it is off is "
@@ -138,12 +140,12 @@ class TestAnswer:
 class TestErrors:
     def test_a_line_for_each_method_has_the_archives_errors(self, tree: xr.DataTree) -> None:
         chart = charts_of(tree, "errors")[0]
-        error = tree["benchmark/y/mean/error"].values
+        error = tree["statistics/monte_carlo/y/mean_error"].values
         line = traced(chart, "monte_carlo")
         assert line["mode"] == "lines+markers"
-        assert line["y"] == pytest.approx(100 * error[0, :, 0], rel=1e-5)
+        assert line["y"] == pytest.approx(100 * error[:, 0], rel=1e-5)
         assert line["error_y"]["array"] == pytest.approx(
-            100 * (error[0, :, 2] - error[0, :, 0]), rel=1e-5
+            100 * (error[:, 2] - error[:, 0]), rel=1e-5
         )
         guide = traced(chart, "1/√runs")
         assert guide["y"][0] == pytest.approx(2 * guide["y"][1], rel=1e-5)
@@ -162,14 +164,13 @@ class TestErrors:
     def test_replicates_stand_apart_with_their_verdicts(self, tree: xr.DataTree) -> None:
         chart = charts_of(tree, "replicates")[0]
         replicated = traced(chart, "latin_hypercube")
-        assert replicated["y"] == pytest.approx(
-            100 * tree["benchmark/y/mean/error"].values[2, :, 0], rel=1e-5
-        )
+        error = tree["statistics/latin_hypercube_replicated/y/mean_error"].values
+        assert replicated["y"] == pytest.approx(100 * error[:, 0], rel=1e-5)
         assert any(note.startswith("Replicated: ") for note in chart.notes)
 
     def test_an_error_that_few_repeats_decide_is_hollow(self, tree: xr.DataTree) -> None:
         changed = tree.copy(deep=True)
-        changed["benchmark/y/mean/error"].values[0, 0, 1:] = np.nan
+        changed["statistics/monte_carlo/y/mean_error"].values[0, 1:] = np.nan
         chart = charts_of(changed, "errors")[0]
         assert traced(chart, "monte_carlo")["marker"]["symbol"] == ["circle-open", "circle"]
         assert "Hollow: no interval, as few of the repeats decide the error." in chart.notes
@@ -177,8 +178,8 @@ class TestErrors:
 
     def test_the_references_own_error_is_shown(self, tree: xr.DataTree) -> None:
         mean = charts_of(tree, "errors")[0]
-        _, lower, upper = tree["reference/y/mean"].values
-        own = 100 * (upper - lower) / 2 / tree["benchmark/y/mean/scale"].item()
+        _, lower, upper = tree["statistics/reference/y/mean"].values
+        own = 100 * (upper - lower) / 2 / tree["comparison/y/mean_scale"].item()
         shaded = [trace for trace in traces(mean.marks) if "fillcolor" in trace]
         if shaded:
             assert shaded[0]["y"][0] == pytest.approx(own, rel=1e-5)
@@ -193,7 +194,9 @@ class TestRates:
         assert replicated.title == "Slopes of y, in replicates"
         assert [shape["x0"] for shape in shapes(single.marks)] == [-0.5]
         slope = traced(single, "monte_carlo")
-        assert slope["x"][0] == pytest.approx(tree["benchmark/y/mean/slope"].values[0, 0], rel=1e-5)
+        assert slope["x"][0] == pytest.approx(
+            tree["statistics/monte_carlo/y/mean_slope"].values[0], rel=1e-5
+        )
 
     def test_coverage_is_told_with_what_chance_does(self, tree: xr.DataTree) -> None:
         (block,) = blocks_of(tree, "coverage", Charts)
@@ -202,10 +205,10 @@ class TestRates:
             "with a coverage of 95 % may well have by chance. Estimates without an interval do "
             "not count, so a share may be from fewer than 10."
         )
-        shares = tree["benchmark/y/mean/coverage"].values
+        shares = tree["statistics/monte_carlo/y/mean_coverage"].values
         label, cells = block.charts[0].tables[0].rows[0]
         assert label == "mean, monte_carlo"
-        assert cells == [f"{100 * share:.0f}" for share in shares[0]]
+        assert cells == [f"{100 * share:.0f}" for share in shares]
 
 
 class TestReference:
@@ -226,7 +229,7 @@ class TestReference:
         )
         assert value == "499.6 (498.3 … 500.2) cm ¹"
         assert own.endswith(" %")
-        scale = 100 * tree["benchmark/y/mean/scale"].item()
+        scale = 100 * tree["comparison/y/mean_scale"].item()
         assert relative == f"{scale:.4g} cm"
 
     def test_tables_are_those_of_the_screen(self, tree: xr.DataTree) -> None:
@@ -247,23 +250,25 @@ class TestPage:
         assert text == report_page(tree)
         title = "Two &lt;/script&gt;&lt;b&gt;methods&lt;/b&gt;: benchmark of methods"
         assert f"<h1>{title}</h1>" in text
-        assert re.findall(r'<section id="(\w+)"', text) == list(BENCHMARK_SECTIONS)
+        assert re.findall(r'<section id="(\w+)"', text) == [
+            name for name, section in SECTIONS.items() if section.of != "study"
+        ]
         data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
         assert data
         assert json.loads(data[1])["charts"]
 
     def test_a_reference_that_lost_all_of_its_runs(self, tmp_path: Path) -> None:
         lost = compared(tmp_path, "a * np.nan", "b * np.nan")
-        (known,) = blocks_of(lost, "answer")
+        (known,) = blocks_of(lost, "leaders")
         assert known.lines == ("All runs of the reference failed, so all errors are unknown.",)
         names = re.findall(r'<section id="(\w+)"', report_page(lost))
-        assert names == ["answer", "cost", "reference", "tables", "archive"]
+        assert names == ["leaders", "cost", "reference", "tables", "archive"]
 
     def test_losses_are_told(self, tmp_path: Path) -> None:
         terms = BenchmarkSettings(budgets=(16,), repeats=10, reference=512)
         some = compared(tmp_path, "np.where(a < 1, np.nan, b)", "np.exp(4 * b)", terms)
-        lines = blocks_of(some, "answer", Remarks)[0].lines
-        used = int(some["reference/y/mean"].attrs["runs_used"])
+        lines = blocks_of(some, "leaders", Remarks)[0].lines
+        used = int(some["statistics/reference/y/mean"].attrs["runs_used"])
         assert 0 < used < 512
         assert lines[0] == (
             f"{512 - used} of 512 runs of the reference failed; its estimates use the others."
@@ -272,26 +277,34 @@ class TestPage:
         assert report_page(some)
 
     def test_one_method_has_nobody_to_beat(self, tree: xr.DataTree) -> None:
-        alone = tree.isel(contestant=[0], missing_dims="ignore").copy(deep=True)
+        alone = tree.copy(deep=True)
+        for name in ("latin_hypercube", "latin_hypercube_replicated"):
+            del alone["statistics"][name]
         for output in ("y", "z"):
-            for statistic in alone[f"benchmark/{output}"].children.values():
-                statistic["lead"].values[...] = np.nan
-                for name in ("winner", "runner_up", "level", "verdict", "remark"):
-                    statistic[name].values[...] = ""
-        assert blocks_of(alone, "answer")[0] == Text("No two methods have estimates to compare.")
+            for name, said in alone[f"comparison/{output}"].data_vars.items():
+                if name.endswith("_lead"):
+                    said.values[...] = np.nan
+                elif not name.endswith("_scale"):
+                    said.values[...] = ""
+        assert blocks_of(alone, "leaders")[0] == Text("No two methods have estimates to compare.")
         assert report_page(alone)
 
     @pytest.mark.parametrize(
         ("damage", "complaint"),
         [
             (
-                lambda tree: operator.delitem(tree["benchmark/y/mean"], "error"),
-                "/benchmark/y/mean: no error along",
+                lambda tree: operator.delitem(tree["statistics/monte_carlo/y"], "mean_error"),
+                "/statistics/monte_carlo/y: no mean_error",
             ),
-            (lambda tree: operator.delitem(tree, "methods"), "no methods"),
             (
-                lambda tree: tree["benchmark/y/mean/error"].attrs.update(interval_level="x"),
-                "/benchmark/y/mean/error: interval_level is no probability",
+                lambda tree: operator.delitem(tree, "statistics"),
+                "/statistics: no method that was given runs",
+            ),
+            (
+                lambda tree: tree["statistics/monte_carlo/y/mean_error"].attrs.update(
+                    interval_level="x"
+                ),
+                "/statistics/monte_carlo/y/mean_error: interval_level is no probability",
             ),
         ],
     )
@@ -305,6 +318,6 @@ class TestPage:
 
     def test_numbers_of_runs_that_do_not_ascend_are_refused(self, tree: xr.DataTree) -> None:
         turned = tree.isel(budget=[1, 0], missing_dims="ignore")
-        complaint = "/methods: numbers of runs that do not ascend from 1"
+        complaint = "/statistics: numbers of runs that do not ascend from 1"
         with pytest.raises(ArchiveError, match=complaint):
             report_page(turned)

@@ -17,16 +17,14 @@ from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
-from uqpen.archive.estimates import estimate_array, pack
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
 from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import Fold, Heading, find_charts
 from uqpen.report.page import report_page
 from uqpen.report.plotly import charts_json, traces
-from uqpen.report.sections.curves import curves
-from uqpen.report.sections.field_sentences import field_sentences
+from uqpen.report.sections.fields import curves, field_sentences
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text
+from uqpen.results.digits import estimate_text, number_text
 
 # Every figure at a place is that of x times the number of days.
 MODEL = """\
@@ -134,7 +132,10 @@ def test_the_chart_says_which_places_have_no_band_and_why(moving: xr.DataTree) -
         chart(moving, title) for title in ("Curve along", "Quantiles with", "Tolerance band")
     )
     assert f"Without bounds (mean, simultaneous bounds): {left_out}." in fan.notes
-    assert quantiles.notes == (f"Without bounds (quantile, simultaneous bounds): {left_out}.",)
+    assert quantiles.notes == (
+        "Darker: pointwise 95 % intervals.",
+        f"Without bounds (quantile, simultaneous bounds): {left_out}.",
+    )
     assert tolerance.notes == (f"Without bounds (tolerance band): {left_out}.",)
 
 
@@ -253,7 +254,12 @@ def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
         "Sheet: standard deviation [cm]",
     ]
     mean = found[0]
-    assert mean.notes == ("At layer = 2, the place of the largest mean.",)
+    bounds = 100 * tree["statistics/mc/sheet"]["mean"].values[1]
+    widest = number_text(np.nanmax(bounds[..., 2] - bounds[..., 1]) / 2, 3)
+    assert mean.notes == (
+        "At layer = 2, the place of the largest mean.",
+        f"Mean of sheet: half-widths of 95 % intervals up to {widest} cm.",
+    )
     assert (mean.x.ends, mean.y.ends) == ((0.0, 3.0), (0.0, 1.0))
     points = traces(mean.marks)[0]
     middle = float(tree["runs/mc/x"].mean())

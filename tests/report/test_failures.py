@@ -161,7 +161,7 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
     assert isinstance(chart, Chart)
     assert chart.y.rows[0] == "heat transfer in layer x"
     assert len(chart.y.rows) == 15
-    assert chart.notes[-1] == "9 more inputs are in the table."
+    assert chart.notes[-1] == "Shown are 15 of 24 inputs; the table has all."
     assert len(chart.tables[0].rows) == 24
 
 

@@ -12,9 +12,9 @@ import uqpen
 from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Fold
 from uqpen.report.plotly import charts_json, traces
-from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.input_ranking import input_order
 
 pytestmark = pytest.mark.slow
 

@@ -12,10 +12,10 @@ import uqpen
 from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import Fold, Table, find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.sections.drivers import input_ranking
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
+from uqpen.results.input_ranking import input_ranking
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow

@@ -106,9 +106,9 @@ def test_the_page_and_the_figure_leave_them_out_and_say_so(celsius: xr.DataTree)
     assert change.x.title == "|change| per standard deviation [°C]"
     drawn = panels(celsius, "responses")
     assert [panel.title for panel in drawn] == [
-        "duty: response",
-        "duty: response × uncertainty",
-        "wall: change per standard deviation of an input",
+        "duty: Response, near the nominal point",
+        "duty: Response × uncertainty, near the nominal point",
+        "wall: Change per standard deviation of an input, near the nominal point",
     ]
     assert [panel.rows for panel in drawn] == [each.y.rows for each in charts(celsius)]
 

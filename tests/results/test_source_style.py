@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import xarray as xr
 
 from uqpen.charts.marks import DASHES, MARKERS
+from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.benchmark_methods import benchmark_methods
+from uqpen.results.method_comparison import MethodComparison
 from uqpen.results.source_style import STYLES, source_slots, source_style
 
 STUDY = """
@@ -57,14 +57,15 @@ def test_there_are_as_many_styles_on_the_page_as_in_figures() -> None:
 
 def test_study_page_and_comparison_page_agree(archives: dict[str, xr.DataTree]) -> None:
     view = ArchiveView(archives["rods"], "original")
-    sources = view.sources[::-1]
-    methods = xr.Dataset(
-        {
-            "source": ("contestant", np.array(sources, dtype=object)),
-            "contests": ("contestant", np.array(["single"] * len(sources), dtype=object)),
-        }
-    )
-    attributes = {"study_text": view.archive.attrs["study_text"]}
-    comparison = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), "/methods": methods})
-    for method in benchmark_methods(comparison, "single"):
+    budgets = {"budget": [16], "runs": ("budget", [16]), "replicates": ("budget", [1])}
+    root = {"study_text": view.archive.attrs["study_text"], KIND: BENCHMARK}
+    groups = {"/": xr.Dataset(attrs=root)}
+    for source in view.sources[::-1]:
+        attributes = {"source": source, "variants": "single"}
+        groups[f"/statistics/{source}"] = xr.Dataset(attrs=attributes)
+        groups[f"/statistics/{source}/y"] = xr.Dataset(coords=budgets)
+    comparison = xr.DataTree.from_dict({**groups, "/comparison/y": xr.Dataset()})
+    methods = MethodComparison.of(comparison).methods
+    assert [method.source for method in methods] == view.sources[::-1]
+    for method in methods:
         assert method.series == view.series(method.source)

@@ -11,8 +11,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import pack, statistic_names, unpack
-from uqpen.archive.layout import find_dataset_faults
 from uqpen.archive.read import open_archive
+from uqpen.archive.structure import find_dataset_faults
 from uqpen.archive.write import write
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.results.estimate_json import estimate_json

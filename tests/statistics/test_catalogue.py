@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 import xarray as xr
+from catalogue_tables import PAGE, with_tables
 from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack, statistic_names, unpack
-from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    FAILURE_STATISTICS,
+    JOINT_STATISTICS,
+    MEASURES,
+    REQUESTED,
+)
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
-from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic import Shown, Statistic, UnitRule, derived
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -59,11 +67,55 @@ kind = "one-at-a-time"
 def test_a_record_names_what_there_is(statistic: Statistic) -> None:
     for reference in filter(None, (*statistic.by.values(), statistic.asked.declared_by)):
         assert callable(resolve(reference))
+    assert bool(statistic.group) or not statistic.by, "what is estimated can be left out"
     if statistic.own:
         assert statistic.own.name in statistic.dims
     if statistic.asked.key:
         assert statistic.shown.label, "what is asked for is shown"
         assert hasattr(LENGTH, statistic.asked.attribute)
+
+
+@pytest.mark.parametrize(
+    "statistic", [each for each in CATALOGUE.values() if each.of], ids=lambda each: each.name
+)
+def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic: Statistic) -> None:
+    of = CATALOGUE[statistic.of]
+    assert statistic.name == statistic.prefix + of.name
+    assert of.title in statistic.title
+    assert statistic.dims[len(statistic.dims) - len(of.dims) :] == of.dims
+    assert (statistic.unit, statistic.recipe) == (of.unit, of.recipe)
+    assert not statistic.asked.key
+
+
+def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_its_own() -> None:
+    every = (*CATALOGUE.values(), *JOINT_STATISTICS.values())
+    of_inputs = [each for each in every if of_input(each)]
+    assert [each.name for each in of_inputs if not each.measure.label] == []
+    assert sorted(each.name for each in of_inputs) == sorted(
+        each.name for table in MEASURES.values() for each in table if of_input(each)
+    )
+    for each in of_inputs:
+        if each.measure.reason:
+            assert each.measure.share or "{input}" in each.measure.sentence, each.name
+
+
+def of_input(statistic: Statistic) -> bool:
+    return not {"input", "pair"}.isdisjoint(statistic.dims)
+
+
+def test_a_derived_record_differs_only_as_stated() -> None:
+    shown = Shown("error of the {entry}")
+    error = derived(
+        CATALOGUE["quantile"], "error_", "error of the {title}", ("budget",), shown=shown
+    )
+    assert (error.name, error.title, error.of) == (
+        "error_quantile",
+        "error of the quantile",
+        "quantile",
+    )
+    assert error.dims == ("budget", "probability")
+    assert error.shown == shown
+    assert error.unit is UnitRule.VALUE
 
 
 def has_dims_of(array: xr.DataArray, entry: Statistic) -> bool:
@@ -147,3 +199,14 @@ def test_what_is_packed_is_unpacked_the_same(array: xr.DataArray) -> None:
 
 def test_what_a_dataset_does_not_have_is_none() -> None:
     assert unpack(xr.Dataset(), "mean") is None
+
+
+def test_the_tables_of_the_documentation_are_those_of_the_records() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert with_tables(text) == text, "python tests/catalogue_tables.py writes them"
+
+
+def test_the_documentation_has_each_key_by_which_a_study_asks() -> None:
+    page = (PAGE.parent / "study_file.md").read_text(encoding="utf-8")
+    keys = re.findall(r"^\| `(\w+) = ", page, re.MULTILINE)
+    assert {each.asked.key for each in REQUESTED} <= {*keys}

@@ -15,7 +15,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.report.blocks import Columns, Findings
 from uqpen.report.sections.answer import answer
-from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.report.sections.archive import archive_notes
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table

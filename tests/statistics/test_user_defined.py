@@ -13,8 +13,11 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.charts.source_comparison import compared_statistics
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import StudyError
+from uqpen.report.sections.sentences import output_sentences
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
@@ -26,7 +29,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending" / "statistic.md").read_text(encoding="utf-8")
-SPREAD = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[0]
+SPREAD, TRIMMED = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[:2]
 KEY = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0].strip()
 
 RODS = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8").split("[inputs]")[1]
@@ -95,6 +98,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def tree(made: Path) -> xr.DataTree:
     return uqpen.open_archive(made / "a.nc")
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The archive of a statistic with a record, where its function is no longer."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "trimmed.py").write_text(TRIMMED)
+    text = STUDY.replace("spread.py:interquartile_range", "trimmed.py:trimmed_mean")
+    uqpen.write(uqpen.run(uqpen.parse_study(text, folder=folder)), folder / "a.nc")
+    (folder / "trimmed.py").unlink()
+    return folder / "a.nc"
 
 
 @pytest.fixture
@@ -235,6 +249,86 @@ class TestShown:
             "both (a=x, b=1)",
             "both (a=x, b=2)",
         ]
+
+
+class TestWithARecord:
+    """A function with a record: its statistic stands where built-in ones do, without the file."""
+
+    def test_it_stands_in_its_row(self, archive: Path) -> None:
+        tree = uqpen.open_archive(archive)
+        labels = [label for label, _ in next(output_tables(tree)).rows]
+        assert labels.index("trimmed mean") == labels.index("mean") + 1
+        in_m = tree["statistics/plain/penetration_depth/trimmed_mean"].values[0]
+        cells = dict(next(output_tables(tree)).rows)
+        assert cells["trimmed mean"][0].split()[0] == f"{100 * in_m:.4g}"
+
+    def test_it_is_stated_and_compared(self, archive: Path) -> None:
+        view = ArchiveView(uqpen.open_archive(archive), "")
+        found = output_sentences(view, "penetration_depth", "plain")
+        assert found is not None
+        (sentence,) = (each for each in found.sentences if "extreme" in each)
+        assert sentence.startswith("Without its extreme values, the mean of")
+        assert "cm" in sentence
+        assert "(without an interval: no interval was worked out)" in sentence
+        compared = {each.label: each for each in compared_statistics(view, "penetration_depth")}
+        assert [*compared["trimmed mean"].available_estimates] == ["plain", "latin"]
+
+    def test_it_is_in_the_json_and_in_the_long_table(self, archive: Path) -> None:
+        tree = uqpen.open_archive(archive)
+        told = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
+        assert told["other"]["trimmed_mean"]["units"] == "m"
+        assert "trimmed_mean" in set(long_table(tree)["statistic"])
+
+    @pytest.mark.parametrize("sentence", ["{estimate:>999999999}", "{output.__class__} {estimate}"])
+    def test_the_words_of_an_archive_are_text_alone(self, archive: Path, sentence: str) -> None:
+        tree = uqpen.open_archive(archive).copy(deep=True)
+        attributes = tree["statistics/plain/penetration_depth"]["trimmed_mean"].attrs
+        attributes["shown_sentence"] = sentence
+        found = output_sentences(ArchiveView(tree, ""), "penetration_depth", "plain")
+        assert found is not None
+        stated = next(each for each in found.sentences if each.startswith(sentence[:9]))
+        assert stated.startswith(sentence.partition(" ")[0])
+        attributes.update(shown_row="many", shown_rank=1e300, shown_label="\x1b[31m<b>{entry:>9}")
+        labels = [label for label, _ in next(output_tables(tree)).rows]
+        assert [label for label in labels if "{entry:>9}" in label] == [r"\x1b[31m<b>{entry:>9}"]
+
+    @pytest.mark.parametrize(
+        ("record", "found", "expected"),
+        [
+            ("3", "a record of type int", "Statistic, or several"),
+            ("Statistic('mean', 'x')", "a record of 'mean'", "no other statistic has"),
+            ("Statistic('bound', 'x')", "a record of 'bound'", "do not use themselves"),
+            ("[Statistic('own', 'x', shown=Shown('x'))] * 2", "a record of 'own'", "no other"),
+            ("Statistic('own', 'x')", "with too few words", "a label, and a sentence"),
+            ("Statistic('own', 'x', shown=Shown(3))", "with label 3", "a text"),
+            ("Statistic('own', 'x', shown=Shown('x', 'y'))", "with row 'y'", "a whole number"),
+            ("Statistic('own', 'x', shown=Shown('{x}'))", "the word {x} in its label", "{entry}"),
+            ("Statistic('own', 'x', ('a', 'b'), shown=Shown('x'))", "more dimensions", "one"),
+            ("Statistic('own', 'x', group='m', shown=Shown('x'))", "built-in", "name, title"),
+        ],
+    )
+    def test_a_wrong_one_is_told_before_any_run(
+        self, tmp_path: Path, record: str, found: str, expected: str
+    ) -> None:
+        text = f"""yield
+from uqpen.core.statistic import Shown, Statistic
+analysis.record = {record}
+"""
+        _write(tmp_path, text)
+        with pytest.raises(StudyError) as raised:
+            _study(SMALL, tmp_path)
+        (problem,) = raised.value.problems
+        assert found in problem.found
+        assert expected in problem.expected
+
+    def test_a_result_unlike_its_record_is_told(self, tmp_path: Path) -> None:
+        text = """yield 'own', array('m2')
+from uqpen.core.statistic import Shown, Statistic
+analysis.record = Statistic('own', 'x', shown=Shown('x'))
+"""
+        _write(tmp_path, text)
+        with pytest.raises(StudyError, match="own in m2"):
+            uqpen.run(_study(SMALL, tmp_path))
 
 
 class TestTrust:

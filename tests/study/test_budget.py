@@ -16,8 +16,8 @@ from uqpen.core.errors import StudyError
 from uqpen.core.lookup import resolve
 from uqpen.designs import DESIGNS
 from uqpen.designs.replicated import ReplicatedDesign
+from uqpen.study.budget_section import PlannedTable, plan_runs
 from uqpen.study.load import parse_study
-from uqpen.study.run_plan import PlannedTable, plan_runs
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 ISHIGAMI = """\

@@ -18,15 +18,15 @@ narrower has ``equivalent_runs``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from xarray.indexes import PandasIndex
 
-from uqpen.archive.labelled_arrays import BOUND_COORDINATE, labelled_array
-from uqpen.core.arrays import IntArray
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
@@ -40,13 +40,17 @@ from uqpen.core.labels import (
 from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
+    "BOUND_COORDINATE",
     "INTERVAL_TEXTS",
+    "UnpackedStatistics",
+    "array_entries",
     "correction_names",
     "estimate_array",
     "has_interval_texts",
     "interval_codes",
     "interval_codes_name",
     "interval_text",
+    "labelled_array",
     "pack",
     "statistic_names",
     "unpack",
@@ -62,6 +66,149 @@ _CORRECTIONS = {
 
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
+
+_BOUND_INDEX = PandasIndex.from_variables({BOUND: xr.Variable(BOUND, list(BOUNDS))}, options={})
+BOUND_COORDINATE = _BOUND_INDEX.create_variables()[BOUND]
+
+# Equal labels have one index: those of inputs, quantiles and ranks stand at each output again. What
+# is kept takes a few MB at most.
+_KEPT_INDEXES, _MOST_LABELS = 64, 4096
+
+
+def labelled_array(
+    values: npt.NDArray[Any],
+    dims: tuple[Hashable, ...],
+    coordinates: Mapping[Any, Any],
+    attributes: Mapping[Any, Any],
+    name: str | None = None,
+    texts: Mapping[Any, xr.Variable] | None = None,
+) -> xr.DataArray:
+    """Return what the constructor of an array returns, without its copies of all coordinates.
+
+    Those copies, text by text, took two fifths of the statistics of 300 outputs. All arrays have
+    the index of `BOUND_COORDINATE` in common, and others that have equal labels.
+
+    Parameters
+    ----------
+    values : ndarray, shape (*dims)
+    dims : tuple of hashable
+    coordinates : mapping
+        By name a variable or what makes one; with their indexes if they are `xarray.Coordinates`.
+    attributes : mapping
+    name : str, optional
+    texts : mapping of Variable, optional
+        Further coordinates without an index, which nothing else holds.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate has another dimension than the array, or another size.
+    """
+    variable = xr.Variable(dims, values, dict(attributes), fastpath=True)
+    variables: dict[Hashable, xr.Variable] = {}
+    indexes: dict[Hashable, xr.Index] = {}
+    if isinstance(coordinates, xr.Coordinates):
+        variables |= {key: each.copy(deep=False) for key, each in coordinates.variables.items()}
+        indexes |= coordinates.xindexes
+    else:
+        for key, given in coordinates.items():
+            variables[key], index = _coordinate(key, given)
+            indexes |= {} if index is None else {key: index}
+    variables |= texts or {}
+    for key, each in variables.items():
+        for dim, size in each.sizes.items():
+            if variable.sizes.get(dim) != size:
+                found = f"coordinate {key} has {size} values along {dim}"
+                raise ValueError(f"{found}, but the array has the sizes {dict(variable.sizes)}")
+    # What users may call copies each coordinate, or makes an index of it again.
+    return xr.DataArray(variable, variables, name=name, indexes=indexes, fastpath=True)
+
+
+def array_entries(array: xr.DataArray) -> list[xr.DataArray]:
+    """Return the entries of an array along its first dimension, as iteration yields them.
+
+    xarray looks at each coordinate anew for each entry, which took half of the time of tables.
+    """
+    (first, *others), coordinates = array.dims, array.coords.variables
+    along = {key: each.values for key, each in coordinates.items() if first in each.dims}
+    if any(coordinates[key].dims[0] != first for key in along):
+        return list(array)
+    others_indexes = {key: each for key, each in array.xindexes.items() if key not in along}
+    found = []
+    for place in range(array.sizes[first]):
+        own = {
+            key: xr.Variable(each.dims[1:], along[key][place, ...], dict(each.attrs), fastpath=True)
+            if key in along
+            else each.copy(deep=False)
+            for key, each in coordinates.items()
+        }
+        variable = xr.Variable(others, array.values[place, ...], dict(array.attrs), fastpath=True)
+        entry = xr.DataArray(variable, own, name=array.name, indexes=others_indexes, fastpath=True)
+        found.append(entry)
+    return found
+
+
+def _coordinate(key: Hashable, given: Any) -> tuple[xr.Variable, xr.Index | None]:
+    """Return a coordinate and its index; None for one that is not along its own dimension."""
+    if given is BOUND_COORDINATE:
+        return BOUND_COORDINATE.copy(deep=False), _BOUND_INDEX
+    variable = _as_variable(key, given)
+    if variable.dims != (key,):
+        return variable.to_base_variable(), None
+    labels = _hashable(variable.values)
+    if not labels:
+        return _indexed(key, variable)
+    coordinate, index = _indexed_labels(key, variable.dtype.str, labels)
+    coordinate = coordinate.copy(deep=False)
+    coordinate.attrs = variable.attrs
+    return coordinate, index
+
+
+def _indexed(key: Hashable, variable: xr.Variable) -> tuple[xr.Variable, xr.Index]:
+    index = PandasIndex.from_variables({key: variable}, options={})
+    return index.create_variables({key: variable})[key], index
+
+
+@lru_cache(_KEPT_INDEXES)
+def _indexed_labels(
+    key: Hashable, dtype: str, labels: bytes | tuple[str, ...]
+) -> tuple[xr.Variable, xr.Index]:
+    """Return a coordinate of some labels, and its index."""
+    if isinstance(labels, bytes):
+        return _indexed(key, xr.Variable(key, np.frombuffer(labels, np.dtype(dtype))))
+    return _indexed(key, xr.Variable(key, np.array(labels, dtype=object)))
+
+
+def _hashable(values: npt.NDArray[Any]) -> bytes | tuple[str, ...]:
+    """Return labels as their bytes, or as texts; empty for those that are not kept."""
+    if values.size > _MOST_LABELS or values.dtype.kind not in "OUifb":
+        return ()
+    if values.dtype.kind != "O":
+        return values.tobytes()
+    return tuple(values.tolist()) if _are_texts(values) else ()
+
+
+def _are_texts(values: npt.NDArray[Any]) -> bool:
+    return all(type(each) is str for each in values.ravel().tolist())
+
+
+def _as_variable(key: Hashable, given: Any) -> xr.Variable:
+    """Return a variable, or the one of what makes one; labels alone are along their own name."""
+    if isinstance(given, xr.Variable):
+        return given
+    if isinstance(given, xr.DataArray):
+        return given.variable
+    if not isinstance(given, tuple):
+        return xr.Variable((key,) if np.ndim(given) else (), given)
+    dims, values, attributes, *_ = (*given, None)
+    # xarray looks for dates among objects, which takes longer than all else.
+    is_ready = isinstance(values, np.ndarray) and (
+        values.dtype.kind in "Uifb" or (values.dtype.kind == "O" and _are_texts(values))
+    )
+    return xr.Variable(dims, values, attributes, fastpath=is_ready)
+
+
+# Packing and unpacking
 
 
 def estimate_array(
@@ -96,7 +243,8 @@ def estimate_array(
         entries[...] = np.asarray(texts[name], dtype=object).reshape(
             () if isinstance(texts[name], str) else shape
         )
-        own[name] = _texts(tuple(dims), entries)
+        # Otherwise xarray looks for dates among them, which takes most of the time.
+        own[name] = xr.Variable(tuple(dims), entries, fastpath=True)
     return labelled_array(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
         (*dims, BOUND),
@@ -104,11 +252,6 @@ def estimate_array(
         {"units": units, "long_name": long_name, **(attributes or {})},
         texts=own,
     )
-
-
-def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
-    """Return texts as xarray has them, without a search for dates, which takes most of the time."""
-    return xr.Variable(dims, entries, fastpath=True)
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
@@ -129,53 +272,33 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
             for key, each in own.items()
             if key not in INTERVAL_TEXTS and key not in _CORRECTIONS
         }
-        variables |= _packed_corrections(name, array)
+        for key, what in _CORRECTIONS.items():
+            if key in own:
+                units = attributes.get("units") if key == SURROGATE_ESTIMATE else None
+                described = {"units": units or DIMENSIONLESS, "long_name": f"{name}, {what}"}
+                variables[f"{name}_{key}"] = (array.dims[:-1], own[key].values, described)
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
-            codes, known = _coded_texts(own)
-            if len(known) > 1:
-                variables[f"{name}{_CODES}"] = _codes(name, array, codes, known)
-            else:
-                entry = known[0] if known else ("none", "none", "")
-                attributes |= {
-                    key: text for key, text in zip(INTERVAL_TEXTS, entry, strict=True) if text
-                }
+            texts, codes = _packed_texts(name, array)
+            attributes |= texts
+            variables |= codes
         variables[name] = (array.dims, array.values, attributes)
     return xr.Dataset(variables, coordinates)
 
 
-def _packed_corrections(name: str, array: xr.DataArray) -> dict[str, Any]:
-    """Return the numbers beside corrected estimates as variables; none for other estimates."""
-    units = {SURROGATE_ESTIMATE: array.attrs.get("units", DIMENSIONLESS)}
-    return {
-        f"{name}_{key}": (
-            array.dims[:-1],
-            array.coords[key].values,
-            {"units": units.get(key, DIMENSIONLESS), "long_name": f"{name}, {what}"},
-        )
-        for key, what in _CORRECTIONS.items()
-        if key in array.coords
-    }
+def _packed_texts(name: str, array: xr.DataArray) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the texts of intervals as attributes where all entries agree, else as a variable.
 
-
-def _coded_texts(
-    coordinates: Mapping[Any, xr.Variable],
-) -> tuple[IntArray, list[tuple[str, ...]]]:
-    """Return the position of each entry's texts in a list, and the list in order of appearance."""
-    columns = (coordinates[text].values.ravel().tolist() for text in INTERVAL_TEXTS)
+    That says which of the known texts, in order of appearance, each entry has.
+    """
+    columns = [array.coords.variables[text].values.ravel().tolist() for text in INTERVAL_TEXTS]
     places: dict[tuple[Any, ...], int] = {}
     codes = [places.setdefault(entry, len(places)) for entry in zip(*columns, strict=True)]
-    return np.array(codes, dtype=np.int64), [tuple(map(str, entry)) for entry in places]
-
-
-def _codes(
-    name: str, array: xr.DataArray, entries: IntArray, known: Sequence[tuple[str, ...]]
-) -> tuple[Any, ...]:
-    """Return the variable that says which of the known texts each entry has."""
-    dims = [dim for dim in array.dims if dim != BOUND]
+    known = [tuple(map(str, entry)) for entry in places] or [("none", "none", "")]
+    if len(known) == 1:
+        return {key: text for key, text in zip(INTERVAL_TEXTS, known[0], strict=True) if text}, {}
     kind = np.int8 if len(known) <= np.iinfo(np.int8).max else np.int16
-    codes = entries.astype(kind)
     attributes = {
         "long_name": f"how the intervals of {name} were made",
         "flag_values": np.arange(len(known), dtype=kind),
@@ -185,7 +308,9 @@ def _codes(
             for position, key in enumerate(INTERVAL_TEXTS)
         },
     }
-    return dims, codes.reshape([array.sizes[dim] for dim in dims]), attributes
+    dims = [dim for dim in array.dims if dim != BOUND]
+    values = np.array(codes, dtype=kind).reshape([array.sizes[dim] for dim in dims])
+    return {}, {interval_codes_name(name): (dims, values, attributes)}
 
 
 def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
@@ -208,7 +333,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
             values = np.asarray(table[codes.values], dtype=object)
-        texts[key] = _texts(dims, values)
+        texts[key] = xr.Variable(dims, values, fastpath=True)
     for key in _CORRECTIONS:
         if (beside := dataset.variables.get(f"{name}_{key}")) is not None:
             texts[key] = beside
@@ -257,3 +382,43 @@ def statistic_names(dataset: xr.Dataset) -> list[str]:
 def correction_names(statistic: str) -> list[str]:
     """Return the names of the variables with the numbers beside corrected estimates."""
     return [f"{statistic}_{key}" for key in _CORRECTIONS]
+
+
+class UnpackedStatistics(Mapping[str, xr.DataArray]):
+    """Estimate arrays of a dataset by their names.
+
+    Each is unpacked when it is first asked for: a table of 300 outputs shows a few statistics of
+    each, and to unpack one takes as long as to show it.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Of a group of an archive.
+    """
+
+    def __init__(self, dataset: xr.Dataset) -> None:
+        self._dataset = dataset
+        self._arrays: dict[str, xr.DataArray | None] = dict.fromkeys(statistic_names(dataset))
+
+    def __getitem__(self, name: str) -> xr.DataArray:
+        array = self._arrays[name]
+        if array is None:
+            array = unpack(self._dataset, name)
+            if array is None:
+                raise KeyError(name)
+            self._arrays[name] = array
+        return array
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._arrays
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+    def attributes(self) -> Iterator[Mapping[Any, Any]]:
+        """Yield the attributes of each statistic as they are stored, without unpacking any."""
+        for name in self._arrays:
+            yield self._dataset.variables[name].attrs

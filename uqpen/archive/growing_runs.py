@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import CodedTexts, OpenFile, lazy_dataset
+from uqpen.archive.lazy_variables import OpenFile, coded_texts, lazy_dataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
 from uqpen.core.netcdf.opening import open_own
 
@@ -162,11 +162,11 @@ class FailureRecord:
         runs = np.concatenate(self._runs)
         if not runs.size:
             return {}
-        texts = CodedTexts(np.concatenate(self._codes), [*self._texts])
-        attributes = [like.variables[name].attrs for name in (FAILED_RUN, FAILURE_REASON)]
+        numbers, reasons = (like.variables[name].attrs for name in (FAILED_RUN, FAILURE_REASON))
+        codes = np.concatenate(self._codes)
         return {
-            FAILED_RUN: xr.Variable((FAILED_RUN,), runs, attributes[0]),
-            FAILURE_REASON: texts.variable(FAILED_RUN, attributes[1]),
+            FAILED_RUN: xr.Variable((FAILED_RUN,), runs, numbers),
+            FAILURE_REASON: coded_texts(codes, [*self._texts], (FAILED_RUN,), reasons),
         }
 
 

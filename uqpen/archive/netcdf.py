@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
+from uqpen.archive.lazy_variables import OpenFile, is_in_memory, lazy_dataset, value_blocks
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.netcdf.opening import open_own
 
@@ -48,7 +48,9 @@ def write_tree(
             )
         ]
         for defined, variable in filled:
-            _fill(defined, variable)
+            kind = object if variable.dtype.kind in "OU" else None
+            for place, values in value_blocks(variable):
+                defined[place] = np.asarray(values, dtype=kind)
 
 
 def read_groups(root: netCDF4.Dataset, runs_in_memory: int = RUNS_IN_MEMORY) -> xr.DataTree:
@@ -119,7 +121,18 @@ def _define_variables(
     group.setncatts({**dataset.attrs, **further})
     for dimension, size in dataset.sizes.items():
         group.createDimension(str(dimension), size)
-    beside = _coordinate_names(dataset)
+    # The coordinates of each variable, except the dimension coordinates.
+    auxiliary = {
+        str(key): set(dataset.variables[key].dims)
+        for key in dataset.coords
+        if key not in dataset.dims
+    }
+    beside = {
+        str(name): [
+            key for key, dims in auxiliary.items() if dims <= {*dataset.variables[name].dims}
+        ]
+        for name in dataset.data_vars
+    }
     for name, variable in dataset.variables.items():
         is_text = variable.dtype.kind in "OU"
         # Without a fill value: CF forbids one of coordinates, and nothing stays unfilled.
@@ -134,27 +147,6 @@ def _define_variables(
         defined.setncatts(variable.attrs | ({_COORDINATES: " ".join(names)} if names else {}))
         yield defined, variable
     claimed = {name for names in beside.values() for name in names}
-    unclaimed = [name for name in _auxiliary_coordinates(dataset) if name not in claimed]
+    unclaimed = [name for name in auxiliary if name not in claimed]
     if unclaimed:
         group.setncattr(_COORDINATES, " ".join(unclaimed))
-
-
-def _fill(defined: Any, variable: xr.Variable) -> None:
-    """Write the values of a variable, by blocks along its first dimension."""
-    kind = object if variable.dtype.kind in "OU" else None
-    for place, values in value_blocks(variable):
-        defined[place] = np.asarray(values, dtype=kind)
-
-
-def _coordinate_names(dataset: xr.Dataset) -> dict[str, list[str]]:
-    """Return the coordinates of each variable, except the dimension coordinates."""
-    known = [(key, set(dataset.variables[key].dims)) for key in _auxiliary_coordinates(dataset)]
-    return {
-        str(name): [key for key, dims in known if dims <= set(dataset.variables[name].dims)]
-        for name in dataset.data_vars
-    }
-
-
-def _auxiliary_coordinates(dataset: xr.Dataset) -> list[str]:
-    """Return the coordinates that are no dimension coordinates."""
-    return [str(key) for key in dataset.coords if key not in dataset.dims]

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from uqpen.archive.checksum import is_broken
+from uqpen.archive.groups import group_names, is_benchmark, model_trees, read_group
+from uqpen.archive.hashes import is_broken
 from uqpen.archive.netcdf import read_groups
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.structure import find_faults
-from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError
 from uqpen.core.files import NotAFileError
 from uqpen.core.netcdf.opening import RefusedContentError, open_archive_file, open_own
@@ -26,6 +26,7 @@ __all__ = [
     "SCHEMA_ATTRIBUTE",
     "group_names",
     "is_archive",
+    "is_benchmark",
     "model_trees",
     "open_archive",
     "read_group",

@@ -1,57 +1,134 @@
-"""Structure that an archive must have to be read as one, even if it is damaged or edited."""
+"""Structure that an archive must have to be read as one, even if it is damaged or edited.
+
+Hashes show no such fault, since whoever edits an archive can hash anew. A group is checked by its
+declaration in `GROUPS`; then what one group says of another is.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.benchmark_structure import find_benchmark_faults
-from uqpen.archive.estimates import has_interval_texts
-from uqpen.archive.fields import find_field_faults
-from uqpen.archive.files import find_file_faults
-from uqpen.archive.layout import (
-    find_attribute_faults,
-    find_dataset_faults,
-    find_statistics_faults,
-    has_kind,
+from uqpen.archive.estimates import correction_names, has_interval_texts, statistic_names
+from uqpen.archive.fields import field_dimensions
+from uqpen.archive.groups import (
+    DESIGN_GROUPS,
+    GROUPS,
+    group_names,
+    innermost_groups,
+    is_benchmark,
+    model_trees,
+    read_group,
 )
-from uqpen.archive.requirements import find_level_faults, find_model_faults
-from uqpen.archive.tree import model_trees
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import block_ranges, is_true_by_blocks
-from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS, MODEL_FORM_STATISTICS
+from uqpen.core.catalogue import DIMENSIONS, REQUESTED_DIMENSIONS
+from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
-    BENCHMARK,
+    ABSENT,
+    AXIS_SCALE,
     BOUND,
-    DIFFERENCES,
+    BOUNDS,
+    CAVEAT,
+    CITED,
+    CONDITIONAL,
+    CONFIDENCE_LEVEL,
+    CONTRADICTION,
+    DECISION,
+    DECISION_CLAIM,
+    DECISION_LOWER,
+    DECISION_PROBABILITY,
+    DECISION_RUNS,
+    DECISION_UPPER,
+    DERIVED_FROM,
     FAILED_RUN,
     FAILURE_REASON,
     FAILURES_GROUP,
-    JOINT_GROUP,
+    INPUT,
+    INTERVAL,
+    INTERVAL_LABEL,
+    INTERVAL_LEVEL,
     KIND,
-    MODEL_FORM,
+    LARGEST_CONTRIBUTION,
+    MATRIX,
+    MISSING,
     MODELS,
+    NOT_FITTED,
+    NOTE,
     RECIPE,
+    REFUTED,
+    ROLE,
+    ROUND,
     RUN,
     RUNS,
+    RUNS_ABSENT,
     RUNS_SPENT,
     SAMPLING,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
+    STOPPING_CLAIM,
+    STOPPING_STATISTICS,
     SURROGATES,
+    TRAJECTORY,
     WEIGHT,
 )
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import EntryDimension, Statistic
+from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import Status
+from uqpen.core.units import scale
+from uqpen.core.variables import MOST_DIMENSIONS
 
-__all__ = ["find_faults"]
+__all__ = [
+    "find_attribute_faults",
+    "find_dataset_faults",
+    "find_difference_faults",
+    "find_faults",
+    "find_field_faults",
+    "find_level_faults",
+    "find_model_faults",
+    "find_run_faults",
+    "find_source_faults",
+    "find_surrogate_faults",
+    "has_kind",
+]
 
 _ROOT = ("title", "study_text", "study_sha256", "seed")
 # Python reads no number of more digits from a text.
 _SEED = re.compile(r"[0-9]{1,4300}\Z")
+# The check of an archive of methods at equal budgets.
+_COMPARISON_CHECK = "uqpen.archive.comparison:find_comparison_faults"
+
+# What an attribute of some name is, wherever it stands.
+_ATTRIBUTES = {
+    **dict.fromkeys(
+        (
+            *(INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
+            *(ABSENT, CONTRADICTION, DERIVED_FROM, "source", "minus", "outputs", "check"),
+            *(AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED),
+            *("flag_meanings", DECISION, DECISION_CLAIM, STOPPING_CLAIM, STOPPING_STATISTICS),
+        ),
+        "text",
+    ),
+    **dict.fromkeys((RECIPE, RUNS_SPENT, RUNS_ABSENT, DECISION_RUNS), "count"),
+    **dict.fromkeys(("runs", "runs_used"), "count"),
+    **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output", CONFIDENCE_LEVEL), "number"),
+    **dict.fromkeys((DECISION_PROBABILITY, DECISION_LOWER, DECISION_UPPER), "number"),
+}
+_KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
+
+# Statistics of the inputs of failed runs, which tables show together.
+_ASSOCIATIONS = ("larger", "further_out")
+# A surrogate that no independent runs check says so by this.
+_NO_CHECK = "none"
 
 
 def find_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -64,16 +141,15 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     if not _SEED.match(str(tree.attrs.get("seed", ""))):
         yield "a seed that is no number"
     yield from find_attribute_faults(tree)
-    kind = tree.attrs.get(KIND)
-    if kind is None:
+    if KIND not in tree.attrs:
         yield from _study_faults(tree)
-    elif kind == BENCHMARK:
-        yield from find_benchmark_faults(tree)
+    elif is_benchmark(tree):
+        yield from resolve(_COMPARISON_CHECK)(tree)
     else:
-        yield f'of kind "{kind}", which this uqpen does not know'
+        yield f'of kind "{tree.attrs[KIND]}", which this uqpen does not know'
+    yield from _declared_faults(tree, is_of_model=False)
     yield from _estimate_faults(tree)
     yield from find_level_faults(tree)
-    yield from find_file_faults(tree.children)
 
 
 def _study_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -82,85 +158,77 @@ def _study_faults(tree: xr.DataTree) -> Iterator[str]:
         yield "no models"
     for name, model in models.items():
         root = f"/{MODELS}/{name}" if name else ""
-        for fault in _model_faults(model):
-            yield f"{root}{fault}" if fault.startswith("/") or not root else f"{root}: {fault}"
-    for name, pair in _children(tree, DIFFERENCES):
-        if MODELS not in tree.children or name not in models:
-            yield f"/{DIFFERENCES}/{name}: of no model"
-        yield from (f"/{DIFFERENCES}/{name}{fault}" for fault in _pair_faults(pair))
-    for name, source in _children(tree, MODEL_FORM):
-        for output, child in source.children.items():
+        head = f"{root}: " if root else ""
+        if not isinstance(model.attrs.get("model_name"), str):
+            yield f"{head}no name of the model"
+        if not group_names(model, RUNS):
+            yield f"{head}no runs"
+        for fault in chain(_declared_faults(model, is_of_model=True), find_model_faults(model)):
+            yield f"{root if fault.startswith('/') else head}{fault}"
+
+
+def _declared_faults(tree: xr.DataTree, *, is_of_model: bool) -> Iterator[str]:
+    """Yield the faults of the groups of a model, or of those of the archive, by their records."""
+    for name, group in GROUPS.items():
+        if group.is_of_model != is_of_model or name not in tree.children:
+            continue
+        node = tree.children[name]
+        for path, child in innermost_groups(node, len(group.levels)) if group.statistics else ():
             dataset = child.to_dataset(inherit=False)
-            for fault in find_dataset_faults(dataset, MODEL_FORM_STATISTICS):
-                yield f"/{MODEL_FORM}/{name}/{output}: {fault}"
+            for fault in find_dataset_faults(dataset, group.statistics):
+                yield f"/{name}{path}: {fault}"
+        if group.check:
+            yield from (f"/{name}{fault}" for fault in resolve(group.check)(node))
 
 
-def _pair_faults(tree: xr.DataTree) -> Iterator[str]:
-    yield from find_statistics_faults(tree)
-    for source, outputs in tree.children.items():
-        for output, child in outputs.children.items():
-            if "minus" not in child.attrs:
-                yield f"/{source}/{output}: does not say of which model"
+# Attributes, levels and intervals, wherever they stand
 
 
-def _source_faults(node: xr.DataTree) -> Iterator[str]:
-    for name, source in node.children.items():
-        kind = source.attrs.get(SOURCE_KIND)
-        needed = {"design": (RUNS_SPENT,), "surrogate": (RUNS_SPENT, "check"), "publication": ()}
-        if kind not in needed:
-            yield f"/{STATISTICS_GROUP}/{name}: of no kind that is known"
-        else:
-            for key in needed[str(kind)]:
-                if key not in source.attrs:
-                    yield f"/{STATISTICS_GROUP}/{name}: no {key}"
+def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of attributes whose type is not the one that their name implies."""
+    for node in tree.subtree:
+        dataset = node.to_dataset(inherit=False)
+        path = node.path
+        owners: dict[str, Mapping[Any, Any]] = {path: dataset.attrs}
+        owners |= {f"{path}/{key}": v.attrs for key, v in dataset.variables.items()}
+        for place, attributes in owners.items():
+            for name, value in attributes.items():
+                kind = _ATTRIBUTES.get(str(name))
+                if kind and not (np.ndim(value) == 0 and has_kind(value, kind)):
+                    yield f"{place}: {name} is no {kind}"
+            if not _is_unit(attributes.get("display_units", "1")):
+                yield f"{place}: display_units that are no unit"
 
 
-def _model_faults(tree: xr.DataTree) -> Iterator[str]:
-    if not isinstance(tree.attrs.get("model_name"), str):
-        yield "no name of the model"
-    designs = _children(tree, RUNS)
-    if not designs:
-        yield "no runs"
-    for name, runs in designs:
-        yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs.dataset))
-    if STATISTICS_GROUP in tree.children:
-        node = tree.children[STATISTICS_GROUP]
-        yield from (f"/{STATISTICS_GROUP}{fault}" for fault in find_statistics_faults(node))
-        yield from _source_faults(node)
-    for name, child in _children(tree, FAILURES_GROUP):
-        for fault in find_dataset_faults(child.to_dataset(inherit=False), FAILURE_STATISTICS):
-            yield f"/{FAILURES_GROUP}/{name}: {fault}"
-    for name, child in _children(tree, JOINT_GROUP):
-        for fault in find_dataset_faults(child.to_dataset(inherit=False), JOINT_STATISTICS):
-            yield f"/{JOINT_GROUP}/{name}: {fault}"
-    for name, surrogate in _children(tree, SURROGATES):
-        yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
-    yield from find_model_faults(tree)
+def _is_unit(text: object) -> bool:
+    try:
+        scale(str(text))
+    except QuantityError:
+        return False
+    return True
 
 
-def _children(tree: xr.DataTree, group: str) -> list[tuple[str, xr.DataTree]]:
-    return list(tree.children[group].children.items()) if group in tree.children else []
+def has_kind(values: npt.ArrayLike, kind: str) -> bool:
+    """Return True if values are of a kind: texts, counts or numbers."""
+    known = getattr(values, "dtype", None)  # without reading them, where they are in a file
+    return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
-def _surrogate_faults(made: xr.DataTree) -> Iterator[str]:
-    for name in ("outputs", "check", "runs_used", RUNS_SPENT):
-        if name not in made.attrs:
-            yield f"no {name}"
-    for output in str(made.attrs.get("outputs", "")).split():
-        if output not in made.children or not _has_diagnostics(made.children[output]):
-            yield f"does not say how well it fits {output}"
+def _has_bound_names(dataset: xr.Dataset) -> bool:
+    """Return True if a dataset names the bounds of its estimates."""
+    # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
+    return BOUND in dataset.coords and dataset.variables[BOUND].values.tolist() == list(BOUNDS)
 
 
-def _has_diagnostics(fit: xr.DataTree) -> bool:
-    """Return True if a group has diagnostics of a fit, as attributes or as titled numbers."""
-    if "diagnostics" not in fit.children:
-        return all(each in fit.attrs for each in ("order", "terms", "q2", "check_q2_of_output"))
-    return all(
-        not variable.dims
-        and has_kind(variable, "number")
-        and all(isinstance(variable.attrs.get(key), str) for key in ("units", "long_name"))
-        for variable in fit.children["diagnostics"].data_vars.values()
-    )
+def find_level_faults(tree: xr.DataTree) -> Iterator[str]:
+    """Yield the intervals whose level is no probability, a line each."""
+    for node in tree.subtree:
+        for name, variable in node.to_dataset(inherit=False).variables.items():
+            if INTERVAL_LEVEL not in variable.attrs:
+                continue
+            level = variable.attrs[INTERVAL_LEVEL]
+            if np.ndim(level) or not has_kind(level, "number") or not 0 < level < 1:
+                yield f"{node.path}/{name}: {INTERVAL_LEVEL} is no probability"
 
 
 def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -170,6 +238,107 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
         for name in dataset.data_vars:
             if BOUND in dataset.variables[name].dims and not has_interval_texts(dataset, str(name)):
                 yield f"{node.path}/{name}: does not say how its interval was made"
+
+
+# Statistics of a group
+
+
+def find_dataset_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension] = DIMENSIONS,
+) -> Iterator[str]:
+    """Yield the faults of the statistics of one group.
+
+    A statistic that is not in the catalogue may have any dimensions. A statistic that the group
+    lacks is no fault. The entries of statistics lie along `dimensions`, those of fields along any
+    others.
+    """
+    for name in statistic_names(dataset):
+        variable = dataset.variables[name]
+        entry = catalogue.get(name)
+        dims = tuple(str(dim) for dim in variable.dims)
+        if entry is not None:
+            expected = (*entry.dims, *((BOUND,) if entry.has_bounds else ()))
+            of_field = dims[: len(dims) - len(expected)]
+            of_statistic = dims[len(of_field) :]
+            if (
+                of_statistic != expected
+                or not dimensions.keys().isdisjoint(of_field)
+                or not has_kind(variable, entry.kind)
+            ):
+                yield f"{name} is not of {entry.kind}s along {', '.join(expected)}"
+                continue
+        if BOUND in dims:
+            yield from _interval_faults(dataset, name)
+        for dimension in dims:
+            yield from _coordinate_faults(dataset, dimension, dimensions)
+    yield from _field_faults(dataset, catalogue, dimensions)
+
+
+def _field_faults(
+    dataset: xr.Dataset,
+    catalogue: Mapping[str, Statistic],
+    dimensions: Mapping[str, EntryDimension],
+) -> Iterator[str]:
+    """Find dimensions of a field that have no coordinates with a unit."""
+    known = {
+        str(dim)
+        for name in dataset.data_vars
+        if name in catalogue
+        for dim in dataset.variables[name].dims
+    }
+    for dimension in sorted(known.difference(dimensions, (BOUND,))):
+        if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:
+            yield f"no coordinates with a unit along {dimension}"
+
+
+def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
+    """Find what is wrong with the bounds of a statistic, and with the texts on them."""
+    variable = dataset.variables[name]
+    if not _has_bound_names(dataset):
+        yield f"{name}: not the bounds of an estimate"
+    elif not has_interval_texts(dataset, name):
+        yield f"{name}: does not say how its interval was made"
+    elif variable.dims[-1] != BOUND or not has_kind(variable, "number"):
+        yield f"{name}: not the bounds of an estimate"
+    for beside in correction_names(name):
+        found = dataset.variables.get(beside)
+        if found is not None and (found.dims, True) != (
+            variable.dims[:-1],
+            has_kind(found, "number"),
+        ):
+            yield f"{beside} is not of a number for each entry of {name}"
+
+
+def _coordinate_faults(
+    dataset: xr.Dataset, dimension: str, dimensions: Mapping[str, EntryDimension]
+) -> Iterator[str]:
+    """Find what is wrong with the coordinates along a dimension of the catalogue."""
+    described = dimensions.get(dimension)
+    if described is None:
+        return
+    is_there = dimension in dataset.coords
+    if not is_there or not has_kind(dataset.variables[dimension], described.kind):
+        yield f"no {dimension} to tell its entries apart"
+        return
+    for name, kind in {**described.companions, **described.optional}.items():
+        beside = dataset.variables.get(name)
+        if beside is None:
+            is_wrong = name in described.companions
+        else:
+            is_wrong = beside.dims != (dimension,) or not has_kind(beside, kind)
+        if is_wrong:
+            yield f"no {name} for each entry"
+
+
+# What the records of groups do not show
+
+
+def find_run_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of the runs of all designs."""
+    for name, runs in node.children.items():
+        yield from (f"/{name}: {fault}" for fault in _run_faults(runs.dataset))
 
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
@@ -217,3 +386,220 @@ def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
             last = np.searchsorted(failed, numbers[-1], side="right")
             known += int(np.count_nonzero(np.isin(failed[first:last], numbers)))
     return bool(known == len(failed))
+
+
+def find_field_faults(runs: xr.Dataset) -> Iterator[str]:
+    """Yield the faults of the fields of a design's runs, and of their coordinates."""
+    dimensions: set[str] = set()
+    for name in runs.data_vars:
+        variable = runs.variables[name]
+        along = field_dimensions(variable)
+        if variable.attrs.get(ROLE) != "output" or not along:
+            continue
+        dimensions.update(along)
+        if variable.dims[0] != RUN or len(along) > MOST_DIMENSIONS:
+            yield f"{name} does not lie along {RUN} and its own dimensions"
+        elif not has_kind(variable, "number"):
+            yield f"{name} is not of numbers"
+    for dimension in sorted(dimensions):
+        if fault := _coordinate_fault(runs, dimension):
+            yield fault
+
+
+def _coordinate_fault(runs: xr.Dataset, dimension: str) -> str:
+    if dimension not in runs.coords or not has_kind(runs[dimension], "number"):
+        return f"no coordinates along {dimension}"
+    values = runs[dimension].values
+    if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
+        return f"coordinates along {dimension} that do not ascend"
+    return "" if "units" in runs[dimension].attrs else f"no units of {dimension}"
+
+
+def find_source_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of the sources of statistics: other entries than elsewhere, attributes."""
+    yield from _entry_faults(node)
+    for name, source in node.children.items():
+        kind = source.attrs.get(SOURCE_KIND)
+        needed = {"design": (RUNS_SPENT,), "surrogate": (RUNS_SPENT, "check"), "publication": ()}
+        if kind not in needed:
+            yield f"/{name}: of no kind that is known"
+        else:
+            for key in needed[str(kind)]:
+                if key not in source.attrs:
+                    yield f"/{name}: no {key}"
+
+
+def _entry_faults(node: xr.DataTree) -> Iterator[str]:
+    """Find entries that a study asks for and that are not the same for all sources."""
+    entries: dict[tuple[str, str], list[Any]] = {}
+    for path, child in innermost_groups(node, 2):
+        output, dataset = path.rpartition("/")[2], child.to_dataset(inherit=False)
+        for dimension in dataset.dims:
+            if dimension in dataset.coords and dimension in REQUESTED_DIMENSIONS:
+                found = dataset.variables[dimension].values.tolist()
+                if entries.setdefault((output, str(dimension)), found) != found:
+                    yield f"{path}: another {dimension} than elsewhere"
+
+
+def find_difference_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of the differences of models from the first."""
+    archive = node.parent
+    models = group_names(archive, MODELS) if archive is not None else []
+    for name, pair in node.children.items():
+        if name not in models:
+            yield f"/{name}: of no model"
+        yield from (f"/{name}{fault}" for fault in _entry_faults(pair))
+        for path, child in innermost_groups(pair, 2):
+            if "minus" not in child.attrs:
+                yield f"/{name}{path}: does not say of which model"
+
+
+def find_surrogate_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of surrogates: attributes, and diagnostics of the fit to each output."""
+    for surrogate, made in node.children.items():
+        for name in ("outputs", "check", "runs_used", RUNS_SPENT):
+            if name not in made.attrs:
+                yield f"/{surrogate}: no {name}"
+        for output in str(made.attrs.get("outputs", "")).split():
+            if output not in made.children or not _has_diagnostics(made.children[output]):
+                yield f"/{surrogate}: does not say how well it fits {output}"
+
+
+def _has_diagnostics(fit: xr.DataTree) -> bool:
+    """Return True if a group has diagnostics of a fit, as attributes or as titled numbers."""
+    if "diagnostics" not in fit.children:
+        return all(each in fit.attrs for each in ("order", "terms", "q2", "check_q2_of_output"))
+    return all(
+        not variable.dims
+        and has_kind(variable, "number")
+        and all(isinstance(variable.attrs.get(key), str) for key in ("units", "long_name"))
+        for variable in fit.children["diagnostics"].data_vars.values()
+    )
+
+
+# What one group of a model says of another
+
+
+def find_model_faults(tree: xr.DataTree) -> Iterator[str]:
+    """Yield the faults in the groups of a model, a line each."""
+    designs = {name: read_group(tree, RUNS, name) for name in group_names(tree, RUNS)}
+    known = _variable_roles(next(iter(designs.values()), xr.Dataset()))
+    inputs = {name for name, is_output in known.items() if not is_output}
+    for name, runs in designs.items():
+        if _variable_roles(runs) != known:
+            yield f"/{RUNS}/{name}: other inputs or outputs than elsewhere"
+        failures = read_group(tree, FAILURES_GROUP, name)
+        if names := set(statistic_names(failures)) - {PROBABILITY}:
+            for missing in (each for each in _ASSOCIATIONS if each not in names):
+                yield f"{missing} of failed runs of {name}: not of numbers for each {INPUT}"
+        for group in DESIGN_GROUPS:
+            for fault in _input_faults(read_group(tree, group, name), inputs):
+                yield f"/{group}/{name}: {fault}"
+        yield from (f"/{RUNS}/{name}: {fault}" for fault in _variable_faults(runs))
+    yield from (f"/{TRAJECTORY}: {fault}" for fault in _trajectory_faults(tree, known))
+    yield from _fit_faults(tree, known)
+    yield from _origin_faults(tree, known)
+
+
+def _fit_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
+    """Find surrogates of runs or outputs that the archive does not have."""
+    designs = group_names(tree, RUNS)
+    for name in group_names(tree, SURROGATES):
+        attributes = tree.children[SURROGATES].children[name].attrs
+        if attributes.get("design") not in designs:
+            yield f"/{SURROGATES}/{name}: fitted to runs of no design"
+        if attributes.get("check") not in (*designs, _NO_CHECK):
+            yield f"/{SURROGATES}/{name}: checked by runs of no design"
+        for output in str(attributes.get("outputs", "")).split():
+            if not known.get(output):
+                yield f"/{SURROGATES}/{name}: of {output}, which is no output of the runs"
+
+
+def _origin_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
+    """Find statistics of runs, surrogates, outputs or inputs that the archive does not have."""
+    inputs = {name for name, is_output in known.items() if not is_output}
+    groups = {"design": RUNS, "surrogate": SURROGATES}
+    sources = group_names(tree, STATISTICS_GROUP)
+    for group in groups.values():
+        for name in group_names(tree, group):
+            if name not in sources:
+                yield f"/{group}/{name}: without a group of statistics"
+    for source in sources:
+        node = tree.children[STATISTICS_GROUP].children[source]
+        place = f"/{STATISTICS_GROUP}/{source}"
+        origin = groups.get(str(node.attrs.get(SOURCE_KIND)))
+        if origin is not None and source not in group_names(tree, origin):
+            yield f"{place}: of what /{origin} does not have"
+        for output in node.children:
+            if not known.get(str(output)):
+                yield f"{place}: of {output}, which is no output of the runs"
+            for fault in _input_faults(read_group(node, str(output)), inputs):
+                yield f"{place}/{output}: {fault}"
+
+
+def _input_faults(dataset: xr.Dataset, inputs: set[str]) -> Iterator[str]:
+    """Find entries of statistics that are of no input."""
+    entries = dataset.coords[INPUT].values.tolist() if INPUT in dataset.coords else []
+    for entry in entries if isinstance(entries, list) else [entries]:
+        if entry not in inputs:
+            yield f"of {entry}, which is no input of the runs"
+
+
+def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:
+    """Return the inputs and outputs, and whether each is an output."""
+    roles = {str(name): runs.variables[name].attrs.get(ROLE) for name in runs.data_vars}
+    return {name: role == "output" for name, role in roles.items() if role in ("input", "output")}
+
+
+def _variable_faults(runs: xr.Dataset) -> Iterator[str]:
+    for name, is_output in _variable_roles(runs).items():
+        variable = runs.variables[name]
+        # The dimensions of fields have been checked by the structure of the archive.
+        lies_right = variable.dims[:1] == (RUN,) if is_output else variable.dims in ((), (RUN,))
+        if not (lies_right and has_kind(variable, "number")):
+            yield f"{name} is not of numbers along {RUN}"
+        elif "flag_meanings" in variable.attrs and not _has_flags(variable):
+            yield f"{name} does not define its categories"
+        elif is_output and not _is_finite(variable, runs.variables[STATUS]):
+            yield f"{name} of a completed run is not finite"
+    if runs.attrs.get(SAMPLING) == Sampling.PICK_FREEZE and MATRIX not in runs.variables:
+        yield f"no {MATRIX} to distinguish its blocks"
+    for name in (MATRIX, ROUND):
+        if name in runs.variables and runs.variables[name].dims != (RUN,):
+            yield f"{name} does not lie along {RUN}"
+
+
+def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
+    # A curve may end before its dimension does; it is NaN from there.
+    # A derived number may be one that some runs do not have; it is NaN in them, too.
+    may_be_nan = variable.ndim == 2 or ABSENT in variable.attrs
+
+    def is_finite(values: FloatArray, statuses: IntArray) -> bool:
+        completed = np.asarray(values, dtype=np.float64)[statuses == Status.OK]
+        return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
+
+    return is_true_by_blocks(is_finite, variable, status)
+
+
+def _has_flags(variable: xr.Variable) -> bool:
+    words = str(variable.attrs["flag_meanings"]).split()
+    labels = np.atleast_1d(variable.attrs.get("flag_labels", words))
+    return np.size(variable.attrs.get("flag_values", ())) == len(words) == len(labels)
+
+
+def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
+    trajectory = read_group(tree, TRAJECTORY)
+    if not trajectory:
+        return
+    dimensions = [str(name) for name in trajectory.dims]
+    if len(dimensions) != 1 or dimensions[0] not in trajectory.coords or dimensions[0] not in known:
+        yield "does not lie along an output"
+        return
+    for name, variable in trajectory.variables.items():
+        if variable.dims != (dimensions[0],) or not has_kind(variable.values, "number"):
+            yield f"{name} is not of numbers along {dimensions[0]}"
+    for name, value in trajectory.attrs.items():
+        if str(name).startswith("nominal_") and not (
+            np.ndim(value) == 0 and has_kind(value, "number")
+        ):
+            yield f"{name} is not a number"

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.checksum import append_checksum
-from uqpen.archive.content import hash_record
+from uqpen.archive.hashes import append_checksum, hash_record
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import is_archive
 from uqpen.core.errors import ArchiveError

@@ -10,13 +10,14 @@ from uqpen.benchmark.record import EstimateRecord
 from uqpen.benchmark.runner import BenchmarkRunner
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import benchmark_statistics
-from uqpen.benchmark.tree import benchmark_tree
 from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Map
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
+from uqpen.workflow import root_attributes
 
 __all__ = ["BenchmarkProgress", "check_study", "compare"]
 
@@ -61,8 +62,8 @@ def compare(
     Returns
     -------
     DataTree
-        ``/methods``, the reference's statistics in ``/reference/<output>``, and estimates, errors,
-        slopes and verdicts in ``/benchmark/<output>/<statistic>``.
+        The reference and the methods as sources of ``/statistics``, with estimates, errors,
+        coverage and slopes of each output, and the verdicts in ``/comparison/<output>``.
 
     Raises
     ------
@@ -83,13 +84,8 @@ def compare(
     stream = Stream(study.seed, "head_to_head", "reference")
     truth = runner.estimates(runner.run_design(SobolSequence(runs, replicates), stream))
     progress.finish_repeat(0)
-    record = EstimateRecord.empty(
-        methods,
-        settings,
-        list(benchmark_statistics(study.quantities_of_interest)),
-        truth,
-        reference_runs=runs,
-    )
+    statistics = list(benchmark_statistics(study.quantities_of_interest))
+    record = EstimateRecord(methods, settings, statistics, truth)
     # Repeat by repeat: each takes as long as the one before, so the end can be predicted.
     for repeat in range(settings.repeats):
         for position, method in enumerate(methods):
@@ -98,7 +94,8 @@ def compare(
                     stream = Stream(study.seed, "head_to_head", method.name, budget, repeat)
                     record.add(position, number, repeat, method.estimates(runner, budget, stream))
         progress.finish_repeat(repeat + 1)
-    return benchmark_tree(study, record, truth)
+    root = xr.Dataset(attrs={**root_attributes(study), KIND: BENCHMARK})
+    return xr.DataTree.from_dict({"/": root, **dict(record.groups(runs))})
 
 
 def check_study(study: ValidatedStudy, settings: BenchmarkSettings) -> None:

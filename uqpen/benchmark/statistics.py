@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.benchmark_layout import COMPARED_STATISTICS
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import BENCHMARK_STATISTICS, CATALOGUE
 from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
@@ -22,6 +21,8 @@ __all__ = ["COMPARED_ANALYSES", "BenchmarkStatistic", "Estimates", "benchmark_st
 
 # Estimate arrays by output and statistic.
 Estimates = Mapping[str, Mapping[str, xr.DataArray]]
+
+_COMPARED = tuple(each.name for each in BENCHMARK_STATISTICS)
 
 # The analyses that yield the statistics that are compared.
 COMPARED_ANALYSES = (MOMENTS, QUANTILES, EXCEEDANCE)
@@ -70,11 +71,6 @@ class BenchmarkStatistic:
         return self.quantity.display_unit if self._has_unit else DIMENSIONLESS
 
     @property
-    def long_name(self) -> str:
-        """The statistic in words."""
-        return f"{self._described.title} of {self.quantity.output.title}"
-
-    @property
     def _described(self) -> Statistic:
         return CATALOGUE[self.name]
 
@@ -102,7 +98,8 @@ class BenchmarkStatistic:
 
 
 def benchmark_statistics(
-    quantities: Sequence[QuantityOfInterest], names: Sequence[str] = COMPARED_STATISTICS
+    quantities: Sequence[QuantityOfInterest],
+    names: Sequence[str] = _COMPARED,
 ) -> Iterator[BenchmarkStatistic]:
     """Yield the statistics of every output that is a number, output by output."""
     for quantity in quantities:

@@ -223,16 +223,14 @@ def quantity(view: ArchiveView, name: str) -> PlottedQuantity:
     return PlottedQuantity(name, "" if unit == DIMENSIONLESS else unit)
 
 
-def quantity_axis(
-    view: ArchiveView, name: str, ends: tuple[float, float] | None = None, title: str = ""
-) -> Axis:
-    """Return the axis of an input or an output, under its label if it has no other title."""
-    return Axis(title or view.axis_label(name), ends, quantity=quantity(view, name))
+def quantity_axis(view: ArchiveView, name: str, ends: tuple[float, float] | None = None) -> Axis:
+    """Return the axis of an input or an output, under its label."""
+    return Axis(view.axis_label(name), ends, quantity=quantity(view, name))
 
 
-def output_axis(view: ArchiveView, name: str, span: ValueAxis, title: str = "") -> Axis:
+def output_axis(view: ArchiveView, name: str, span: ValueAxis) -> Axis:
     """Return the axis of an output between two ends, with ticks of its own if logarithmic."""
-    axis = quantity_axis(view, name, span.ends, title)
+    axis = quantity_axis(view, name, span.ends)
     if not span.is_logarithmic:
         return axis
     return replace(axis, ends=span.powers, is_logarithmic=True, ticks=tuple(span.ticks()))

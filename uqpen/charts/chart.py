@@ -53,6 +53,7 @@ class Axis:
     is_logarithmic: bool = False
     ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
     quantity: PlottedQuantity | None = None  # along it, if that is a single one
+    short_title: str = ""  # on a page, where there is no room for the title
 
 
 @dataclass(frozen=True)
@@ -198,6 +199,8 @@ class Chart(Block):
     tables: tuple[OutputTable, ...] = ()  # the numbers behind it
     height: int = 300  # in CSS pixels
     of: str = ""  # output that it shows: a figure names it, a page has it in a heading
+    source: str = ""  # whose estimates it shows, likewise
+    is_of_all_models: bool = False  # a figure names the model of other charts
     reading: ThresholdReadout | None = None
     place: PlaceReadout | None = None  # along the axis x
     slices: PlaceSlices | None = None

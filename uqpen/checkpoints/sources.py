@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
-from uqpen.archive.read import group_names, model_trees, read_group, read_tree
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.identity import (
     ModelComparison,
@@ -29,7 +29,6 @@ from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import (
     FAILED_RUN,
     FAILURE_REASON,
-    KIND,
     NOT_MADE_AGAIN,
     REUSED_RUNS,
     ROUND,
@@ -346,7 +345,7 @@ def _open_intact(path: Path) -> xr.DataTree:
         tomllib.loads(str(tree.attrs["study_text"]))
     except ValueError as error:
         raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
-    if KIND in tree.attrs:
+    if is_benchmark(tree):
         raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
     return tree
 

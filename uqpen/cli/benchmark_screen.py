@@ -17,8 +17,17 @@ from uqpen.benchmark.compare import BenchmarkProgress
 from uqpen.cli.console import show_table, standard_output
 from uqpen.cli.options import is_quiet
 from uqpen.cli.printable import screen_text
-from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
+from uqpen.results.benchmark_tables import (
+    LEGEND,
+    entry_table,
+    methods_table,
+    reference_remarks,
+    replicated_verdicts,
+    single_set_verdicts,
+    standings_table,
+)
 from uqpen.results.digits import grouped_number
+from uqpen.results.method_comparison import MethodComparison
 from uqpen.results.progress_texts import duration_text
 
 __all__ = ["show_benchmark", "show_progress"]
@@ -32,12 +41,14 @@ def show_benchmark(tree: xr.DataTree) -> None:
     console = standard_output()
     title = f"{tree.attrs['title']}: benchmark of methods"
     console.print(Text(screen_text(title), style="bold"))
-    show_table(console, methods_table(tree))
-    for comparison in entry_comparisons(tree):
-        show_table(console, comparison.table)
-        for sentence in comparison.sentences:
-            _show_text(console, sentence)
-    show_table(console, standings_table(tree))
+    comparison = MethodComparison.of(tree)
+    show_table(console, methods_table(comparison))
+    for entry in comparison.entries:
+        show_table(console, entry_table(entry))
+        for sentences in (single_set_verdicts, reference_remarks, replicated_verdicts):
+            for sentence in sentences(entry):
+                _show_text(console, sentence)
+    show_table(console, standings_table(comparison))
     _show_text(console, LEGEND)
     console.print()
 

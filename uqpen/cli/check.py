@@ -41,6 +41,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
             models_text,
             output_rows,
             runs_text,
+            section_lines,
             surrogate_rows,
         )
 
@@ -54,8 +55,8 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         console.print(f"{printable(remark)}\n", markup=False)
     console.print(plain_table(["output", "asked"], output_rows(study)))
     console.print()
-    for line in _run_settings(study):
-        console.print(f"{line}\n", markup=False)
+    for line in section_lines(study):
+        console.print(f"{printable(line)}\n", markup=False)
     for line in study.plan:
         console.print(f"planned: {line}", markup=False)
     if study.plan:
@@ -90,26 +91,3 @@ def _input_remarks(study: ValidatedStudy) -> Iterator[str]:
     for entry in study.joint.random:
         if "fit_warning" in entry.fit:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"
-
-
-def _run_settings(study: ValidatedStudy) -> Iterator[str]:
-    """Yield the limits of a run, what is done about failed runs, and the constraints."""
-    from uqpen.designs.keep import RUNS
-
-    for name, variant in study.models.items():
-        limits = variant.model.run_limits
-        allowed = [] if limits.seconds is None else [f"{limits.seconds:g} s"]
-        allowed += [] if limits.bytes is None else [f"{limits.bytes / 1e6:.10g} MB of memory"]
-        if allowed:
-            of = f" of {name}" * study.has_several_models
-            yield f"each run{of} may take {' and '.join(allowed)}"
-    if study.failures.retry:
-        yield f"a failed run is repeated at most {study.failures.retry} times"
-    if study.failures.at_most < 1:
-        share = f"{100 * study.failures.at_most:.10g} %"
-        yield f"the study stops if more than {share} of a design's runs fail"
-    for name, design in study.designs.items():
-        if design.keep != RUNS:
-            yield f"the archive has the statistics of {name}, and not its runs"
-    for constraint in study.constraints:
-        yield f"only where {constraint.text}"

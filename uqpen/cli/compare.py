@@ -62,7 +62,7 @@ def compare(
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
         from uqpen.cli.console import show_line
         from uqpen.execution.runs_in_file import runs_in_file
-        from uqpen.results.benchmark_tables import has_reference
+        from uqpen.results.method_comparison import MethodComparison
         from uqpen.study.load import load_study
 
         settings = BenchmarkSettings(
@@ -88,7 +88,7 @@ def compare(
     show_benchmark(tree)
     show_line(f"archive: {archive}")
     announce_report(archive)
-    if not has_reference(tree):
+    if not MethodComparison.of(tree).reference_runs_used:
         show_message("all runs of the reference failed")
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE

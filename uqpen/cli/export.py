@@ -33,9 +33,8 @@ def export(
     Columns of runs are headed "name [unit]" in the units of the study. Estimates are in SI units,
     with a column for the unit. Without -o, the table goes to standard output.
     """
-    from uqpen.archive.read import open_archive
+    from uqpen.archive.read import is_benchmark, open_archive
     from uqpen.core.errors import ExportError
-    from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.results.long_table import long_table
     from uqpen.results.runs_table import (
         designs_without_runs,
@@ -49,11 +48,11 @@ def export(
     if functions and what == "runs":
         raise click.UsageError("--functions is for --statistics")
     tree = open_archive(archive)
-    if tree.attrs.get(KIND) == BENCHMARK:
-        raise ExportError(f"{archive}: is a benchmark of methods; only studies are exported")
     if what != "runs":
         write_table(long_table(tree, functions=functions), kind, file)
         return
+    if is_benchmark(tree):
+        raise ExportError(f"{archive}: is a benchmark of methods, which keeps no runs")
     if designs := designs_without_runs(tree):
         text = f"{archive}: the runs of {', '.join(designs)} are not in it, only their statistics"
         if not has_runs(tree):

@@ -61,8 +61,7 @@ def plan(
 
     here = Path.cwd()
     with show_step("reading the study"), loading():
-        from uqpen.study.load import load_study
-        from uqpen.study.pilot import pilot_study
+        from uqpen.study.load import load_study, pilot_study
 
         study = load_study(file)
         rule = _rule(study, written)

@@ -31,14 +31,13 @@ def show(
 ) -> None:
     """Show the results in ARCHIVE, as `uqpen study` or `uqpen compare` did; nothing is run."""
     with loading():
-        from uqpen.archive.read import open_archive
-        from uqpen.core.labels import BENCHMARK, KIND
+        from uqpen.archive.read import is_benchmark, open_archive
         from uqpen.core.lookup import resolve
 
     if at and output is None:
         raise click.UsageError("--at needs --output NAME")
     tree = open_archive(archive)
-    is_comparison = tree.attrs.get(KIND) == BENCHMARK
+    is_comparison = is_benchmark(tree)
     if output is not None:
         if is_comparison:
             raise click.UsageError("--output is for the archive of a study")

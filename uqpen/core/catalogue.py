@@ -8,27 +8,50 @@ not in the catalogue is described by its own variable, and shown from that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import chain
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, islice
 from types import MappingProxyType
 
 from uqpen.core.labels import (
     BOUNDS,
+    BUDGET,
+    BY_RUNS,
+    CONVERGENCE,
     EXCEEDANCE,
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
     MOMENTS,
     NOTE,
+    OF_CATEGORY,
+    OF_EXCEEDANCE,
+    OF_FIELD,
+    OF_LOGARITHM,
     PAIR,
     QUANTILES,
     RANK,
+    REPEAT,
+    REPLICATES_OF_BUDGET,
     RESERVED,
+    RUNS_OF_BUDGET,
+    SENSITIVITY,
     SHARES,
     STATUS,
     TAILS,
+    VARIANT,
 )
-from uqpen.core.statistic import EntryDimension, Request, Shown, Statistic, UnitRule
+from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import (
+    EntryDimension,
+    Measure,
+    Request,
+    Shown,
+    Statistic,
+    UnitRule,
+    derived,
+    of_field,
+)
 from uqpen.core.statistic_dimensions import (
     BAND_CONTENT,
     CATEGORY,
@@ -49,17 +72,24 @@ from uqpen.core.statistic_dimensions import (
 )
 
 __all__ = [
+    "BENCHMARK_STATISTICS",
     "CATALOGUE",
+    "COMPARISON_DIMENSIONS",
+    "COMPARISON_STATISTICS",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
+    "MEASURES",
+    "METHOD_STATISTICS",
     "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
     "REQUESTED",
     "REQUESTED_DIMENSIONS",
     "TABLE_COLUMNS",
     "UNLISTED_DIMENSIONS",
+    "comparison_statistics",
+    "method_statistics",
 ]
 
 
@@ -68,25 +98,7 @@ _CDF = "uqpen.statistics.distribution_function"
 _MOMENTS = "uqpen.statistics.moments.sample_moments"
 _FIELDS = "uqpen.statistics.fields"
 _PLACES = f"{_FIELDS}.place_statistics"
-
-_INDICES = {
-    "first_order": "first-order Sobol' index",
-    "total_order": "total-order Sobol' index",
-    "shapley": "Shapley effect",
-}
-
-
-def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
-    """Return the three shares of a variance, of the output or of a function of it."""
-    return [
-        Statistic(
-            f"{prefix}{name}",
-            f"{title}{of}",
-            (*along, INPUT),
-            note_is_of_estimate=True,
-        )
-        for name, title in _INDICES.items()
-    ]
+_SENSITIVITY = "uqpen.statistics.sensitivity"
 
 
 def _contents(name: str) -> EntryDimension:
@@ -104,32 +116,46 @@ def _accepted(name: str) -> dict[str, str]:
     return {f"{name}_at_most": "number", f"{name}_at_least": "number"}
 
 
-_STATISTICS = [
+_OF_VALUES = [
     Statistic(
         "mean",
         "mean",
         unit=UnitRule.VALUE,
         shown=Shown("mean", 30, is_compared=True),
         group=MOMENTS,
-        by={"sample": f"{_MOMENTS}:sample_moments", "field": f"{_PLACES}:moments_at_places"},
+        by={
+            "sample": f"{_MOMENTS}:sample_moments",
+            "part": f"{_MOMENTS}:mean_estimate",
+            "field": f"{_PLACES}:moments_at_places",
+            Sampling.QUADRATURE: "uqpen.statistics.moments.quadrature_moments:quadrature_moments",
+        },
+        takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "std",
         "standard deviation",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("sd", 32, is_compared=True),
+        is_corrected=True,
     ),
     Statistic(
         "half_spread",
         "half the 16 % to 84 % range",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("half 16–84 % range", 33),
+        is_corrected=True,
     ),
     Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
-    Statistic("kurtosis", "kurtosis"),
-    Statistic("effective_runs", "effective number of runs"),
-    Statistic("effective_size", "effective sample size", shown=Shown("effective runs", 20)),
+    Statistic("kurtosis", "kurtosis", is_diagnosis=True),
+    Statistic("effective_runs", "effective number of runs", is_diagnosis=True),
+    Statistic(
+        "effective_size",
+        "effective sample size",
+        is_diagnosis=True,
+        shown=Shown("effective runs", 20),
+    ),
     Statistic(
         "quantile",
         "quantile",
@@ -137,13 +163,17 @@ _STATISTICS = [
         UnitRule.VALUE,
         own=EntryDimension(PROBABILITY),
         asked=Request("quantiles", always=(0.05, 0.5, 0.95)),
-        shown=Shown("{entry}", 40, "quantiles", "quantile", rank=22, is_compared=True),
+        shown=Shown("{entry}", 40, "quantiles", "probability", rank=22, is_compared=True),
         group=QUANTILES,
         by={
             "sample": f"{_CDF}.quantiles:quantile_estimates",
+            "part": f"{_CDF}.quantiles:requested_quantiles",
             "field": f"{_PLACES}:quantiles_at_places",
+            Sampling.TOWARDS_EVENT: "uqpen.statistics.rare_events.rare_quantiles:rare_quantiles",
         },
+        takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "tolerance_limit",
@@ -206,7 +236,7 @@ _STATISTICS = [
             "mean beyond the {entry}",
             50,
             "expected_shortfall",
-            "quantile",
+            "probability",
             rank=30,
             sentence="Beyond its {entry}, the mean of {output} is {estimate}.",
             is_compared=True,
@@ -244,12 +274,24 @@ _STATISTICS = [
         "tail_threshold",
         "threshold of the fitted tail",
         unit=UnitRule.VALUE,
+        is_diagnosis=True,
         shown=Shown("threshold of the tail", 61),
     ),
-    Statistic("tail_shape", "shape of the fitted tail", shown=Shown("shape of the tail", 62)),
-    Statistic("tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE),
-    Statistic("tail_runs", "number of runs beyond the threshold of the fitted tail"),
-    Statistic("tail_p_value", "p-value of the fit of the tail (Anderson-Darling)"),
+    Statistic(
+        "tail_shape",
+        "shape of the fitted tail",
+        is_diagnosis=True,
+        shown=Shown("shape of the tail", 62),
+    ),
+    Statistic(
+        "tail_scale", "scale of the fitted tail", unit=UnitRule.DIFFERENCE, is_diagnosis=True
+    ),
+    Statistic(
+        "tail_runs", "number of runs beyond the threshold of the fitted tail", is_diagnosis=True
+    ),
+    Statistic(
+        "tail_p_value", "p-value of the fit of the tail (Anderson-Darling)", is_diagnosis=True
+    ),
     Statistic(
         "exceedance",
         "probability of exceeding a value",
@@ -263,14 +305,17 @@ _STATISTICS = [
             rank=20,
             axis="probability",
             is_compared=True,
-            has_verdict=True,
+            event="above",
         ),
         group=EXCEEDANCE,
         by={
             "sample": f"{_CDF}.probabilities:exceedance_probabilities",
+            "part": f"{_CDF}.probabilities:requested_exceedances",
             "field": f"{_PLACES}:probabilities_at_places",
         },
+        takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "below",
@@ -285,11 +330,16 @@ _STATISTICS = [
             rank=21,
             axis="probability",
             is_compared=True,
-            has_verdict=True,
+            event="below",
         ),
         group=EXCEEDANCE,
-        by={"sample": f"{_CDF}.probabilities:below_probabilities"},
+        by={
+            "sample": f"{_CDF}.probabilities:below_probabilities",
+            "part": f"{_CDF}.probabilities:requested_below",
+        },
+        takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic(
         "share",
@@ -305,7 +355,11 @@ _STATISTICS = [
             is_compared=True,
         ),
         group=SHARES,
-        by={"sample": f"{_CDF}.probabilities:category_probabilities"},
+        by={
+            "sample": f"{_CDF}.probabilities:category_probabilities",
+            "part": f"{_CDF}.probabilities:category_shares",
+        },
+        takes_weights=True,
     ),
     Statistic(
         "cdf",
@@ -314,7 +368,9 @@ _STATISTICS = [
         own=EntryDimension(RANK, is_listed=False),
         group="cdfs",
         by={"sample": f"{_CDF}.cdfs:cdf"},
+        takes_weights=True,
         is_of_surrogates=True,
+        is_corrected=True,
     ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
@@ -326,6 +382,8 @@ _STATISTICS = [
         own=EntryDimension(PERCENT, is_listed=False),
         group="percentiles",
         by={"sample": f"{_CDF}.quantiles:percentiles"},
+        takes_weights=True,
+        is_corrected=True,
     ),
     Statistic(
         "reached",
@@ -333,6 +391,7 @@ _STATISTICS = [
         shown=Shown("P(reached)", 10),
         group="reached",
         by={"field": f"{_PLACES}:reached"},
+        takes_weights=True,
     ),
     Statistic(
         "mean_band",
@@ -341,15 +400,17 @@ _STATISTICS = [
         shown=Shown("mean, all places at once", 31),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:mean_band"},
+        takes_weights=True,
     ),
     Statistic(
         "quantile_band",
         "quantile, simultaneous bounds",
         (PROBABILITY,),
         UnitRule.VALUE,
-        shown=Shown("{entry}, all places at once", 41, "quantile_bands", "quantile"),
+        shown=Shown("{entry}, all places at once", 41, "quantile_bands", "probability"),
         group="bands",
         by={"field": f"{_FIELDS}.simultaneous_bands:quantile_band"},
+        takes_weights=True,
     ),
     Statistic(
         "tolerance_band",
@@ -360,6 +421,7 @@ _STATISTICS = [
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
         group="bands",
         by={"field": f"{_FIELDS}.tolerance_band:tolerance_band"},
+        takes_weights=True,
     ),
     Statistic(
         "central_region",
@@ -367,6 +429,7 @@ _STATISTICS = [
         unit=UnitRule.VALUE,
         group="ranked_curves",
         by={"field": f"{_FIELDS}.ranked_curves:ranked_curves"},
+        takes_weights=True,
     ),
     Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
     Statistic(
@@ -377,51 +440,190 @@ _STATISTICS = [
         own=EntryDimension(CURVE, "count", is_listed=False),
     ),
     Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
-    *(
-        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
-        for name, title, dims, unit in (
-            ("mean", "mean", (), UnitRule.VALUE),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
-            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
-        )
+]
+
+
+def _of_inputs(
+    name: str,
+    title: str,
+    measure: Measure,
+    by: Mapping[str, str] | None = None,
+    unit: UnitRule = UnitRule.NONE,
+) -> Statistic:
+    """Return the record of a measure that each input has."""
+    record = Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True, measure=measure)
+    return replace(record, group=SENSITIVITY, by=by or {})
+
+
+# The parts of the inputs in a variance.
+_INDICES = [
+    _of_inputs(
+        "first_order",
+        "first-order Sobol' index",
+        Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
+        {
+            "sample": f"{_SENSITIVITY}.given_data:first_order",
+            "field": f"{_FIELDS}.given_data_at_places:first_order_at_places",
+            Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
+            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sobol_at_places:sobol_indices_at_places",
+        },
     ),
-    *_indices("", ""),
+    _of_inputs(
+        "total_order",
+        "total-order Sobol' index",
+        Measure("total order", "shares", 2, "square", share="total"),
+    ),
+    _of_inputs(
+        "shapley",
+        "Shapley effect",
+        Measure("Shapley effect", "shares", 3, "diamond", "divided", "the largest Shapley effects"),
+    ),
+]
+
+
+def _indices_of(
+    prefix: str, title: str, table: str, *along: str, json: str = ""
+) -> Iterator[Statistic]:
+    """Yield the parts in the variance of something else than the output."""
+    for each in _INDICES:
+        measure = replace(each.measure, table=table, json=json)
+        yield derived(each, prefix, title, along, measure=measure)
+
+
+_STATISTICS = [
+    *_OF_VALUES,
+    *(
+        derived(
+            each,
+            BY_RUNS,
+            "{title}, by the runs so far",
+            (RUNS_SO_FAR,),
+            group=CONVERGENCE,
+            by={"sample": "uqpen.statistics.convergence:convergence"},
+        )
+        for each in _OF_VALUES
+        if "part" in each.by
+    ),
+    *_INDICES,
     Statistic(
         "second_order",
         "second-order Sobol' index",
         (PAIR,),
         note_is_of_estimate=True,
+        measure=Measure("second order", "pairs", 4, json="sensitivity_of_pairs"),
     ),
-    # Of a whole field: along its places, each input has one.
-    *(
-        Statistic(
-            f"generalized_{name}",
-            f"generalized {_INDICES[name]}",
-            (INPUT,),
-            note_is_of_estimate=True,
-        )
-        for name in ("first_order", "total_order")
+    # Of a whole field: along its places, each input has one. Nobody estimates its Shapley effects.
+    *islice(_indices_of(OF_FIELD, "generalized {title}", "shares of the field"), 2),
+    *_indices_of(OF_LOGARITHM, "{title} of the logarithm", "shares of the logarithm"),
+    *_indices_of(
+        OF_EXCEEDANCE,
+        "{title} of exceeding a value",
+        "thresholds",
+        THRESHOLD,
+        json="sensitivity_of_exceedance",
     ),
-    *_indices("log_", " of the logarithm"),
-    *_indices("exceedance_", " of exceeding a value", THRESHOLD),
-    *_indices("category_", " of a category", CATEGORY),
-    *(
-        Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True)
-        for name, title, unit in (
-            ("pearson", "Pearson correlation", UnitRule.NONE),
-            ("spearman", "Spearman rank correlation", UnitRule.NONE),
-            ("partial", "partial correlation", UnitRule.NONE),
-            ("partial_rank", "partial rank correlation", UnitRule.NONE),
-            ("delta", "moment-independent delta", UnitRule.NONE),
-            ("mu", "mean elementary effect", UnitRule.DIFFERENCE),
-            ("mu_star", "mean absolute elementary effect", UnitRule.DIFFERENCE),
-            ("sigma", "standard deviation of the elementary effects", UnitRule.DIFFERENCE),
-            ("response", "relative response", UnitRule.NONE),
-            ("contribution", "contribution to the relative uncertainty", UnitRule.NONE),
-            ("change_per_std", "change per standard deviation of an input", UnitRule.DIFFERENCE),
-        )
+    *_indices_of(
+        OF_CATEGORY, "{title} of a category", "categories", CATEGORY, json="sensitivity_of_shares"
+    ),
+    _of_inputs(
+        "pearson",
+        "Pearson correlation",
+        Measure("Pearson", "associations", 41),
+        {"sample": f"{_SENSITIVITY}.correlations:correlations"},
+    ),
+    _of_inputs(
+        "spearman",
+        "Spearman rank correlation",
+        Measure(
+            "Spearman",
+            "associations",
+            40,
+            reason="the strongest rank correlations",
+            sentence="{input} has the strongest rank correlation with {output} ({estimate}).",
+        ),
+    ),
+    _of_inputs("partial", "partial correlation", Measure("partial", "associations", 43)),
+    _of_inputs(
+        "partial_rank", "partial rank correlation", Measure("partial, ranks", "associations", 42)
+    ),
+    _of_inputs(
+        "delta",
+        "moment-independent delta",
+        Measure("delta", "associations", 44),
+        {"sample": f"{_SENSITIVITY}.delta:delta"},
+    ),
+    # Of moves of one input at a time. Effects of both signs cancel in their mean.
+    _of_inputs(
+        "mu",
+        "mean elementary effect",
+        Measure("mean effect", "effects", 21, ""),
+        {
+            Sampling.TRAJECTORIES: f"{_SENSITIVITY}.elementary_effects:elementary_effects",
+            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.effects_at_places:effects_at_places",
+        },
+        UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "mu_star",
+        "mean absolute elementary effect",
+        Measure(
+            "mean |effect|",
+            "effects",
+            20,
+            reason="the largest mean elementary effects",
+            sentence="{input} changes {output} most (by its mean elementary effect).",
+            axis="effect",
+        ),
+        unit=UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "sigma",
+        "standard deviation of the elementary effects",
+        Measure("sd of effects", "effects", 22, "triangle-up", axis="effect"),
+        unit=UnitRule.DIFFERENCE,
+    ),
+    _of_inputs(
+        "response",
+        "relative response",
+        Measure(
+            "response [%]",
+            "responses",
+            30,
+            chart="response",
+            axis="|response|",
+            relative_to=("output", "input"),
+        ),
+        {
+            Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.responses:relative_responses",
+            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.effects_at_places:responses_at_places",
+        },
+    ),
+    _of_inputs(
+        "contribution",
+        "contribution to the relative uncertainty",
+        Measure(
+            "× uncertainty [%]",
+            "responses",
+            31,
+            reason="the largest response times uncertainty",
+            sentence="{input} changes {output} most "
+            "(by its response at the nominal point times its uncertainty).",
+            chart="response × uncertainty",
+            axis="|response × uncertainty|",
+            relative_to=("output",),
+        ),
+    ),
+    _of_inputs(
+        "change_per_std",
+        "change per standard deviation of an input",
+        Measure(
+            "change per sd",
+            "changes",
+            32,
+            chart="change per standard deviation of an input",
+            axis="|change| per standard deviation",
+        ),
+        unit=UnitRule.DIFFERENCE,
     ),
 ]
 
@@ -443,6 +645,23 @@ CATALOGUE = _by_name(_STATISTICS)
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
+# How an event's probability changes with the inputs' distributions.
+_EVENT_SENSITIVITIES = {
+    "mean_sensitivity": ("change {of} with a mean", "mean, by one sd"),
+    "std_sensitivity": ("change {of} with a standard deviation", "sd, by itself"),
+    "mean_elasticity": ("elasticity {of} to a mean", "elasticity, mean"),
+    "std_elasticity": ("elasticity {of} to a standard deviation", "elasticity, sd"),
+    "sensitivity_effective_runs": ("effective number of runs with an event", "effective runs"),
+}
+_OF_DESIGN_POINTS = {
+    "reliability_index": ("distance of a design point from the median", "reliability index"),
+    "first_order_probability": ("probability beyond the plane {at}", "probability, first order"),
+    "second_order_probability": (
+        "probability beyond the paraboloid {at}",
+        "probability, second order",
+    ),
+}
+
 # Statistics of a design's runs that concern several outputs.
 JOINT_STATISTICS = _by_name(
     [
@@ -458,55 +677,105 @@ JOINT_STATISTICS = _by_name(
             (SENSITIVITY_EVENT, INPUT),
             note_is_of_estimate=True,
             own=EntryDimension(SENSITIVITY_EVENT, "text"),
-        ),
-        *(
-            Statistic(name, title, (SENSITIVITY_EVENT, INPUT), note_is_of_estimate=True)
-            for name, title in (
-                ("mean_sensitivity", "change of an event's probability with a mean"),
-                ("std_sensitivity", "change of an event's probability with a standard deviation"),
-                ("mean_elasticity", "elasticity of an event's probability to a mean"),
-                ("std_elasticity", "elasticity of an event's probability to a standard deviation"),
-                ("sensitivity_effective_runs", "effective number of runs with an event"),
-            )
+            measure=Measure("first order", "event", 65),
         ),
         *(
             Statistic(
                 name,
-                title,
+                title.replace("{of}", "of an event's probability"),
+                (SENSITIVITY_EVENT, INPUT),
+                note_is_of_estimate=True,
+                measure=Measure(label, "event", rank),
+            )
+            for rank, (name, (title, label)) in enumerate(_EVENT_SENSITIVITIES.items(), 60)
+        ),
+        *(
+            Statistic(
+                name,
+                title.replace("{at}", "at a design point"),
                 (DESIGN_POINT,),
                 note_is_of_estimate=True,
                 own=EntryDimension(DESIGN_POINT, "count", {"design_point_run": "count"}),
+                measure=Measure(label, "design points", rank),
             )
-            for name, title in (
-                ("reliability_index", "distance of a design point from the median"),
-                ("first_order_probability", "probability beyond the plane at a design point"),
-                ("second_order_probability", "probability beyond the paraboloid at a design point"),
-            )
+            for rank, (name, (title, label)) in enumerate(_OF_DESIGN_POINTS.items(), 70)
         ),
         Statistic(
             "importance_factor",
             "share of an input in the direction to a design point",
             (DESIGN_POINT, INPUT),
             note_is_of_estimate=True,
+            measure=Measure("importance", "design points", 73),
         ),
     ]
 )
 
 # Shares of the variance over several models, which count the same.
-_MODEL_FORM_SHARES = {
-    "model_form_share": "share of the variance between models",
-    "parameter_share": "share of the variance between inputs",
-    "interaction_share": "share of the variance of models and inputs together",
-}
+_MODEL_FORM_SHARES = [
+    Statistic(name, title, shown=Shown(label))
+    for name, title, label in (
+        ("model_form_share", "share of the variance between models", "model form"),
+        ("parameter_share", "share of the variance between inputs", "inputs"),
+        (
+            "interaction_share",
+            "share of the variance of models and inputs together",
+            "both together",
+        ),
+    )
+]
 MODEL_FORM_STATISTICS = _by_name(
     [
-        *(Statistic(name, title) for name, title in _MODEL_FORM_SHARES.items()),
+        *_MODEL_FORM_SHARES,
         *(
-            Statistic(f"exceedance_{name}", f"{title}, of exceeding a value", (THRESHOLD,))
-            for name, title in _MODEL_FORM_SHARES.items()
+            derived(each, OF_EXCEEDANCE, "{title}, of exceeding a value", (THRESHOLD,))
+            for each in _MODEL_FORM_SHARES
         ),
     ]
 )
+
+# Statistics by which the methods of a study are compared at equal budgets.
+BENCHMARK_STATISTICS = tuple(CATALOGUE[name] for name in ("mean", "std", "quantile", "exceedance"))
+
+
+def method_statistics(each: Statistic) -> Iterator[Statistic]:
+    """Yield the estimates of a method by budget and repeat, and the statistics of their errors."""
+    at = (BUDGET, *each.dims)
+    yield replace(each, dims=(BUDGET, REPEAT, *each.dims), has_bounds=False)
+    yield Statistic(
+        f"{each.name}_error", f"root mean square of the relative errors of the {each.title}", at
+    )
+    yield Statistic(
+        f"{each.name}_coverage",
+        f"share of the intervals that held the reference, of the {each.title}",
+        at,
+        has_bounds=False,
+    )
+    yield Statistic(
+        f"{each.name}_slope", f"slope of log error over log runs, of the {each.title}", each.dims
+    )
+
+
+def comparison_statistics(each: Statistic) -> Iterator[Statistic]:
+    """Yield what is said of all methods at once: what errors are relative to, and the verdicts."""
+    at = (VARIANT, BUDGET, *each.dims)
+    title = f"what errors are relative to, of the {each.title}"
+    yield Statistic(f"{each.name}_scale", title, each.dims, each.unit, has_bounds=False)
+    for said, words in (
+        ("winner", "method with the least error"),
+        ("runner_up", "next method"),
+        ("level", "methods that are level"),
+        ("verdict", "verdict"),
+        ("remark", "remark on the reference"),
+    ):
+        title = f"{words}, of the {each.title}"
+        yield Statistic(f"{each.name}_{said}", title, at, has_bounds=False, kind="text")
+    yield Statistic(
+        f"{each.name}_lead", f"error of the next method over the least, of the {each.title}", at
+    )
+
+
+METHOD_STATISTICS = _by_name(list(chain(*map(method_statistics, BENCHMARK_STATISTICS))))
+COMPARISON_STATISTICS = _by_name(list(chain(*map(comparison_statistics, BENCHMARK_STATISTICS))))
 
 _ALL = (
     *CATALOGUE.values(),
@@ -522,6 +791,20 @@ REQUESTED_DIMENSIONS = frozenset(
     {*chain(*(each.dims for each in REQUESTED)), BAND_CONTENT, CATEGORY}
 )
 
+
+def _by_table() -> Mapping[str, tuple[Statistic, ...]]:
+    found: dict[str, dict[int, Statistic]] = {}
+    for each in _ALL:
+        if each.measure.table:
+            found.setdefault(each.measure.table, {})[each.measure.rank] = each
+    return MappingProxyType(
+        {table: tuple(each for _, each in sorted(of.items())) for table, of in found.items()}
+    )
+
+
+# The measures of the inputs' part, by the tables that they are columns of.
+MEASURES = _by_table()
+
 # The dimensions of statistics by their names: those that one of them describes, and those of many.
 DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
     {
@@ -533,6 +816,19 @@ DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
             EntryDimension(PAIR, "text", {"pair_first": "text", "pair_second": "text"}),
             EntryDimension(STATUS, "text"),
         )
+    }
+)
+
+# Those of a benchmark of methods as well. They are no names in use, as a field of a study may lie
+# along dimensions of the same names.
+COMPARISON_DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
+    {
+        **DIMENSIONS,
+        BUDGET: EntryDimension(
+            BUDGET, "count", optional={RUNS_OF_BUDGET: "count", REPLICATES_OF_BUDGET: "count"}
+        ),
+        REPEAT: EntryDimension(REPEAT, "count"),
+        VARIANT: EntryDimension(VARIANT, "text"),
     }
 )
 

@@ -118,7 +118,18 @@ SHARES = "shares"
 SENSITIVITY = "sensitivity"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
+
+# Beginnings of the names of statistics that follow from others: of the logarithm of an output, of
+# whether it exceeds a value or is in a category, of a whole field, and by the runs so far.
+OF_LOGARITHM = "log_"
+OF_EXCEEDANCE = "exceedance_"
+OF_CATEGORY = "category_"
+OF_FIELD = "generalized_"
+BY_RUNS = "convergence_"
+
 TRAJECTORY = "trajectory"
+# The files that a study names.
+FILES = "files"
 
 # Attributes that an analysis or a reader needs.
 ROLE = "role"
@@ -185,14 +196,19 @@ NOT_MADE_AGAIN = "runs of which none was made again before they were taken"
 # or at the group of the model in an archive of several.
 DEPENDENCIES = "run_dependencies"
 
-# An archive of a benchmark of methods: its groups and dimensions.
-METHODS = "methods"
+# An archive of a benchmark of methods: the kind of the source that errors are measured from (its
+# name as well, unless a method of the study has that), the group of what is said of several methods
+# at once, and its dimensions.
 REFERENCE = "reference"
-# Not "method", which is a keyword of xarray's selection by label.
-METHOD_DIMENSION = "contestant"
+COMPARISON_GROUP = "comparison"
 VARIANT = "variant"
 BUDGET = "budget"
 REPEAT = "repeat"
+# Of a method, an attribute: the comparisons that it takes part in. Along the budgets: the runs that
+# it makes, and its replicates.
+VARIANTS = "variants"
+RUNS_OF_BUDGET = "runs"
+REPLICATES_OF_BUDGET = "replicates"
 
 # Use of the points of a design: as one set, or as replicates whose scatter gives the error.
 SINGLE = "single"

@@ -3,12 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = ["EntryDimension", "Request", "Shown", "Statistic", "UnitRule"]
+__all__ = [
+    "RECORD",
+    "RECORD_NUMBERS",
+    "RECORD_WORDS",
+    "EntryDimension",
+    "Measure",
+    "Request",
+    "Shown",
+    "Statistic",
+    "UnitRule",
+    "derived",
+    "of_field",
+]
+
+# The record of a user-defined statistic in attributes of its variable: the beginning of their
+# names, and the fields of `Shown` that they keep.
+RECORD = "shown_"
+RECORD_WORDS = ("label", "sentence", "axis")
+RECORD_NUMBERS = ("row", "rank", "is_compared")
 
 
 @dataclass(frozen=True)
@@ -84,7 +103,7 @@ class Shown:
         Key of its entries in JSON; a statistic without entries stands there under its name.
     entry : str
         How an entry is written: ``"text"`` as it is, ``"number"``, ``"percent"`` of a probability,
-        or ``"quantile"``.
+        or ``"probability"`` of a quantile.
     coordinate : str
         Coordinate with the entries, if it is not the statistic's own dimension.
     ends : str
@@ -99,8 +118,9 @@ class Shown:
         Label of an axis with its estimates, if that is not the output's.
     is_compared : bool
         Whether sources, models and archives are compared by it.
-    has_verdict : bool
-        Whether a study can accept its entries, which then have a verdict.
+    event : str
+        Of a probability that a study can accept, and which then has a verdict: where the output
+        lies in its event.
     """
 
     label: str = ""
@@ -113,7 +133,60 @@ class Shown:
     sentence: str = "The {label} of {output} is {estimate}."
     axis: str = ""
     is_compared: bool = False
-    has_verdict: bool = False
+    event: str = ""
+
+    @property
+    def has_verdict(self) -> bool:
+        """Whether a study can accept its entries."""
+        return bool(self.event)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Place and words of a measure of the inputs' part in an output or in an event.
+
+    Parameters
+    ----------
+    label : str
+        Its name in a table or a chart.
+    table : str
+        Name of the table that it is a column of.
+    rank : int
+        Its place among all measures. The first one that an archive has orders the inputs, of those
+        with a `reason`.
+    marker : str
+        Shape of its dots in a chart; empty for one that stands in tables alone.
+    share : str
+        Of a part of a variance: that of an input ``"alone"``, the ``"total"`` with its
+        interactions, or the one by which a variance is ``"divided"`` also where inputs depend on
+        each other.
+    reason : str
+        Words for an order of the inputs by it; empty where it orders none.
+    sentence : str
+        Sentence on the first of that order, with ``{input}``, ``{output}`` and ``{estimate}``; a
+        share has sentences of its own.
+    chart : str
+        Title of a chart of its magnitudes by itself; empty for one that shares a chart with others.
+    axis : str
+        Label of the axis of its chart; a share has one that depends on the inputs.
+    relative_to : tuple of str
+        ``"output"`` and ``"input"``, where it is in per cent of their values.
+    json : str
+        Key in JSON of one that lies along more than the inputs. It stands there under the name of
+        the statistic that it follows from.
+    """
+
+    label: str = ""
+    table: str = ""
+    rank: int = 99
+    marker: str = "circle"
+    share: str = ""
+    reason: str = ""
+    sentence: str = ""
+    chart: str = ""
+    axis: str = ""
+    relative_to: tuple[str, ...] = ()
+    json: str = ""
 
 
 class UnitRule(Enum):
@@ -143,26 +216,42 @@ class Statistic:
         Relation of its unit to that of the output.
     has_bounds : bool
         Whether it is an estimate with bounds; a place on an axis, say, is none.
+    kind : str
+        Kind of its values: ``"number"``, or ``"text"`` for what is said of estimates in words.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
+    is_diagnosis : bool
+        Whether it diagnoses the sample of other estimates, which have notes of their own.
     recipe : int
         Version of the recipe that its interval is made by: the number of the last change. Whoever
         changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
     group : str
         Group of statistics that a study may leave out together.
     by : mapping of str to str
-        References to the functions that estimate it, by what they take: ``"sample"`` or
-        ``"field"``. One that estimates several statistics stands at the first of them.
+        References to the functions that estimate it, by what they take: ``"sample"``, ``"field"``,
+        or ``"part"`` of a sample, by which it is followed as runs are added. Those of designs that
+        are made for one purpose stand under their `Sampling`, of fields under `of_field` of that.
+        One that estimates several statistics stands at the first of them.
+    takes_weights : bool
+        Whether it is right for weighted runs. Others would count every run the same.
     takes_all_values : bool
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
         Whether it is estimated from the draws of a surrogate.
+    is_corrected : bool
+        Whether real runs correct its estimate by a surrogate, besides indices.
     own : EntryDimension, optional
         The dimension that its entries lie along, where it is described here.
     asked : Request
         How a study asks for its entries; without a key where no study has to.
     shown : Shown
         Its place in tables and lists of single numbers; without a label where it has none.
+    measure : Measure
+        The same of a measure of the inputs' part; without a label for another statistic.
+    prefix : str
+        Of a statistic that follows from another: the beginning of its name.
+    of : str
+        The name of that other.
     """
 
     name: str
@@ -170,17 +259,68 @@ class Statistic:
     dims: tuple[str, ...] = ()
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
+    kind: str = "number"
     note_is_of_estimate: bool = False
+    is_diagnosis: bool = False
     recipe: int = 1
     group: str = ""
     by: Mapping[str, str] = field(default_factory=dict)
+    takes_weights: bool = False
     takes_all_values: bool = False
     is_of_surrogates: bool = False
+    is_corrected: bool = False
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()
+    measure: Measure = Measure()
+    prefix: str = ""
+    of: str = ""
 
     @property
     def is_function(self) -> bool:
         """True for a distribution function, which is checked and shown as a whole."""
         return RANK in self.dims
+
+
+def of_field(sampling: str) -> str:
+    """Return what a function takes that estimates a field from the runs of such a design."""
+    return f"field, {sampling}"
+
+
+def derived(
+    record: Statistic, prefix: str, title: str, dims: tuple[str, ...] = (), **changes: Any
+) -> Statistic:
+    """Return the record of a statistic that follows from another.
+
+    It has the unit and the recipe of the other. It is asked for, estimated and shown by itself only
+    as `changes` say.
+
+    Parameters
+    ----------
+    record : Statistic
+        Of the other.
+    prefix : str
+        Beginning of its name, before that of the other.
+    title : str
+        Its name for display, with ``{title}`` for that of the other.
+    dims : tuple of str
+        Its dimensions before those of the other.
+    **changes
+        Fields in which it differs.
+    """
+    own = {
+        "name": f"{prefix}{record.name}",
+        "title": title.replace("{title}", record.title),
+        "dims": (*dims, *record.dims),
+        "prefix": prefix,
+        "of": record.name,
+        "group": "",
+        "by": {},
+        "takes_all_values": False,
+        "is_of_surrogates": False,
+        "is_corrected": False,
+        "own": None,
+        "asked": Request(),
+        "shown": Shown(),
+    }
+    return replace(record, **{**own, **changes})

@@ -7,8 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.file_variables import is_in_memory, lazy_dataset
-from uqpen.archive.joined_variables import computed_variable, joined_variable
+from uqpen.archive.lazy_variables import (
+    computed_variable,
+    is_in_memory,
+    joined_variable,
+    lazy_dataset,
+)
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
 
 __all__ = ["join_rounds"]

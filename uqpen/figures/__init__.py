@@ -6,29 +6,30 @@ for, and yields the panels that this has something for; nothing is drawn before 
 
 from __future__ import annotations
 
-__all__ = ["BENCHMARK_FIGURES", "FIGURES"]
+__all__ = ["FIGURES", "OF_BENCHMARKS"]
 
 FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
     "exceedance": "uqpen.figures.exceedance:exceedance",
     "histogram": "uqpen.figures.histogram:histogram",
-    "scatter": "uqpen.figures.scatter:scatter_panels",
+    "scatter": "uqpen.charts.scatter:scatter_charts",
+    "convergence": "uqpen.charts.convergence_history:convergence_charts",
     "methods": "uqpen.charts.source_comparison:source_charts",
-    "sensitivity": "uqpen.figures.sensitivity:sensitivity_panels",
-    "responses": "uqpen.figures.sensitivity:response_panels",
-    "surrogate": "uqpen.figures.surrogate:surrogate_panels",
+    "sensitivity": "uqpen.charts.measures:sensitivity_charts",
+    "responses": "uqpen.charts.measures:response_charts",
+    "surrogate": "uqpen.charts.surrogate:surrogate_charts",
     "models": "uqpen.figures.distributions:model_panels",
-    "fan": "uqpen.figures.field_curves:fan_panels",
-    "model-curves": "uqpen.figures.field_curves:model_curve_panels",
-    "sensitivity-along": "uqpen.figures.field_sensitivity:sensitivity_along_panels",
-    "map": "uqpen.figures.field_maps:map_panels",
-    "trajectory": "uqpen.figures.trajectory:trajectory_panels",
-    "velocity-profile": "uqpen.figures.velocity_profile:velocity_profile_panels",
-    "losses": "uqpen.figures.failure_panels:failure_panels",
+    "fan": "uqpen.charts.curves:fan_charts",
+    "model-curves": "uqpen.charts.curves:model_curve_charts",
+    "sensitivity-along": "uqpen.charts.curves:driver_charts",
+    "map": "uqpen.charts.curves:moment_maps",
+    "trajectory": "uqpen.charts.trajectory:trajectory_charts",
+    "velocity-profile": "uqpen.charts.trajectory:velocity_profile_chart",
+    "losses": "uqpen.charts.failed_runs:failure_charts",
+    "errors": "uqpen.charts.method_comparison:error_charts",
+    "rates": "uqpen.charts.method_comparison:slope_charts",
+    "coverage": "uqpen.charts.method_comparison:coverage_charts",
 }
 
-# Likewise of an archive of a benchmark of methods; these take the archive itself.
-BENCHMARK_FIGURES = {
-    "errors": "uqpen.figures.benchmark_panels:error_panels",
-    "coverage": "uqpen.figures.benchmark_panels:coverage_panels",
-}
+# Those of an archive of a benchmark of methods, which has no others.
+OF_BENCHMARKS = ("errors", "rates", "coverage")

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import itertools
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
-from uqpen.archive.requirements import find_level_faults, find_model_faults
-from uqpen.core.errors import ArchiveError, FigureError
-from uqpen.core.labels import BENCHMARK, KIND
-from uqpen.figures import FIGURES
-from uqpen.figures.benchmark_figures import available_benchmark_figures, benchmark_panels
+from uqpen.archive.comparison import find_comparison_faults
+from uqpen.archive.read import is_benchmark, model_trees
+from uqpen.archive.structure import find_level_faults, find_model_faults
+from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
+from uqpen.core.lookup import choices
+from uqpen.figures import FIGURES, OF_BENCHMARKS
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.style import figure_style, require_matplotlib
 from uqpen.figures.user_defined_figures import FIGURE, FigureFunction, figure_panels
@@ -100,14 +100,23 @@ def panels(
 
     Parameters and errors are those of `figure`.
     """
-    if tree.attrs.get(KIND) == BENCHMARK:
-        return benchmark_panels(tree, name, output=output, source=source, model=model)
+    if is_benchmark(tree):
+        # All methods are shown.
+        for option, value in (("source", source), ("model", model)):
+            if value is not None:
+                text = f"a benchmark of methods has no {option} to select: found {value}"
+                raise FigureError(text)
+        if name not in OF_BENCHMARKS:
+            known = choices(str(name), OF_BENCHMARKS)
+            raise UnknownNameError(f'no figure "{name}" of a benchmark of methods; {known}')
     view = _select_view(tree, output, source, model)
     found = figure_panels(name, view)
     if not found:
         selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
         shown = name if isinstance(name, str) else FIGURE.find(name, Path.cwd()).reference
         what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
+        if is_benchmark(tree):
+            raise FigureError(f"the archive has nothing for the figure {what}")
         if not any(view.design(name).has_completed_runs for name in view.designs):
             what += ", as no run completed"
         elif not any(view.design(name).keeps_runs for name in view.designs):
@@ -119,18 +128,19 @@ def panels(
 
 def available(tree: xr.DataTree) -> dict[str, str]:
     """Return the figures that an archive has data for, each with its description."""
-    if tree.attrs.get(KIND) == BENCHMARK:
-        return available_benchmark_figures(tree)
     return _available_names(_select_view(tree, None, None, None))
 
 
 def check_archive(tree: xr.DataTree) -> None:
-    """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
-    if tree.attrs.get(KIND) == BENCHMARK:
-        raise FigureError("this is a benchmark of methods, not the archive of a study")
-    for each in model_trees(tree).values():
-        if fault := next(chain(find_model_faults(each), find_level_faults(each)), None):
-            raise ArchiveError(f"the archive is damaged: {fault}")
+    """Raise an `ArchiveError` for a damaged archive."""
+    faults: list[Iterable[str]] = [find_level_faults(tree)]
+    faults += (
+        [find_comparison_faults(tree)]
+        if is_benchmark(tree)
+        else map(find_model_faults, model_trees(tree).values())
+    )
+    if fault := next(chain(*faults), None):
+        raise ArchiveError(f"the archive is damaged: {fault}")
 
 
 def _select_view(
@@ -143,11 +153,12 @@ def _select_view(
 def _available_names(view: ArchiveView) -> dict[str, str]:
     """Return the figures that a part has data for; of one that fails, the reason."""
     found = {}
-    for name in FIGURES:
+    is_of_methods = is_benchmark(view.archive)
+    for name in OF_BENCHMARKS if is_of_methods else FIGURES:
         function = FIGURE.find(name, Path())
         if next(iter(function.function(view)), None) is not None:
             found[name] = function.title.removesuffix(".")
-    for name in FIGURE.installed():
+    for name in () if is_of_methods else FIGURE.installed():
         try:
             if figure_panels(name, view):
                 found[name] = FIGURE.find(name, Path()).title.removesuffix(".")
@@ -186,7 +197,7 @@ def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> Non
     """Break the texts that are too long for their places."""
     longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
     across = _TITLE[columns] - longest // columns
-    axes.set_title(_break_lines(panel.title, across, 3), parse_math=False)
+    axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
     axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
     axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
     if not has_rows:
@@ -202,8 +213,11 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     """Return the number of columns, and the panels of each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
-    if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):
-        columns = max(2, most)
+    most = max(map(len, groups))
+    if most == 1:
+        groups = [list(shown)]
+    elif len(groups) > 1 and most in (2, 4):
+        columns = most
     rows = [
         group[start : start + columns]
         for group in groups
@@ -212,12 +226,42 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     return columns, rows
 
 
-def _legend(page: Drawing, notes: list[str], columns: int) -> float:
-    """Put one legend, with the notes above its entries, below all panels; return its height."""
-    handles: dict[str, Any] = {}
+def _legend_entries(page: Drawing) -> dict[str, Any]:
+    """Return the handles of a legend by their labels.
+
+    Where a label has other colours in other panels, letters say which panels are meant.
+    """
+    found: dict[str, dict[str, tuple[Any, list[Axes]]]] = {}
     for axes in page.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
+            looks = found.setdefault(label, {})
+            looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
+    shared = [panels for looks in found.values() if len(looks) > 1 for _, panels in looks.values()]
+    marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
+    letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
+    for axes, letter in letters.items():
+        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
+    return {
+        " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
+        for label, looks in found.items()
+        for handle, panels in looks.values()
+    }
+
+
+def _handle_colour(handle: Any) -> str:
+    """Return the colour of a line or an area in a legend; empty of anything else."""
+    from matplotlib.colors import to_hex
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if isinstance(handle, Line2D):
+        return to_hex(handle.get_color())
+    return to_hex(handle.get_facecolor()) if isinstance(handle, Patch) else ""
+
+
+def _legend(page: Drawing, notes: list[str], columns: int) -> float:
+    """Put one legend, with the notes above its entries, below all panels; return its height."""
+    handles = _legend_entries(page)
     width = int(_WIDTHS[columns] * _CHARACTERS)
     lines = [line for note in notes for line in textwrap.wrap(plain_text(note, 300), width)]
     if not handles and not lines:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
@@ -78,7 +79,12 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
     title_of : callable
         From a title to that which names the model too, if there are several.
     """
-    of = f"{chart.of}: " if chart.of not in chart.title else ""
+    unnamed = [
+        each
+        for each in (chart.of, chart.source)
+        if not re.search(rf"\b{re.escape(each)}\b", chart.title, re.IGNORECASE)
+    ]
+    title = f"{', '.join(unnamed)}: {chart.title}" if unnamed else chart.title
     height = _FRAME + chart.height / _ROW_PIXELS if chart.y.rows else _HEIGHT
 
     def draw(axes: Axes) -> Iterator[str]:
@@ -90,9 +96,11 @@ def chart_panel(chart: Chart, title_of: Callable[[str], str]) -> Panel:
             _draw_mark(axes, mark)
         for key in chart.keys:
             _draw_key(axes, key)
-        yield from chart.notes
+        # A figure has no table.
+        yield from (re.sub(r"; the table \w.*", ".", note) for note in chart.notes)
 
-    return Panel(title_of(f"{of}{chart.title}"), draw, height, chart.y.rows, chart.of)
+    shown = title if chart.is_of_all_models else title_of(title)
+    return Panel(shown, draw, height, chart.y.rows, chart.of)
 
 
 def _draw_axis(axes: Axes, axis: Axis, along: Literal["x", "y"]) -> None:
@@ -110,14 +118,16 @@ def _draw_axis(axes: Axes, axis: Axis, along: Literal["x", "y"]) -> None:
     if axis.ends is not None:
         lower, upper = axis.ends
         ends = (10.0**lower, 10.0**upper) if axis.is_logarithmic else (lower, upper)
-        axes.set(**{f"{along}lim": ends})
+        if lower < upper:
+            axes.set(**{f"{along}lim": ends})
 
 
 def _draw_mark(axes: Axes, mark: Mark) -> None:
     match mark:
         case Line():
             style = "steps-post" if mark.is_stepped else "default"
-            axes.plot(mark.x, mark.y, **_stroke(mark), drawstyle=style)
+            # A label with a line before it is not in the legend.
+            axes.plot(mark.x, mark.y, **_stroke(mark), drawstyle=style, label=f"_{mark.name}")
         case Band():
             axes.fill_between(
                 mark.x,
@@ -224,11 +234,13 @@ def _draw_rule(axes: Axes, rule: Rule) -> None:
 def _draw_key(axes: Axes, key: LegendKey) -> None:
     """Add an entry of the legend, without anything on the axes."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+    from matplotlib.patches import Rectangle
 
     label = plain_text(key.text, 80)
     if key.mark in ("band", "bar"):
-        axes.add_patch(Patch(color=_colour(key.series), alpha=0.35, linewidth=0, label=label))
+        patch = Rectangle((0, 0), 0, 0, color=_colour(key.series), alpha=0.35, linewidth=0)
+        patch.set_label(label)
+        axes.add_patch(patch)
         return
     if key.mark == "line":
         style = {"color": _colour(key.series), "linestyle": _DASHES[key.dash]}

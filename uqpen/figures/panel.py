@@ -36,7 +36,7 @@ class Panel:
     rows : tuple of str
         Names along the vertical axis, in place of numbers.
     group : str
-        Panels of another group begin a row of their own.
+        Panels of another group begin a row of their own, if any group has several.
     """
 
     title: str

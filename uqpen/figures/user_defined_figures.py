@@ -54,14 +54,17 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
 
 def _panels(drawn: Iterable[Block | Panel], view: ArchiveView) -> Iterator[Panel]:
     """Yield panels and the charts among blocks; a figure has no place for other blocks."""
-    for each in drawn:
+    for number, each in enumerate(drawn):
         match each:
             case Panel():
                 yield each
             case Chart():
                 yield chart_panel(each, view.title)
             case Charts():
-                yield from (chart_panel(chart, view.title) for chart in each.charts)
+                for chart in each.charts:
+                    keys, notes = (*each.keys, *chart.keys), (*each.notes, *chart.notes)
+                    panel = chart_panel(replace(chart, keys=keys, notes=notes), view.title)
+                    yield replace(panel, group=f"charts {number}")
 
 
 def _guarded(panel: Panel, function: UserDefinedFunction) -> Callable[[Axes], Iterable[str]]:

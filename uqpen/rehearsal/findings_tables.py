@@ -122,7 +122,7 @@ def _width_cell(found: xr.Dataset, unit: str, best: list[str]) -> str:
     width = float(found["half_width"])
     if not math.isfinite(width):
         return NOTHING
-    shown = conversion(str(found["statistic"].item()), scale(unit), is_difference=True)
+    shown = conversion(CATALOGUE[str(found["statistic"].item())], scale(unit), is_difference=True)
     mark = " *" if str(found["design"].item()) in best else ""
     return f"{number_text(float(shown(np.float64(width))), 3)}{mark}"
 

@@ -7,6 +7,7 @@ import time
 import xarray as xr
 
 from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
+from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.labels import STATED
 from uqpen.core.sampling import Sampling
@@ -25,9 +26,10 @@ from uqpen.study.study import ValidatedStudy
 
 __all__ = ["rehearse", "rehearsed_statistics"]
 
-# The statistics of samples whose intervals are rehearsed, and those of pick-freeze designs.
-_OF_SAMPLES = ("mean", "std", "half_spread", "quantile", "exceedance", "below")
-_INDICES = ("first_order", "total_order")
+# The statistics whose intervals are rehearsed: of samples those that runs correct in a surrogate,
+# and the indices of pick-freeze designs.
+_OF_SAMPLES = [each.name for each in CATALOGUE.values() if each.is_corrected and each.shown.label]
+_INDICES = [each.name for each in MEASURES["shares"] if each.measure.share != "divided"]
 
 # Repeats that are timed before the number of all is decided.
 _TIMED = 10

@@ -1,8 +1,7 @@
 """The report: one page for a person, made from an archive alone.
 
 A page is made of sections. Each is a family member: it takes a part of an archive, and yields the
-blocks that this part has content for. The sections of a study are in `sections`, those of a
-benchmark of methods in `benchmark`. The template sets how a block looks. The page's script sets
+blocks that this part has content for. The template sets how a block looks. The page's script sets
 what a chart does under a pointer. The chart itself is data.
 """
 
@@ -10,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["BENCHMARK_SECTIONS", "SECTIONS", "ReportSection"]
+__all__ = ["SECTIONS", "ReportSection"]
 
 
 class ReportSection(NamedTuple):
@@ -18,9 +17,8 @@ class ReportSection(NamedTuple):
 
     title: str
     introduction: str  # what the section shows, and how to read it
-    # Reference to the function that yields its blocks. It takes an `ArchiveView`, or the archive
-    # itself where that is a benchmark of methods.
-    function: str
+    function: str  # reference to what yields its blocks; it takes an `ArchiveView`
+    of: str = "study"  # the archives that it serves: of a study, a benchmark of methods, or any
     is_common: bool = False  # stated once, for all models of an archive together
     is_folded: bool = False  # for a statistician: opened by its line, or by a link to it
     is_printed: bool = True  # unless it is folded; otherwise to be explored on a screen
@@ -49,7 +47,7 @@ SECTIONS = {
         "Curves and fields",
         "Outputs along dimensions. Move the place of a curve to read off its estimates, its runs "
         "and what drives it there.",
-        "uqpen.report.sections.curves:curves",
+        "uqpen.report.sections.fields:curves",
     ),
     "sensitivity": ReportSection(
         "What drives it",
@@ -100,56 +98,51 @@ SECTIONS = {
         is_folded=True,
         absence_note="surrogates",
     ),
-    "archive": ReportSection(
-        "The study and its provenance",
-        "The study as it was run, its inputs and designs, and all that is needed to check the "
-        "archive or to repeat it.",
-        "uqpen.report.sections.archive:archive",
-        is_common=True,
-        is_folded=True,
-    ),
-}
-
-# Likewise of an archive of a benchmark of methods; these take the archive itself.
-BENCHMARK_SECTIONS = {
-    "answer": ReportSection(
+    # Of a benchmark of methods.
+    "leaders": ReportSection(
         "Which method is best",
         "Every method had the same numbers of runs, many times each. Its estimates are compared "
         "with a large reference. The best method is nearest to it, by more than the noise.",
-        "uqpen.report.benchmark.answer:answer",
+        "uqpen.report.sections.benchmark:leaders",
+        of="benchmark",
     ),
     "errors": ReportSection(
         "Error against the number of runs",
         "The root mean square of each method's errors over the repeats, relative to the reference, "
         "with 95 % intervals. Read across to compare the runs that methods need for the same "
         "error. Markers for the same number of runs stand side by side.",
-        "uqpen.report.benchmark.error_charts:error_charts",
+        "uqpen.report.sections.benchmark:errors",
+        of="benchmark",
     ),
     "replicates": ReportSection(
         "The same in replicates",
         "The scatter of replicates gives the error of a design. This may cost accuracy, as each "
         "replicate has fewer points. Methods without replicates are the same as above.",
-        "uqpen.report.benchmark.error_charts:replicate_error_charts",
+        "uqpen.report.sections.benchmark:replicates",
+        of="benchmark",
         is_folded=True,
     ),
     "rates": ReportSection(
         "How fast errors fall",
         "The slope of a straight line through the logarithms of errors over those of runs, with "
         "95 % intervals of the noise. Further to the left, errors fall faster with more runs.",
-        "uqpen.report.benchmark.convergence_rates:convergence_rates",
+        "uqpen.report.sections.benchmark:rates",
+        of="benchmark",
         is_folded=True,
     ),
     "coverage": ReportSection(
         "Coverage of the methods' own intervals",
         "The share of the repeats in which the interval of an estimate contains the reference. "
         "Where the reference's own error is as large as the interval, it counts too.",
-        "uqpen.report.benchmark.coverage:coverage",
+        "uqpen.report.sections.benchmark:coverage",
+        of="benchmark",
     ),
     "cost": ReportSection(
         "Cost",
         "The cost of a method is its number of runs of the model. For a surrogate these are its "
         "training and validation runs; the time of its fit is not counted.",
-        "uqpen.report.benchmark.reference:cost",
+        "uqpen.report.sections.benchmark:cost",
+        of="benchmark",
         is_folded=True,
     ),
     "reference": ReportSection(
@@ -157,19 +150,24 @@ BENCHMARK_SECTIONS = {
         "One large design of the study's own model: scrambled Sobol' points in replicates. Its "
         "estimates replace the true values, so an error below its own cannot be distinguished "
         "from 0.",
-        "uqpen.report.benchmark.reference:reference",
+        "uqpen.report.sections.benchmark:reference",
+        of="benchmark",
         is_folded=True,
     ),
     "tables": ReportSection(
         "All tables",
         "As the command line shows them.",
-        "uqpen.report.benchmark.reference:tables",
+        "uqpen.report.sections.benchmark:tables",
+        of="benchmark",
         is_folded=True,
     ),
     "archive": ReportSection(
         "The study and its provenance",
-        "The study as it was compared, and the versions of the software.",
-        "uqpen.report.benchmark.reference:provenance",
+        "The study as it was run, its inputs and designs, and all that is needed to check the "
+        "archive or to repeat it.",
+        "uqpen.report.sections.archive:archive",
+        of="any",
+        is_common=True,
         is_folded=True,
     ),
 }

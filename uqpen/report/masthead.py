@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import BENCHMARK, BUDGET, KIND, LEFT_OUT, METHODS, RUNS, SOURCE
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
+from uqpen.core.labels import RUNS
 from uqpen.execution import run_count
-from uqpen.report.counting import count_text
+from uqpen.results.digits import count_text
+from uqpen.results.method_comparison import MethodComparison
+from uqpen.study import SECTIONS
 
 __all__ = ["page_facts", "page_heading"]
 
@@ -20,7 +22,7 @@ _LONGEST = 1000
 def page_heading(tree: xr.DataTree) -> str:
     """The title of an archive's page."""
     title = _cut_text(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
-    return f"{title}: benchmark of methods" if _is_comparison(tree) else title
+    return f"{title}: benchmark of methods" if is_benchmark(tree) else title
 
 
 def page_facts(tree: xr.DataTree) -> list[str]:
@@ -31,9 +33,10 @@ def page_facts(tree: xr.DataTree) -> list[str]:
 def _all_facts(tree: xr.DataTree) -> Iterator[str]:
     if name := str(tree.attrs.get("study_name", "")):
         yield f"study {name}"
-    yield from _methods(tree) if _is_comparison(tree) else _runs(tree)
-    if left_out := str(tree.attrs.get(LEFT_OUT, "")):
-        yield f"without {left_out}, as the study says"
+    yield from _methods(tree) if is_benchmark(tree) else _runs(tree)
+    for section in SECTIONS.values():
+        if section.fact and (value := str(tree.attrs.get(section.attribute, ""))):
+            yield section.fact.replace("{value}", value)
     if version := str(tree.attrs.get("version_uqpen", "")):
         yield f"uqpen {version}"
 
@@ -52,18 +55,12 @@ def _runs(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _methods(tree: xr.DataTree) -> Iterator[str]:
-    methods = read_group(tree, METHODS)
-    sources = dict.fromkeys(methods[SOURCE].values.tolist())
-    budgets = count_text(methods.sizes[BUDGET], "budget")
-    yield (
-        f"{count_text(len(sources), 'method')} at {budgets}, {methods.attrs['repeats']} times each"
-    )
+    comparison = MethodComparison.of(tree)
+    sources = count_text(len({method.source for method in comparison.methods}), "method")
+    budgets = count_text(len(comparison.budgets), "budget")
+    yield f"{sources} at {budgets}, {comparison.repeats} times each"
 
 
 def _cut_text(text: str) -> str:
     """Shorten a text; a browser would need minutes for a megabyte."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-
-
-def _is_comparison(tree: xr.DataTree) -> bool:
-    return bool(tree.attrs.get(KIND) == BENCHMARK)

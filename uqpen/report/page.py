@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 import jinja2
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError
 from uqpen.core.files import replace_file
-from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
-from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
+from uqpen.report import SECTIONS, ReportSection
 from uqpen.report.anchors import block_anchors
 from uqpen.report.blocks import Fold, Heading, find_charts, find_explorers
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
@@ -28,7 +27,6 @@ from uqpen.report.plotly import charts_json
 from uqpen.report.reference import page_reference
 from uqpen.report.user_defined_sections import SectionFunction, UserDefinedSection, find_sections
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.benchmark_methods import check_benchmark
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
 
@@ -205,21 +203,19 @@ def _sections(tree: xr.DataTree, own: Sequence[UserDefinedSection]) -> Iterator[
 
     User-defined ones stand before the last, which states how the archive was made.
     """
-    if tree.attrs.get(KIND) != BENCHMARK:
-        check_archive(tree)
-        # Shared by the sections, so that each statistic is taken out of its group once.
-        views = [ArchiveView(tree, model) for model in model_trees(tree)]
-        for name, section in SECTIONS.items():
-            if name == next(reversed(SECTIONS)):
-                yield from (_user_defined_section(tree, views, each) for each in own)
-            blocks = _model_blocks(views, section, resolve(section.function))
-            yield FilledSection(name, section, tuple(blocks))
-        return
-    if own:
+    kind = "benchmark" if is_benchmark(tree) else "study"
+    if own and kind == "benchmark":
         raise ReportError("the report of a benchmark of methods has no further sections")
-    check_benchmark(tree)
-    for name, section in BENCHMARK_SECTIONS.items():
-        yield FilledSection(name, section, tuple(resolve(section.function)(tree)))
+    check_archive(tree)
+    # Shared by the sections, so that each statistic is taken out of its group once.
+    views = [ArchiveView(tree, model) for model in model_trees(tree)]
+    for name, section in SECTIONS.items():
+        if section.of not in (kind, "any"):
+            continue
+        if name == next(reversed(SECTIONS)):
+            yield from (_user_defined_section(tree, views, each) for each in own)
+        blocks = _model_blocks(views, section, resolve(section.function))
+        yield FilledSection(name, section, tuple(blocks))
 
 
 def _user_defined_section(

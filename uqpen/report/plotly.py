@@ -195,7 +195,7 @@ def _column_content(column: RunColumn) -> dict[str, Any]:
 
 
 def _axis_content(axis: Axis) -> dict[str, Any]:
-    content: dict[str, Any] = {"title": {"text": escape_text(axis.title)}}
+    content: dict[str, Any] = {"title": {"text": escape_text(axis.short_title or axis.title)}}
     if axis.quantity is not None:
         content["of"] = axis.quantity
     if axis.is_logarithmic:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.archive.read import open_archive as open_tree
 from uqpen.core.html import html_table
-from uqpen.core.labels import KIND, RUNS
+from uqpen.core.labels import RUNS
 from uqpen.results.field_tables import field_lines
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import statistics_tables
@@ -131,7 +131,7 @@ def archive_html(tree: xr.DataTree) -> str:
     Nothing that the archive contains is taken as HTML.
     """
     title = f"<p><b>{escape(str(tree.attrs.get('title', '')))}</b></p>"
-    if KIND in tree.attrs or not any(
+    if is_benchmark(tree) or not any(
         RUNS in model.children for model in model_trees(tree).values()
     ):
         groups = ", ".join(map(str, tree.children))

@@ -17,6 +17,7 @@ from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic
 from uqpen.core.status import Status
 from uqpen.core.units import Scale, scale
 from uqpen.execution import status_counts
@@ -232,6 +233,17 @@ class ArchiveView:
             if self.source in (None, name) and self.design(name).sampling.is_sample
         ]
 
+    @property
+    def leading_design(self) -> str | None:
+        """The design of the main results; None where no run of a sample completed.
+
+        It is the first design of the study whose runs are a sample. So its place decides, not its
+        results. A design that is made for another purpose is chosen only where there is no other.
+        """
+        found = [name for name in self.sample_designs if self.design(name).has_completed_runs]
+        plain = [name for name in found if self.is_sample_design(name)]
+        return next(iter((*plain, *found)), None)
+
     @cached_property
     def _slots(self) -> dict[str, int]:
         return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)
@@ -249,7 +261,7 @@ class ArchiveView:
         sources = None if self.source is None else [self.source]
         return self.statistics.by_source(output, statistic, sources)
 
-    def conversion(self, output: str, statistic: str) -> Conversion:
+    def conversion(self, output: str, statistic: Statistic) -> Conversion:
         """Return the conversion of a statistic from SI to the unit that is shown."""
         return conversion(statistic, self.scale(output))
 

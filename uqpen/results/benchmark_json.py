@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import BUDGET, KIND, METHOD_DIMENSION, METHODS, VARIANT
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.core.labels import KIND, VARIANT
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.json import archive_identity
+from uqpen.results.method_comparison import ComparedEntry, MethodComparison
 
 __all__ = ["benchmark_json"]
 
@@ -31,74 +31,68 @@ def benchmark_json(tree: xr.DataTree) -> dict[str, Any]:
         ``reference``, ``errors.<method>.<budget>``, ``slopes.<method>`` and
         ``verdicts.<variant>.<budget>``.
     """
-    methods = read_group(tree, METHODS)
+    comparison = MethodComparison.of(tree)
+    outputs: dict[str, dict[str, Any]] = {}
+    for entry in comparison.entries:
+        output, statistic = outputs.setdefault(entry.output, {}), entry.statistic
+        if statistic.dims:
+            output.setdefault(statistic.shown.json, {})[entry.entry_name] = _statistic_json(entry)
+        else:
+            output[statistic.name] = _statistic_json(entry)
     return {
         **archive_identity(tree),
         "kind": tree.attrs[KIND],
-        "repeats": int(methods.attrs["repeats"]),
-        "reference_runs": int(methods.attrs["reference_runs"]),
+        "repeats": comparison.repeats,
+        "reference_runs": comparison.reference_runs,
         "methods": {
-            str(name): _method_json(methods.isel({METHOD_DIMENSION: position}))
-            for position, name in enumerate(methods[METHOD_DIMENSION].values)
+            method.name: {
+                "source": method.source,
+                "contests": list(method.variants),
+                "runs": _by_budget(comparison, method.runs),
+                "replicates": _by_budget(comparison, method.replicates),
+            }
+            for method in comparison.methods
         },
-        "outputs": _outputs_json(tree),
+        "outputs": outputs,
     }
 
 
-def _method_json(method: xr.Dataset) -> dict[str, Any]:
-    budgets = method[BUDGET].values.tolist()
+def _by_budget(comparison: MethodComparison, counts: Sequence[int]) -> dict[str, int]:
+    return {str(at): count for at, count in zip(comparison.budgets, counts, strict=True)}
+
+
+def _statistic_json(entry: ComparedEntry) -> dict[str, Any]:
+    methods = entry.comparison.methods
+    errors = {method.name: entries_json(entry.of(method, "error")) for method in methods}
+    for method in methods:
+        shares = entry.of(method, "coverage").values
+        for error, share in zip(errors[method.name].values(), shares, strict=True):
+            error["coverage"] = json_value(share)
     return {
-        "source": str(method["source"].item()),
-        "contests": str(method["contests"].item()).split(),
-        **{
-            name: {str(b): int(n) for b, n in zip(budgets, method[name].values, strict=True)}
-            for name in ("runs", "replicates")
-        },
-    }
-
-
-def _outputs_json(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
-    """Return all results of each output, by its statistics."""
-    found: dict[str, dict[str, Any]] = {}
-    for entry in entries(tree):
-        output = found.setdefault(entry.output, {})
-        if entry.position is None:
-            output[entry.statistic] = _statistic_json(entry)
-        else:
-            key = "quantiles" if entry.statistic == "quantile" else entry.statistic
-            output.setdefault(key, {})[entry.entry_name] = _statistic_json(entry)
-    return found
-
-
-def _statistic_json(entry: BenchmarkEntry) -> dict[str, Any]:
-    errors, coverage, leads = map(entry.variable, ("error", "coverage", "lead"))
-    budgets = [str(budget) for budget in errors[BUDGET].values]
-    found: dict[str, Any] = {
         "units": entry.units,
         "reference": estimate_json(entry.reference),
         "relative_to": entry.error_scale,
-        "errors": entries_json(errors),
-        "slopes": entries_json(entry.variable("slope")),
+        "errors": errors,
+        "slopes": {m.name: estimate_json(entry.of(m, "slope")) for m in methods},
         "verdicts": {
-            str(variant): {budget: _verdict_json(entry, i, j) for j, budget in enumerate(budgets)}
-            for i, variant in enumerate(leads[VARIANT].values)
+            str(variant): {
+                str(budget): _verdict_json(entry, i, j)
+                for j, budget in enumerate(entry.comparison.budgets)
+            }
+            for i, variant in enumerate(entry.finding("lead")[VARIANT].values)
         },
     }
-    for by_budget, shares in zip(found["errors"].values(), coverage.values, strict=True):
-        for error, share in zip(by_budget.values(), shares, strict=True):
-            error["coverage"] = json_value(share)
-    return found
 
 
-def _verdict_json(entry: BenchmarkEntry, variant: int, budget: int) -> dict[str, Any]:
+def _verdict_json(entry: ComparedEntry, variant: int, budget: int) -> dict[str, Any]:
     def text(name: str) -> str:
-        return str(entry.variable(name).values[variant, budget])
+        return str(entry.finding(name).values[variant, budget])
 
     return {
         "winner": text("winner") or None,
         "runner_up": text("runner_up") or None,
         "level": text("level").split(),
-        "lead": estimate_json(entry.variable("lead")[variant, budget]),
+        "lead": estimate_json(entry.finding("lead")[variant, budget]),
         "verdict": text("verdict"),
         "note": text("remark"),
     }

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-import xarray as xr
-
-from uqpen.archive.read import read_group
-from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries, reference_attributes
+from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.results.digits import grouped_number, with_half_width
+from uqpen.results.method_comparison import ComparedEntry, MethodComparison
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import join_names
 
@@ -20,11 +16,12 @@ __all__ = [
     "IS_LEVEL",
     "LEGEND",
     "WINS",
-    "EntryComparison",
-    "entry_comparisons",
-    "has_reference",
+    "entry_table",
     "methods_table",
     "percentage_text",
+    "reference_remarks",
+    "replicated_verdicts",
+    "single_set_verdicts",
     "standing_mark",
     "standings_table",
 ]
@@ -39,120 +36,72 @@ LEGEND = (
 )
 
 
-@dataclass(frozen=True)
-class EntryComparison:
-    """The comparison of methods for one entry of a statistic.
-
-    Parameters
-    ----------
-    entry : BenchmarkEntry
-        An entry of a statistic.
-    table : OutputTable
-        A row for each method, a column for each budget, the slope last.
-    verdicts, notes : tuple of str
-        The verdicts among single sets, and remarks on them.
-    replicated_verdicts : tuple of str
-        The verdicts among replicated sets in one sentence; none where there are no replicates.
-    """
-
-    entry: BenchmarkEntry
-    table: OutputTable
-    verdicts: tuple[str, ...]
-    notes: tuple[str, ...]
-    replicated_verdicts: tuple[str, ...]
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """All sentences below the table, in order."""
-        return (*self.verdicts, *self.notes, *self.replicated_verdicts)
-
-
-def methods_table(tree: xr.DataTree) -> OutputTable:
+def methods_table(comparison: MethodComparison) -> OutputTable:
     """Return the table of the runs that each method makes of each budget."""
-    methods = read_group(tree, METHODS)
-    repeats, reference = (int(methods.attrs[name]) for name in ("repeats", "reference_runs"))
-    made = f"runs made of each budget, {repeats} times"
-    title = f"{made}; reference: {grouped_number(reference)} runs"
-    table = OutputTable(title, [grouped_number(int(budget)) for budget in methods[BUDGET].values])
-    counts = (methods[name].values.tolist() for name in ("runs", "replicates"))
-    for label, *of_method in zip(_labels(tree), *counts, strict=True):
-        table.rows.append((label, list(map(_runs_text, *of_method))))
+    made = f"runs made of each budget, {comparison.repeats} times"
+    title = f"{made}; reference: {grouped_number(comparison.reference_runs)} runs"
+    table = OutputTable(title, list(map(grouped_number, comparison.budgets)))
+    for label, method in zip(_labels(comparison), comparison.methods, strict=True):
+        table.rows.append((label, list(map(_runs_text, method.runs, method.replicates))))
     return table
 
 
-def has_reference(tree: xr.DataTree) -> bool:
-    """Return whether a run of the reference completed."""
-    return bool(reference_attributes(tree)["runs_used"])
-
-
-def entry_comparisons(tree: xr.DataTree) -> Iterator[EntryComparison]:
-    """A table with verdicts for each entry of each statistic of each output."""
-    yield from map(_entry_comparison, entries(tree))
-
-
-def standings_table(tree: xr.DataTree) -> OutputTable:
+def standings_table(comparison: MethodComparison) -> OutputTable:
     """Return the table of how often each method leads, and is level with the best."""
-    found = [entry.single_set_standings for entry in entries(tree)]
-    budgets = read_group(tree, METHODS)[BUDGET].values
+    found = [entry.single_set_standings for entry in comparison.entries]
     title = f"of {len(found)} statistics: led by more than the noise + level with the best"
-    table = OutputTable(title, [grouped_number(int(budget)) for budget in budgets])
-    for source, variants in _methods(tree):
-        if SINGLE in variants:
-            marks = [
-                [standing_mark(source, *each) for each in at] for at in zip(*found, strict=True)
-            ]
-            cells = [f"{marked.count(WINS)} + {marked.count(IS_LEVEL)}" for marked in marks]
-            table.rows.append((source, cells))
+    table = OutputTable(title, list(map(grouped_number, comparison.budgets)))
+    for method in comparison.methods_in(SINGLE):
+        marks = [
+            [standing_mark(method.source, *each) for each in at] for at in zip(*found, strict=True)
+        ]
+        cells = [f"{marked.count(WINS)} + {marked.count(IS_LEVEL)}" for marked in marks]
+        table.rows.append((method.source, cells))
     return table
 
 
-def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
-    errors, slopes = entry.variable("error"), entry.variable("slope")
-    budgets = errors[BUDGET].values.tolist()
+def entry_table(entry: ComparedEntry) -> OutputTable:
+    """Return the errors of an entry: a row for each method, a column for each budget, the slope."""
+    comparison, standings = entry.comparison, entry.single_set_standings
     title = f"{entry.output}, {entry.label}: {entry.reference_text}"
-    table = OutputTable(title, [*map(grouped_number, budgets), "slope"])
-    methods, standings = _methods(entry.tree), entry.single_set_standings
-    for position, (label, (source, variants)) in enumerate(
-        zip(_labels(entry.tree), methods, strict=True)
-    ):
-        marks = [standing_mark(source, *each) if SINGLE in variants else " " for each in standings]
-        texts = map(percentage_text, errors.values[position, :, 0].tolist())
+    table = OutputTable(title, [*map(grouped_number, comparison.budgets), "slope"])
+    for label, method in zip(_labels(comparison), comparison.methods, strict=True):
+        is_single = SINGLE in method.variants
+        marks = [standing_mark(method.source, *each) if is_single else " " for each in standings]
+        texts = map(percentage_text, entry.of(method, "error").values[:, 0].tolist())
         cells = [f"{text}{mark}" for text, mark in zip(texts, marks, strict=True)]
-        table.rows.append((label, [*cells, _slope_text(*slopes.values[position].tolist())]))
-    levels, verdicts, notes = (
-        entry.variable(name).values.tolist() for name in ("level", "verdict", "remark")
-    )
-    has_replicates = any(variants == [REPLICATED] for _, variants in methods)
-    return EntryComparison(
-        entry,
-        table,
-        tuple(_single_set_verdicts(levels[0], verdicts[0], budgets)),
-        tuple(_notes(notes[0], budgets)),
-        tuple(_replicated_verdicts(levels[1], budgets)) if has_replicates else (),
-    )
+        slope = _slope_text(*entry.of(method, "slope").values.tolist())
+        table.rows.append((label, [*cells, slope]))
+    return table
 
 
-def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
+def reference_remarks(entry: ComparedEntry) -> Iterator[str]:
     """Yield the consequences of the reference's own error for the verdicts, a sentence each."""
-    for note in dict.fromkeys(filter(None, notes)):
-        where = [budget for budget, each in zip(budgets, notes, strict=True) if each == note]
-        yield f"at {_list_budgets(where)} runs, {note}"
+    remarks, budgets = entry.finding("remark").values[0].tolist(), entry.comparison.budgets
+    for remark in dict.fromkeys(filter(None, remarks)):
+        where = [budget for budget, each in zip(budgets, remarks, strict=True) if each == remark]
+        yield f"at {_list_budgets(where)} runs, {remark}"
 
 
-def _replicated_verdicts(levels: list[str], budgets: list[int]) -> Iterator[str]:
-    """All verdicts among replicated sets in one sentence, where there is one."""
+def replicated_verdicts(entry: ComparedEntry) -> Iterator[str]:
+    """Yield all verdicts among replicated sets in one sentence, where methods have replicates."""
+    if REPLICATED not in entry.comparison.variants:
+        return
+    levels = entry.finding("level").values[1].tolist()
     texts = [
         f"{join_names(level)} {'are level' if len(level) > 1 else 'is ahead'} at "
         f"{_list_budgets(where)}"
-        for level, where in _group_budgets(levels, budgets)
+        for level, where in _group_budgets(levels, entry.comparison.budgets)
         if level
     ]
     if texts:
         yield f"{REPLICATED}: {'; '.join(texts)} runs"
 
 
-def _single_set_verdicts(levels: list[str], texts: list[str], budgets: list[int]) -> Iterator[str]:
-    """A sentence for each budget that has a winner, and one for all with the same ones level."""
+def single_set_verdicts(entry: ComparedEntry) -> Iterator[str]:
+    """Yield a sentence for each budget with a winner, and one for all with the same ones level."""
+    budgets = entry.comparison.budgets
+    levels, texts = (entry.finding(what).values[0].tolist() for what in ("level", "verdict"))
     ties = [(names, where) for names, where in _group_budgets(levels, budgets) if len(names) > 1]
     tied = {budget for _, where in ties for budget in where}
     sentences = {
@@ -172,22 +121,15 @@ def _group_budgets(levels: list[str], budgets: list[int]) -> list[tuple[list[str
     return list(found.values())
 
 
-def _methods(tree: xr.DataTree) -> list[tuple[str, list[str]]]:
-    """Return the source of each method, and the variants that it is in."""
-    methods = read_group(tree, METHODS)
-    variants = [str(text).split() for text in methods["contests"].values]
-    return list(zip(map(str, methods["source"].values), variants, strict=True))
-
-
-def _labels(tree: xr.DataTree) -> list[str]:
+def _labels(comparison: MethodComparison) -> list[str]:
     """Return the first column: a replicated design stands below its single set, if any."""
     found: list[str] = []
-    for source, variants in _methods(tree):
-        if SINGLE in variants:
-            found.append(source)
+    for method in comparison.methods:
+        if SINGLE in method.variants:
+            found.append(method.source)
         else:
-            is_below = bool(found) and found[-1] == source
-            found.append(f"  {REPLICATED}" if is_below else f"{source} {REPLICATED}")
+            is_below = bool(found) and found[-1] == method.source
+            found.append(f"  {REPLICATED}" if is_below else method.name)
     return found
 
 

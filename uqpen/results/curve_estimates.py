@@ -12,7 +12,8 @@ import xarray as xr
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, LEFT_OUT, NOTE, RUNS
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import BOUND, LEFT_OUT, RUNS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import first_runs
 
@@ -71,8 +72,8 @@ class CurveEstimates:
 
     @property
     def has_runs(self) -> bool:
-        """True if the archive has the runs of the design."""
-        return self.view.design(self.source).keeps_runs
+        """True if the source is a design and the archive has its runs."""
+        return self.source in self.view.designs and self.view.design(self.source).keeps_runs
 
     @cached_property
     def runs(self) -> FloatArray:
@@ -125,25 +126,11 @@ class CurveEstimates:
         }
 
     def _shown(self, array: xr.DataArray, statistic: str) -> FloatArray:
-        convert = self.view.conversion(self.output, statistic)
+        convert = self.view.conversion(self.output, CATALOGUE[statistic])
         values = array.transpose(self.dimension, BOUND).values
         return np.asarray(convert(values), dtype=np.float64)
-
-    def level(self, statistic: str) -> float:
-        """Return the confidence level of a statistic; NaN without one."""
-        found = self.array(statistic)
-        return np.nan if found is None else float(found.attrs.get(INTERVAL_LEVEL, np.nan))
 
     def left_out(self, statistic: str) -> str:
         """Return the places that a band leaves out, and why; empty for none."""
         found = self.array(statistic)
         return "" if found is None else str(found.attrs.get(LEFT_OUT, ""))
-
-    def reason(self, statistic: str) -> str:
-        """Return the first reason why a statistic has no bounds at a place; empty for none."""
-        found = self.array(statistic)
-        if found is None or NOTE not in found.coords:
-            return ""
-        lacks = ~np.isfinite(found.values[..., 1:]).all(axis=-1)
-        notes = np.broadcast_to(found.coords[NOTE].values, lacks.shape)[lacks]
-        return next((str(note) for note in notes if note), "")

@@ -9,6 +9,7 @@ from decimal import ROUND_CEILING, Decimal, InvalidOperation
 __all__ = [
     "MINUS",
     "SUPERSCRIPTS",
+    "count_text",
     "estimate_text",
     "estimate_texts",
     "grouped_number",
@@ -194,6 +195,15 @@ def number_text(value: float, digits: int = _DIGITS, *, is_short: bool = True) -
 def grouped_number(number: int) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{number:,}".replace(",", "\u202f")
+
+
+def count_text(number: int, noun: str) -> str:
+    """Return a number and its noun, which is in the singular for one.
+
+    >>> count_text(1, "run"), count_text(20, "run")
+    ('1 run', '20 runs')
+    """
+    return f"{grouped_number(number)} {noun}{'s' * (number != 1)}"
 
 
 def percent_text(probability: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import DERIVED_FROM
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_text, number_text
@@ -85,14 +86,14 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
 
 def _range_text(statistics: SourceStatistics, output: str, source: str) -> str:
     """Return the range of the mean by a source, and the largest sd; empty without a mean."""
-    measure = scale(statistics.unit(output))
-    means, stds = (
-        [
-            f"{estimate_text(*shown_bounds(entry, conversion(name, measure)))} at {place}"
-            for entry, place in _ends(statistics.get(source, output, name))
-        ]
-        for name in ("mean", "std")
-    )
+    texts = []
+    for statistic in (CATALOGUE["mean"], CATALOGUE["std"]):
+        convert = conversion(statistic, scale(statistics.unit(output)))
+        ends = _ends(statistics.get(source, output, statistic.name))
+        texts.append(
+            [f"{estimate_text(*shown_bounds(each, convert))} at {place}" for each, place in ends]
+        )
+    means, stds = texts
     if not means:
         return ""
     text = f"; by {source} mean from {means[0]} to {means[1]}"
@@ -123,7 +124,7 @@ def field_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         for name, extent, source, mean in _fields(statistics):
             title = f"{head}along {extent}{f'; mean by {source}' if source else ''}"
             table = tables.setdefault(title, OutputTable(title, ["smallest mean", "largest mean"]))
-            convert = conversion("mean", scale(statistics.unit(name)))
+            convert = conversion(CATALOGUE["mean"], scale(statistics.unit(name)))
             cells = [table.cell(entry, convert) for entry, _ in _ends(mean)]
             table.rows.append((statistics.label(name), cells or [NOTHING, NOTHING]))
         yield from tables.values()
@@ -149,7 +150,7 @@ def _curve_table(head: str, statistics: SourceStatistics, output: str, source: s
     (dimension,) = field_dimensions(statistics.runs[output])
     coordinate, convert = (
         statistics.runs[dimension],
-        conversion("mean", scale(statistics.unit(output))),
+        conversion(CATALOGUE["mean"], scale(statistics.unit(output))),
     )
     quantiles = statistics.entries(source, output, "quantile")
     columns = {"mean": statistics.by_source(output, "mean")[source]}

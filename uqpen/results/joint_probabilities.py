@@ -9,15 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT, JOINT_GROUP
 from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
 from uqpen.results.acceptance import acceptance_json, add_verdicts
 from uqpen.results.estimate_json import entries_json, estimate_json
-from uqpen.results.measure_labels import (
-    DESIGN_POINT_MEASURES,
-    EVENT_INDICES,
-    EVENT_SENSITIVITIES,
-)
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable
 
@@ -135,12 +131,11 @@ def _sensitivities(
 
 
 def _sensitivity_table(event: str, design: str, entries: Mapping[str, xr.DataArray]) -> OutputTable:
-    measures = (*EVENT_SENSITIVITIES, *EVENT_INDICES)
-    chosen = [each for each in measures if each.statistic in entries]
+    chosen = [each for each in MEASURES["event"] if each.name in entries]
     title = f"P({event}): changes with the inputs' mean and sd, {design}"
-    table = OutputTable(title, [each.label for each in chosen])
-    for position, name in enumerate(entries[chosen[0].statistic][INPUT].values.tolist()):
-        cells = [table.cell(entries[each.statistic][position]) for each in chosen]
+    table = OutputTable(title, [each.measure.label for each in chosen])
+    for position, name in enumerate(entries[chosen[0].name][INPUT].values.tolist()):
+        cells = [table.cell(entries[each.name][position]) for each in chosen]
         table.rows.append((str(name), cells))
     return table
 
@@ -149,20 +144,22 @@ def _design_point_table(
     design: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[OutputTable]:
     """Yield the table of the design points that a design has found, if there are any."""
-    indices = statistics.get("reliability_index")
-    if indices is None:
+    known = [each for each in MEASURES["design points"] if each.name in statistics]
+    if not known:
         return
+    indices = statistics[known[0].name]
     runs = indices[f"{DESIGN_POINT}_run"].values.tolist()
     numbers = indices[DESIGN_POINT].values.tolist()
     columns = [f"point {number}, run {run}" for number, run in zip(numbers, runs, strict=True)]
     table = OutputTable(f"{design}: design points", columns)
-    for measure in DESIGN_POINT_MEASURES:
-        cells = [table.cell(entry) for entry in statistics[measure.statistic]]
-        table.rows.append((measure.label, cells))
-    factors = statistics["importance_factor"]
-    for position, name in enumerate(factors[INPUT].values.tolist()):
-        cells = [table.cell(entry[position]) for entry in factors]
-        table.rows.append((f"importance of {name}", cells))
+    for each in known:
+        array, label = statistics[each.name], each.measure.label
+        if INPUT not in each.dims:
+            table.rows.append((label, [table.cell(entry) for entry in array]))
+            continue
+        for position, name in enumerate(array[INPUT].values.tolist()):
+            cells = [table.cell(entry[position]) for entry in array]
+            table.rows.append((f"{label} of {name}", cells))
     yield table
 
 

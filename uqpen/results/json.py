@@ -30,10 +30,10 @@ from uqpen.core.labels import (
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import acceptance_json
+from uqpen.results.design_groups import design_json
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
-from uqpen.results.failed_runs import FailedRuns, failed_runs, failure_json
-from uqpen.results.joint_probabilities import joint_json
-from uqpen.results.sensitivity_json import sensitivity_json
+from uqpen.results.failed_runs import FailedRuns, failed_runs
+from uqpen.results.input_measures import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics, user_defined
 from uqpen.results.surrogate_tables import fit_json, fit_settings, fitted_outputs
 from uqpen.results.table import cut_coordinates, output_names
@@ -136,7 +136,11 @@ def _difference_json(statistics: SourceStatistics, model: xr.DataTree) -> dict[s
     found = {}
     for design in statistics.sources:
         outputs = _outputs_json(statistics, design, read_group(model, RUNS, design))
-        known = {name: estimates for name, estimates in outputs.items() if "mean" in estimates}
+        known = {
+            name: estimates
+            for name, estimates in outputs.items()
+            if not estimates.keys().isdisjoint(_SINGLE)
+        }
         found[design] = {"minus": statistics.minus(design), "outputs": known}
     return found
 
@@ -169,8 +173,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         **({} if cost is None else {COST_SPENT: cost}),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
         "reasons": [_reason_json(each) for each in failed_runs(statistics.tree, design)],
-        **failure_json(statistics, design),
-        **joint_json(statistics, design),
+        **design_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
         **({} if decision is None else {"decision": _attributes_json(decision.to_json())}),

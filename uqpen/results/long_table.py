@@ -11,8 +11,9 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.archive.groups import DESIGN_GROUPS
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import DIMENSIONS, FAILURE_STATISTICS, UNLISTED_DIMENSIONS
+from uqpen.core.catalogue import DIMENSIONS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
@@ -146,16 +147,15 @@ def _decision_row(decision: StatedDecision, described: dict[str, str]) -> dict[s
 def _rows_of_runs(
     statistics: SourceStatistics, design: str, described: dict[str, str]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
+    """Yield the rows of a design's runs as a whole."""
     runs = read_group(statistics.tree, RUNS, design)
-    for name, array in statistics.joint_statistics(design).items():
-        yield from estimate_rows(array, **described, output="", statistic=name)
-    for name, array in statistics.failures(design).items():
-        for row in estimate_rows(array, **described, output="", statistic=name):
-            # The lowest and the highest are values of an input, each in its own unit.
-            if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
-                row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
-            yield row
+    for group in sorted(DESIGN_GROUPS, key=lambda name: DESIGN_GROUPS[name].rank):
+        for name, array in statistics.of_runs(group, design).items():
+            for row in estimate_rows(array, **described, output="", statistic=name):
+                # Values of an input are each in its own unit.
+                if "units" not in array.attrs and row.get(INPUT) in runs:
+                    row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
+                yield row
 
 
 def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[dict[str, Any]]:

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
-from uqpen.archive.read import model_trees
+from uqpen.archive.groups import GROUPS, group_place, model_trees
 from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
-from uqpen.core.labels import DIFFERENCES, MODEL_FORM, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
+from uqpen.core.labels import RUNS
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import scale
@@ -19,11 +19,6 @@ from uqpen.results.surrogate_tables import FITTED, fitted_outputs
 from uqpen.results.table import first_runs, output_names, shown_unit
 
 __all__ = ["FieldPlace", "find_place", "select_output"]
-
-# The depth of the groups of outputs, below each group of a model that has some.
-_DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3, MODEL_FORM: 2}
-# Groups that have values along the dimensions of a field.
-_ALONG_FIELDS = (RUNS, STATISTICS_GROUP, DIFFERENCES)
 
 
 class FieldPlace(NamedTuple):
@@ -129,25 +124,16 @@ def select_output(
     others = described.keys() - {output}
     groups = {}
     for node in tree.subtree:
-        kind, of_output = _kind_and_output(node.relative_to(tree))
-        if of_output in others:
+        kind, names = group_place(node.relative_to(tree))
+        if names.get("output") in others:
             continue
         dataset = node.to_dataset(inherit=False)
         if kind == RUNS:
             dataset = dataset.drop_vars(others, errors="ignore")
-        if kind in _ALONG_FIELDS:
+        if kind in GROUPS and GROUPS[kind].is_along_fields:
             dataset = dataset.isel(positions, missing_dims="ignore")
         if FITTED in dataset.attrs:
             kept = [name for name in fitted_outputs(node) if name == output]
             dataset = dataset.assign_attrs({FITTED: " ".join(kept)})
         groups[node.path] = dataset
     return xr.DataTree.from_dict(groups), places
-
-
-def _kind_and_output(path: str) -> tuple[str, str]:
-    """Return the kind of a group, such as ``runs``, and its output, if it has one."""
-    parts = path.split("/")
-    parts = parts[2:] if parts[0] == MODELS else parts
-    kind = parts[0] if parts else ""
-    depth = _DEPTHS.get(kind, len(parts))
-    return kind, parts[depth] if depth < len(parts) else ""

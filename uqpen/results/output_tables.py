@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.catalogue import CATALOGUE, REQUESTED
+from uqpen.core.catalogue import CATALOGUE, MODEL_FORM_STATISTICS, REQUESTED
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     INTERVAL_LEVEL,
     MISSING,
     MODELS,
+    OF_EXCEEDANCE,
     RUNS,
     RUNS_ABSENT,
     RUNS_SPENT,
@@ -31,6 +32,7 @@ from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import add_verdicts
 from uqpen.results.archive_view import is_logarithmic, linear_scale_note
+from uqpen.results.design_groups import group_tables
 from uqpen.results.digits import (
     grouped_number,
     lower_tolerance_limit_text,
@@ -39,11 +41,9 @@ from uqpen.results.digits import (
     tolerance_interval_texts,
     tolerance_limit_text,
 )
-from uqpen.results.failed_runs import failure_tables
-from uqpen.results.joint_probabilities import joint_tables
-from uqpen.results.sensitivity_tables import generalized_table, named_tables
+from uqpen.results.input_measures import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics, source_entries, user_defined
-from uqpen.results.statistic_entries import SHOWN, labelled_entries
+from uqpen.results.statistic_entries import SHOWN, described_statistics, labelled_entries
 from uqpen.results.stopping_texts import stopping_text
 from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
 from uqpen.results.table import (
@@ -75,12 +75,9 @@ _QUALIFICATIONS = {
     MISSING: "statistics use the completed runs; {} failed",
 }
 
-# The shares of the variance over several models, and their columns.
-_MODEL_FORM = {
-    "model_form_share": "model form",
-    "parameter_share": "inputs",
-    "interaction_share": "both together",
-}
+# The shares of the variance over several models, of an output and of its exceeding a value.
+_MODEL_FORM = [each for each in MODEL_FORM_STATISTICS.values() if not each.of]
+_OF_EVENTS = [each.name for each in MODEL_FORM_STATISTICS.values() if each.prefix == OF_EXCEEDANCE]
 _EQUAL_WEIGHT = (
     "models of equal weight, which are no sample of all models: the share of model form is of these"
 )
@@ -107,8 +104,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
                 yield replace(table, title=f"{head}{table.title}{level}")
             for table in missing_run_tables(model, surrogate):
                 yield replace(table, title=head + table.title)
-    yield from difference_tables(tree)
-    yield from model_form_tables(tree)
+    yield from group_tables(tree, is_of_model=False)
 
 
 def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -140,8 +136,7 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
         unit = statistics.unit(output)
         measures = named_tables(statistics, output, unit, everything=everything)
         yield from (table for _, table in measures)
-    yield from joint_tables(model)
-    yield from failure_tables(model)
+    yield from group_tables(model, is_of_model=True)
 
 
 def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -167,14 +162,14 @@ def model_form_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     for design in statistics.sources:
         for output in statistics.outputs:
             found = statistics.statistics(design, output)
-            if "model_form_share" not in found:
+            if _MODEL_FORM[0].name not in found:
                 continue
             title = f"{output} by {count} models: shares of its variance, {design}"
-            table = OutputTable(title, list(_MODEL_FORM.values()))
+            table = OutputTable(title, [each.shown.label for each in _MODEL_FORM])
             mark = table.note_mark(_EQUAL_WEIGHT)
-            table.rows.append((f"value{mark}", [table.cell(found[name]) for name in _MODEL_FORM]))
-            names = (f"exceedance_{name}" for name in _MODEL_FORM)
-            events = {name: found[name] for name in names if name in found}
+            shares = [table.cell(found[each.name]) for each in _MODEL_FORM]
+            table.rows.append((f"value{mark}", shares))
+            events = {name: found[name] for name in _OF_EVENTS if name in found}
             for threshold, entries in source_entries(events, THRESHOLD):
                 cells = [table.cell(entry) for entry in entries.values()]
                 table.rows.append((exceedance_label(str(threshold)), cells))
@@ -291,7 +286,9 @@ def _add_statistics(
     stds = statistics.by_source(output, "std", table.columns).values()
     if not any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
         left_out.add("half_spread")
-    shown = [each for each in SHOWN if each.name not in left_out]
+    every = (*SHOWN, *described_statistics(statistics, output))
+    shown = [each for each in every if each.name not in left_out]
+    shown.sort(key=lambda each: each.shown.row)
     if is_log:
         # A mean over tenfolds is that of few runs, so quantiles come before the moments.
         moments = CATALOGUE["mean"].shown.row
@@ -323,7 +320,7 @@ def _cells(
         limits = (entries.get(source) for source in table.columns)
         cells = [tolerance_cell(table, statistic, each, measure) for each in limits]
     else:
-        convert = conversion(statistic.name, measure, is_difference=statistics.is_difference)
+        convert = conversion(statistic, measure, is_difference=statistics.is_difference)
         has_logarithm = is_log and statistic.unit is UnitRule.VALUE
         cells = table.cells(entries, convert, is_logarithmic=has_logarithm)
     if statistic.asked.key and entries:
@@ -372,10 +369,13 @@ def _add_decisions(table: OutputTable, statistics: SourceStatistics, output: str
 
 
 def _add_user_defined(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
-    """Add a row for each entry of the statistics that the catalogue does not know."""
+    """Add a row for each entry of the statistics without a record."""
+    described = {each.name for each in described_statistics(statistics, output)}
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for source in table.columns:
         for name, array in user_defined(statistics.statistics(source, output)).items():
+            if name in described:
+                continue
             title = str(array.attrs.get("long_name", name))
             convert, unit = _own_unit(array, statistics, output)
             dims = array.dims[:-1]

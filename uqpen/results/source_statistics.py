@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import UnpackedStatistics, array_entries
 from uqpen.archive.fields import field_dimensions
-from uqpen.archive.labelled_arrays import array_entries
-from uqpen.archive.tree import group_names, model_trees, read_group
-from uqpen.archive.unpacked_statistics import UnpackedStatistics
+from uqpen.archive.groups import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     AXIS_SCALE,
@@ -210,13 +209,12 @@ class SourceStatistics:
         """
         key = (source, output, statistic)
         if key not in self._entries:
-            along = CATALOGUE[statistic].dims[0]
-            arrays = {
-                name: array.transpose(along, ...)
-                for name, array in self.by_source(output, statistic, [source]).items()
-            }
-            found = source_entries(arrays, along)
-            self._entries[key] = {label: entry[source] for label, entry in found}
+            found: dict[Any, xr.DataArray] = {}
+            if (array := self.get(*key)) is not None:
+                dims = CATALOGUE[statistic].dims if statistic in CATALOGUE else array.dims
+                entries = source_entries({source: array.transpose(dims[0], ...)}, str(dims[0]))
+                found = {label: entry[source] for label, entry in entries}
+            self._entries[key] = found
         return self._entries[key]
 
     def by_source(
@@ -264,6 +262,13 @@ class SourceStatistics:
         attributes = (self._dataset(source, output).attrs for output in self.outputs)
         return next((str(each["minus"]) for each in attributes if "minus" in each), "")
 
+    def of_runs(self, group: str, design: str) -> UnpackedStatistics:
+        """Return the statistics of a design's runs as a whole that a group has."""
+        key = ("", group, design)
+        if key not in self._arrays:
+            self._arrays[key] = UnpackedStatistics(read_group(self.tree, group, design))
+        return self._arrays[key]
+
     def failures(self, design: str) -> UnpackedStatistics:
         """Return the statistics of a design's failed runs.
 
@@ -275,10 +280,7 @@ class SourceStatistics:
             ``input``. Empty for a design that is no sample and lost no run. The attributes of
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
-        key = ("", FAILURES_GROUP, design)
-        if key not in self._arrays:
-            self._arrays[key] = UnpackedStatistics(read_group(self.tree, FAILURES_GROUP, design))
-        return self._arrays[key]
+        return self.of_runs(FAILURES_GROUP, design)
 
     def joint_probability(self, design: str) -> xr.DataArray | None:
         """Return a design's probabilities of events of several outputs; None without any.
@@ -299,7 +301,7 @@ class SourceStatistics:
         Beside the probabilities, these are their sensitivities to the inputs, along
         ``sensitivity_event``, ``input`` and ``bound``, where a study requests them.
         """
-        return UnpackedStatistics(read_group(self.tree, JOINT_GROUP, design))
+        return self.of_runs(JOINT_GROUP, design)
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""

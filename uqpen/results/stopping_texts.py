@@ -9,6 +9,7 @@ from typing import Any
 
 import xarray as xr
 
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     DECISION,
@@ -124,7 +125,8 @@ class StatedDecision:
             limit = parse_quantity(claim.value, unit).value
         except QuantityError:  # an archive can claim anything
             return False
-        is_event = statistic == ("exceedance" if claim.is_above else "below")
+        event = CATALOGUE[statistic].shown.event if statistic in CATALOGUE else ""
+        is_event = bool(event) and (event == "above") is claim.is_above
         return is_event and output == claim.output and math.isclose(value, limit, rel_tol=1e-12)
 
     @property

@@ -139,7 +139,7 @@ def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable
             array = statistics.get(surrogate, output, statistic.name)
             if array is None or SURROGATE_ESTIMATE not in array.coords:
                 continue
-            convert = conversion(statistic.name, scale(unit))
+            convert = conversion(statistic, scale(unit))
             for label, entries in labelled_entries(statistic, {surrogate: array}):
                 estimate = entries[surrogate]
                 alone = float(estimate.coords[SURROGATE_ESTIMATE])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,9 +11,10 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.fields import coordinate_text
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    COMPARISON_GROUP,
     ESTIMATOR,
     INPUT,
     INTERVAL_LABEL,
@@ -22,6 +24,7 @@ from uqpen.core.labels import (
     RUNS,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
+from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -30,7 +33,6 @@ __all__ = [
     "NOTHING",
     "Conversion",
     "OutputTable",
-    "below_label",
     "conversion",
     "cut_coordinates",
     "cut_text",
@@ -153,16 +155,21 @@ def _is_plain_measure(array: xr.DataArray) -> bool:
     return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 
 
-def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> Conversion:
+def conversion(statistic: Statistic, shown: Scale, *, is_difference: bool = False) -> Conversion:
     """Return the conversion of a statistic from SI to the scale that its output is shown in.
 
     With `is_difference`, it is a statistic of the difference of two models.
     """
-    rule = CATALOGUE[statistic].unit
-    if rule is UnitRule.NONE:
+    if statistic.measure.relative_to:
+        return _percent
+    if statistic.unit is UnitRule.NONE:
         return identity
-    is_value = rule is UnitRule.VALUE and not is_difference
+    is_value = statistic.unit is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
+
+
+def _percent(values: Any) -> Any:
+    return values * 100.0
 
 
 def shown_unit(attributes: Mapping[Any, Any]) -> str:
@@ -194,20 +201,20 @@ def quantile_label(probability: float) -> str:
 
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
-    return entry_label(CATALOGUE["exceedance"], threshold)
+    return entry_label(_OF_THRESHOLD, threshold)
 
 
-def below_label(threshold: str) -> str:
-    """Return the label of the probability of lying below a value, as it was written."""
-    return entry_label(CATALOGUE["below"], threshold)
-
+# The probability that a threshold is of.
+_OF_THRESHOLD = next(
+    each for each in CATALOGUE.values() if each.own is not None and each.own.name == THRESHOLD
+)
 
 # How an entry of a statistic is written, by its kind.
 _WRITTEN: Mapping[str, Callable[[Any], str]] = {
     "text": str,
     "number": "{:.10g}".format,
     "percent": percent_text,
-    "quantile": quantile_label,
+    "probability": quantile_label,
 }
 
 
@@ -244,7 +251,16 @@ def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:
 
 
 def first_runs(tree: xr.DataTree) -> xr.Dataset:
-    """Return the runs of a model's first design, which describe its inputs and outputs."""
+    """Return the runs of a model's first design, which describe its inputs and outputs.
+
+    A benchmark of methods keeps no runs, but it describes the outputs.
+    """
+    if is_benchmark(tree):
+        outputs = {
+            name: read_group(tree, COMPARISON_GROUP, name).attrs | {ROLE: "output"}
+            for name in group_names(tree, COMPARISON_GROUP)
+        }
+        return xr.Dataset({name: ((), math.nan, found) for name, found in outputs.items()})
     return read_group(tree, RUNS, next(iter(group_names(tree, RUNS)), ""))
 
 

@@ -13,11 +13,12 @@ statuses of runs are estimated by
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import Statistic, of_field
 
 __all__ = [
     "ANALYSES",
@@ -30,90 +31,42 @@ __all__ = [
 ]
 
 
-def _analyses(of: str, further: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+def _analyses(of: str) -> Mapping[str, Sequence[str]]:
     """Return references to the functions that estimate statistics of something, by their group."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, dict[str, None]] = {}
     for statistic in CATALOGUE.values():
         if of in statistic.by:
-            found.setdefault(statistic.group, []).append(statistic.by[of])
-    return MappingProxyType({**found, **further})
+            found.setdefault(statistic.group, {})[statistic.by[of]] = None
+    return MappingProxyType({group: tuple(references) for group, references in found.items()})
 
 
-ANALYSES = _analyses(
-    "sample",
-    {
-        "sensitivity": [
-            "uqpen.statistics.sensitivity.given_data:first_order",
-            "uqpen.statistics.sensitivity.correlations:correlations",
-            "uqpen.statistics.sensitivity.delta:delta",
-        ],
-        "convergence": ["uqpen.statistics.convergence:convergence"],
-    },
-)
+def _groups(is_meant: Callable[[Statistic], bool]) -> frozenset[str]:
+    return frozenset(each.group for each in CATALOGUE.values() if each.group and is_meant(each))
+
+
+ANALYSES = _analyses("sample")
 
 # The analyses that are right for weighted runs. The others would count every run the same.
-WEIGHTED_ANALYSES = frozenset(
-    {
-        "moments",
-        "quantiles",
-        "percentiles",
-        "exceedance",
-        "cdfs",
-        "shares",
-        "convergence",
-        "reached",
-        "bands",
-        "ranked_curves",
-    }
-)
+WEIGHTED_ANALYSES = _groups(lambda each: each.takes_weights)
 
 # The analyses of a field, by the group of their results: functions of a `FieldSample`. The
 # statistics of a field have its dimensions before their own.
-FIELD_ANALYSES = _analyses(
-    "field",
-    {"sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"]},
-)
+FIELD_ANALYSES = _analyses("field")
 
 # The analyses of a sample that take all of its values at once. They yield nothing unless a study
 # requests it.
-ANALYSES_IN_MEMORY = frozenset(each.group for each in CATALOGUE.values() if each.takes_all_values)
+ANALYSES_IN_MEMORY = _groups(lambda each: each.takes_all_values)
 
 # The analyses of a sample that read its inputs. The others read its values, weights and replicates
 # alone, except where the error is that of one stratified set: it follows from the inputs, too. An
 # analysis of a design's own takes all its runs as one dataset.
-INPUT_ANALYSES = frozenset({"sensitivity"})
+INPUT_ANALYSES = _groups(lambda each: bool(each.measure.label))
 
-ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
-    {
-        Sampling.PICK_FREEZE: {
-            "sensitivity": ["uqpen.statistics.sensitivity.sobol_indices:sobol_indices"],
-        },
-        Sampling.QUADRATURE: {
-            "moments": ["uqpen.statistics.moments.quadrature_moments:quadrature_moments"]
-        },
-        Sampling.TRAJECTORIES: {
-            "sensitivity": ["uqpen.statistics.sensitivity.elementary_effects:elementary_effects"],
-        },
-        Sampling.ONE_AT_A_TIME: {
-            "sensitivity": ["uqpen.statistics.sensitivity.responses:relative_responses"]
-        },
-        Sampling.TOWARDS_EVENT: {
-            "quantiles": ["uqpen.statistics.rare_events.rare_quantiles:rare_quantiles"]
-        },
-    }
+ANALYSES_OF_DESIGNS = MappingProxyType(
+    {each: found for each in Sampling if (found := _analyses(each))}
 )
 
 # The same for fields: functions of all runs.
-FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
-    {
-        Sampling.PICK_FREEZE: {
-            "sensitivity": ["uqpen.statistics.fields.sobol_at_places:sobol_indices_at_places"],
-        },
-        Sampling.TRAJECTORIES: {
-            "sensitivity": ["uqpen.statistics.fields.effects_at_places:effects_at_places"],
-        },
-        Sampling.ONE_AT_A_TIME: {
-            "sensitivity": ["uqpen.statistics.fields.effects_at_places:responses_at_places"],
-        },
-    }
+FIELD_ANALYSES_OF_DESIGNS = MappingProxyType(
+    {each: found for each in Sampling if (found := _analyses(of_field(each)))}
 )

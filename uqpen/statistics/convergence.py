@@ -12,40 +12,23 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, IntArray
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, RUN, SAMPLING
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import BOUND, BY_RUNS, INTERVAL_LEVEL, RUN, SAMPLING
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.execution import replicate_count, run_count
-from uqpen.statistics.distribution_function.probabilities import (
-    below_probabilities,
-    category_probabilities,
-    category_shares,
-    exceedance_probabilities,
-    requested_below,
-    requested_exceedances,
-)
-from uqpen.statistics.distribution_function.quantiles import (
-    quantile_estimates,
-    requested_quantiles,
-)
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.moments.sample_moments import mean_estimate, sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import input_sample, sample_of_statuses
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["convergence", "convergence_of_parts", "part_sizes", "reason_without_parts"]
 
-# The statistics that are followed: whose first array is that of the whole, and who estimates them
-# from every smaller part. An array for each part would take most of the time.
-_ANALYSES = {
-    "mean": (sample_moments, mean_estimate),
-    "quantile": (quantile_estimates, requested_quantiles),
-    "exceedance": (exceedance_probabilities, requested_exceedances),
-    "below": (below_probabilities, requested_below),
-    "share": (category_probabilities, category_shares),
-}
+# The statistics that are followed. Only of the whole is an array made: one for each smaller part
+# would take most of the time.
+_FOLLOWED = [each for each in CATALOGUE.values() if "part" in each.by]
 # Parts at the most, and the fewest runs of one.
 _MOST, _FEWEST = 16, 20
 # Round numbers in each decade; replicates grow by such a factor. Of many runs each part takes long.
@@ -96,12 +79,13 @@ def convergence_of_parts(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the same from the parts and their numbers of points."""
     *smaller, whole = parts
-    for name, (analysis, estimate) in _ANALYSES.items():
-        for _, last in islice(analysis(whole, quantity), 1):
+    for statistic in _FOLLOWED:
+        analysis, estimate = resolve(statistic.by["sample"]), resolve(statistic.by["part"])
+        for name, last in islice(analysis(whole, quantity), 1):
             estimates = [estimate(part, quantity) for part in smaller]
             estimates.append(EstimateVector.from_array(last))
             stacked = EstimateVector.stack(estimates, axis=0)
-            yield f"convergence_{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
+            yield f"{BY_RUNS}{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
 
 
 def _reason(model: ErrorModel, runs: int, replicates: int) -> str:

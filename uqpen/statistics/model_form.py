@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import MODEL_FORM_STATISTICS
-from uqpen.core.labels import SAMPLING, STATUS
+from uqpen.core.labels import OF_EXCEEDANCE, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.status import Status
@@ -32,7 +32,8 @@ __all__ = ["model_form_shares"]
 
 # A smaller share is 0 but for rounding.
 _ROUNDING = 1e-12
-_SHARES = ("model_form_share", "parameter_share", "interaction_share")
+_SHARES = [each for each in MODEL_FORM_STATISTICS.values() if not each.of]
+_OF_EVENTS = [each for each in MODEL_FORM_STATISTICS.values() if each.prefix == OF_EXCEEDANCE]
 
 
 def model_form_shares(
@@ -98,23 +99,21 @@ def _with_values(sample: Sample, used: IntArray, values: FloatArray, level: floa
 def _value_arrays(
     estimates: Sequence[Estimate], level: float
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    for name, estimate in zip(_SHARES, estimates, strict=True):
-        title = MODEL_FORM_STATISTICS[name].title
-        yield name, estimate.to_array(units="1", long_name=title, level=level)
+    for share, estimate in zip(_SHARES, estimates, strict=True):
+        yield share.name, estimate.to_array(units="1", long_name=share.title, level=level)
 
 
 def _event_arrays(
     events: Sequence[Sequence[Estimate]], quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    for position, share in enumerate(_SHARES):
-        name = f"exceedance_{share}"
+    for position, share in enumerate(_OF_EVENTS):
         yield (
-            name,
+            share.name,
             Estimate.stack(
                 [each[position] for each in events],
                 THRESHOLD,
                 units="1",
-                long_name=MODEL_FORM_STATISTICS[name].title,
+                long_name=share.title,
                 coordinates=threshold_coordinates(quantity),
                 level=quantity.confidence_level,
             ),

@@ -9,10 +9,11 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, pack
-from uqpen.archive.layout import find_attribute_faults, find_dataset_faults
+from uqpen.archive.structure import find_attribute_faults, find_dataset_faults
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE, REQUESTED_DIMENSIONS, TABLE_COLUMNS
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
+from uqpen.core.statistic import RECORD, RECORD_NUMBERS, RECORD_WORDS, Statistic, UnitRule
 from uqpen.core.units import scale
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import refused
@@ -67,6 +68,10 @@ def user_defined_statistics(
             if fault := _statistic_fault(statistic, known, found):
                 raise analysis.error(quantity, *fault)
             name, array = statistic
+            for record in (each for each in analysis.records if each.name == name):
+                if fault := _unlike_record(record, array, quantity):
+                    raise analysis.error(quantity, f"{name} {fault[0]}", fault[1])
+                array = array.assign_attrs(_record_attributes(record))
             # A coordinate that other statistics have already keeps their attributes.
             shared = _coordinates({**found, **known})
             own = {key: shared[str(key)] for key in array.coords if key in shared}
@@ -92,6 +97,27 @@ def _statistic_fault(
         return f"{name} with {fault[0]}", fault[1]
     wrong = next(_archive_faults({**others, name: array}), "")
     return (wrong, _ESTIMATE_ARRAY) if wrong else None
+
+
+def _unlike_record(
+    record: Statistic, array: xr.DataArray, quantity: QuantityOfInterest
+) -> tuple[str, str] | None:
+    """Return in which respect an estimate array is not as its record states; None if it is."""
+    unit = "1" if record.unit is UnitRule.NONE else quantity.output.unit
+    if array.attrs["units"] != unit:
+        return f"in {array.attrs['units']}", f"the unit of its record: {unit}"
+    if array.dims[:-1] != record.dims:
+        return f"along {array.dims[:-1]}", f"the dimensions of its record: {record.dims}"
+    return None
+
+
+def _record_attributes(record: Statistic) -> dict[str, str | int]:
+    """Return the attributes by which an archive shows a statistic without its function."""
+    shown, is_plain = record.shown, record.unit is UnitRule.NONE
+    words = {f"{RECORD}{name}": getattr(shown, name) for name in RECORD_WORDS}
+    numbers = {f"{RECORD}{name}": int(getattr(shown, name)) for name in RECORD_NUMBERS}
+    found = {**words, **numbers} | ({} if is_plain else {"unit_rule": record.unit.name.lower()})
+    return {name: value for name, value in found.items() if value}
 
 
 def _name_fault(name: object, found: Mapping[str, object]) -> str:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
 from uqpen.core.errors import Problem, StudyError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import NAME
+from uqpen.core.statistic import RECORD_NUMBERS, RECORD_WORDS, Shown, Statistic, UnitRule
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_defined_function import failure_text
 
@@ -19,6 +23,9 @@ if TYPE_CHECKING:
     from uqpen.statistics.sample import Sample
 
 __all__ = ["Analysis", "UserDefinedAnalysis"]
+
+# The words of labels.
+_ENTRY = ("{entry}",)
 
 Analysis: TypeAlias = "Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]"
 
@@ -46,6 +53,28 @@ class UserDefinedAnalysis:
         """True if the function uses weights, as its attribute of this name states."""
         return bool(getattr(self.function, "takes_weights", False))
 
+    @property
+    def records(self) -> tuple[Any, ...]:
+        """The records of its statistics that the function's attribute ``record`` has, unchecked."""
+        found = getattr(self.function, "record", ())
+        return tuple(found) if isinstance(found, tuple | list) else (found,)
+
+    @property
+    def record_fault(self) -> tuple[str, str] | None:
+        """The first fault of its records, and what they can have; None without any."""
+        names = [getattr(each, "name", "") for each in self.records]
+        for record, name in zip(self.records, names, strict=True):
+            if not isinstance(record, Statistic):
+                kind = type(record).__name__
+                return f"a record of type {kind}", "a uqpen.core.statistic.Statistic, or several"
+            if not isinstance(name, str) or not NAME.match(name) or name in NAMES_IN_USE:
+                return f"a record of {name!r}", "a name that archives do not use themselves"
+            if name in CATALOGUE or names.count(name) > 1:
+                return f"a record of {name!r}", "a name that no other statistic has"
+            if fault := _record_fault(record):
+                return f"the record of {name} with {fault[0]}", fault[1]
+        return None
+
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return the files that it has been loaded from, as they were."""
         return self.surroundings.files() if self.surroundings else ()
@@ -71,6 +100,31 @@ class UserDefinedAnalysis:
         what = f"{self.reference} of {quantity.output.name}: {found}"
         problem = Problem(("analyses",), what, expected)
         return StudyError(str(problem), [problem])
+
+
+def _record_fault(record: Statistic) -> tuple[str, str] | None:
+    """Return the fault of what a record has, and what it can have; None without any."""
+    shown = record.shown
+    for name in RECORD_WORDS:
+        if not isinstance(text := getattr(shown, name), str):
+            return f"{name} {text!r}", "a text"
+        known = ("{entry}", "{label}", "{output}", "{estimate}") if name == "sentence" else _ENTRY
+        for word in re.findall(r"\{[^{}]*\}", text):
+            if word not in known:
+                return f"the word {word} in its {name}", f"the words {', '.join(known)}"
+    if not shown.label or "{estimate}" not in shown.sentence:
+        return "too few words", "a label, and a sentence with {estimate}"
+    for name in RECORD_NUMBERS:
+        if not isinstance(number := getattr(shown, name), int):
+            return f"{name} {number!r}", "a whole number, or True"
+    if not isinstance(record.unit, UnitRule) or len(record.dims) > 1:
+        return "another unit or more dimensions", "a UnitRule, and one dimension at most"
+    words = {name: getattr(shown, name) for name in (*RECORD_WORDS, *RECORD_NUMBERS)}
+    plain = Statistic(record.name, record.title, record.dims, record.unit)
+    if record != replace(plain, shown=replace(Shown(), **words)):
+        allowed = f"name, title, dims, unit and, of what is shown, {', '.join(words)}"
+        return "what built-in statistics alone have", allowed
+    return None
 
 
 def _read_only(sample: Sample) -> Sample:

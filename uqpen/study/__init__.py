@@ -1,1 +1,111 @@
 """The study file: TOML into a frozen, validated study, every mistake met before a model runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypedDict
+
+from uqpen.core.labels import LEFT_OUT
+
+__all__ = ["SECTIONS", "Section", "SectionArguments"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """Section of a study file, of the same name as the argument of `uqpen.Study` for it.
+
+    A section that refers to no other one has its `settings`, or a `reader`; both give a `field`.
+    The others are read together, in `load.py`. References are texts, so that whoever reads the
+    declarations loads nothing.
+
+    Parameters
+    ----------
+    is_table : bool
+        False for a key that stands in no table, and for models, which are read before all tables.
+    expected : str
+        What a study without it lacks, for a message; empty where it is optional.
+    settings : str
+        Reference to the class whose settings the table has. An object of it is the section, too.
+    reader : str
+        Reference to a function of the table and of `StudyParts`.
+    field : str
+        Field of `ValidatedStudy` with its value; that has a default if the section is optional.
+    determines_points : bool
+        True if the points of every design depend on it.
+    lines : str
+        Reference to a function of the study, which yields lines of its summary.
+    rank : int
+        Place of these lines among those of other sections.
+    attribute : str
+        Attribute of an archive's root with the field, where that is not empty.
+    fact : str
+        Statement at the head of a page, with ``{value}`` for the attribute.
+    """
+
+    is_table: bool = True
+    expected: str = ""
+    settings: str = ""
+    reader: str = ""
+    field: str = ""
+    determines_points: bool = False
+    lines: str = ""
+    rank: int = 99
+    attribute: str = ""
+    fact: str = ""
+
+
+# In the order in which the text of a study made in Python has them.
+SECTIONS: Mapping[str, Section] = {
+    "title": Section(is_table=False),
+    "seed": Section(is_table=False, determines_points=True),
+    "confidence_level": Section(is_table=False),
+    "budget": Section(is_table=False),
+    # What this one and the next leave out is one field.
+    "sensitivity": Section(
+        is_table=False,
+        field="left_out",
+        attribute=LEFT_OUT,
+        fact="without {value}, as the study says",
+    ),
+    "convergence": Section(is_table=False),
+    "analyses": Section(is_table=False),
+    "model": Section(is_table=False, lines="uqpen.study.summary:run_limit_lines", rank=1),
+    "models": Section(is_table=False),
+    "inputs": Section(expected="an [inputs] table", determines_points=True),
+    "joint": Section(determines_points=True),
+    "dependence": Section(determines_points=True),
+    "constraints": Section(
+        determines_points=True, lines="uqpen.study.summary:constraint_lines", rank=4
+    ),
+    "outputs": Section(
+        reader="uqpen.study.outputs_section:read_quantities_of_interest",
+        field="quantities_of_interest",
+    ),
+    "joint_probabilities": Section(
+        reader="uqpen.study.joint_probabilities_section:read_joint_probabilities",
+        field="joint_events",
+    ),
+    "designs": Section(
+        expected="at least one [designs.<name>]", lines="uqpen.study.summary:kept_lines", rank=3
+    ),
+    "surrogates": Section(),
+    "published": Section(reader="uqpen.study.published_section:read_published", field="published"),
+    "failures": Section(
+        settings="uqpen.execution.failures:FailurePolicy",
+        field="failures",
+        lines="uqpen.study.summary:failure_lines",
+        rank=2,
+    ),
+}
+
+
+class SectionArguments(TypedDict, total=False):
+    """Arguments of `uqpen.Study` that are given as the tables of these names in a study file."""
+
+    joint: Mapping[str, object] | None
+    joint_probabilities: Mapping[str, object] | None
+    surrogates: Mapping[str, object] | None
+    published: Mapping[str, object] | None
+    failures: object | None
+    dependence: object | None

@@ -35,7 +35,9 @@ def read_analyses(root: TableReader) -> tuple[UserDefinedAnalysis, ...]:
             root.add_problem(place, f"{toml_text(reference)} again", "each function once")
         else:
             try:
-                analyses[reference] = _load_analysis(root, reference)
+                analysis = analyses[reference] = _load_analysis(root, reference)
+                if fault := analysis.record_fault:
+                    root.add_problem(place, f"{reference}: {fault[0]}", fault[1])
             except ModelError as error:
                 expected = "a function that can be called with a sample and a quantity of interest"
                 root.add_problem(place, str(error), expected)

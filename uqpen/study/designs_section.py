@@ -14,8 +14,7 @@ from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.named_object import OBJECT, read_named_object
-from uqpen.study.stand_in import family_costs
-from uqpen.study.study import Variant
+from uqpen.study.study import Variant, family_costs
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.study.user_defined_members import (
     DESIGN,

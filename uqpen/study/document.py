@@ -1,4 +1,8 @@
-"""A study file as text: reading, parsing and the line numbers of keys."""
+"""A study file as text: reading, limits on its extent, parsing and the line numbers of keys.
+
+No study comes near the limits. They are there for a file that is none, or that somebody has made to
+keep a reader busy: what exceeds them is refused before time or memory run out.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,16 @@ import re
 import stat
 import tomllib
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from uqpen.core.errors import Problem, StudyError, toml_text
-from uqpen.study.extent import LARGEST, extent_problems, has_endless_keys
+from uqpen.core.errors import Problem, StudyError, is_huge, toml_text
 
 __all__ = [
+    "LARGEST",
     "MOST_LISTED",
     "ArgumentsDocument",
     "Document",
@@ -23,6 +27,56 @@ __all__ = [
     "parse_document",
     "read_document",
 ]
+
+# Most bytes of a study's text.
+LARGEST = 4 * 1024 * 1024
+
+# Most keys of all tables, and most tables and lists inside each other.
+_MOST_KEYS, _DEEPEST = 100_000, 50
+
+# The parser takes the square of the number of parts of each dotted key in time; this sum of squares
+# is about a second.
+_MOST_PARTS_SQUARED = 10_000_000
+
+# Stretches of a text without what a dotted key cannot contain outside quotes; the parts of a key.
+_STRETCH = re.compile(r"[^\n,=#{}]++")
+_PART_END = re.compile(r"[A-Za-z0-9_\"'-][ \t]*+\.")
+
+
+def _has_endless_keys(text: str) -> bool:
+    """Check if the dotted keys of a text have too many parts to be parsed in reasonable time."""
+    left = _MOST_PARTS_SQUARED
+    for stretch in _STRETCH.finditer(text):
+        left -= sum(1 for _ in _PART_END.finditer(stretch[0])) ** 2
+        if left < 0:
+            return True
+    return False
+
+
+def _extent_problems(content: dict[str, Any]) -> Iterator[Problem]:
+    """Yield the first part of a study's content, if there is any, that is beyond a limit."""
+    # A stack of its own: recursion could be too deep for Python.
+    waiting: list[tuple[tuple[str | int, ...], Any]] = [((), content)]
+    keys = 0
+    while waiting:
+        path, value = waiting.pop()
+        if is_huge(value):
+            yield Problem(path, toml_text(value), "a whole number of at most 4000 digits")
+            return
+        if not isinstance(value, dict | list):
+            continue
+        if len(path) > _DEEPEST:
+            expected = f"at most {_DEEPEST} tables inside each other"
+            yield Problem(path[:2], f"tables nested {len(path)} deep", expected)
+            return
+        if isinstance(value, dict):
+            keys += len(value)
+            if keys > _MOST_KEYS:
+                yield Problem(path[:1], f"over {_MOST_KEYS} keys", "a study with fewer of them")
+                return
+        entries = value.items() if isinstance(value, dict) else enumerate(value)
+        waiting += [((*path, key), entry) for key, entry in entries]
+
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
 # The first ones do not name in TOML's words, or not at all, what stands there twice.
@@ -224,7 +278,7 @@ def parse_document(
     StudyError
         If it is not TOML.
     """
-    if has_endless_keys(text):
+    if _has_endless_keys(text):
         raise _parse_error(label, None, "keys with too many dots", "a study")
     try:
         document = kind(label, text, tomllib.loads(text), objects)
@@ -249,7 +303,7 @@ def parse_document(
         raise _parse_error(label, place, found, "fewer digits") from None
     except RecursionError:
         raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
-    if problems := list(extent_problems(document.content)):
+    if problems := list(_extent_problems(document.content)):
         raise document.error(problems)
     return document
 

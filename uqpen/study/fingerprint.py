@@ -15,6 +15,7 @@ from uqpen.designs.keep import RUNS, STATISTICS
 from uqpen.distributions.truncated import Truncated
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.user_defined_model import UserDefinedModel
+from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import referenced_members
 from uqpen.surrogates.refinement.refined_design import RefinedDesign
@@ -29,9 +30,9 @@ __all__ = [
     "run_fingerprint",
 ]
 
-# Tables that determine the points of every design. The title does not, nor what is asked of the
+# Sections that determine the points of every design. The title does not, nor what is asked of the
 # runs, nor what they are held against.
-POINT_TABLES = ("seed", "inputs", "joint", "dependence", "constraints")
+POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
 
 
 def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:

@@ -14,7 +14,7 @@ from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.threshold import AcceptanceLimits
-from uqpen.study.table_reader import TableReader
+from uqpen.study.table_reader import StudyParts, TableReader
 
 __all__ = ["read_joint_probabilities"]
 
@@ -26,7 +26,7 @@ _EVENT = 'a list of limits, or a table such as { any = ["depth > 60 cm"], at_mos
 _CONDITION = 'a list of limits, or a table such as { any = ["depth > 60 cm"] }'
 
 
-def read_joint_probabilities(table: TableReader, model: Model) -> tuple[JointEvent, ...]:
+def read_joint_probabilities(table: TableReader, parts: StudyParts) -> tuple[JointEvent, ...]:
     """Read the events whose probabilities a study requests; invalid ones are noted and left out."""
     found = []
     for name in table:
@@ -35,7 +35,7 @@ def read_joint_probabilities(table: TableReader, model: Model) -> tuple[JointEve
             table.add_wrong(name, name, "a name of letters, digits and _, at most 100")
             continue
         try:
-            found.append(_read_event(name, written, model))
+            found.append(_read_event(name, written, parts.model))
         except (SettingsError, QuantityError) as error:
             table.add_problems(error.problems, name)
     return tuple(found)

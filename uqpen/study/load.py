@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import tomli_w
 
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import CONVERGENCE, SENSITIVITY
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Model, violated_conditions
 from uqpen.core.settings import count, flag, number, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
+from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.execution import FailurePolicy
 from uqpen.statistics.estimate import LEVEL
+from uqpen.study import SECTIONS
 from uqpen.study.analyses_section import read_analyses
-from uqpen.study.budget_section import BUDGET, STAND_IN, BudgetPlan, check_budget, plan_budget
+from uqpen.study.budget_section import (
+    BUDGET,
+    FEWEST_RUNS,
+    STAND_IN,
+    BudgetPlan,
+    check_budget,
+    plan_budget,
+)
 from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed, has_data
 from uqpen.study.dependence_section import read_dependence
-from uqpen.study.derived_section import derive_outputs
 from uqpen.study.designs_section import (
     check_designs,
     check_models,
@@ -34,19 +44,15 @@ from uqpen.study.designs_section import (
 )
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
-from uqpen.study.joint_probabilities_section import read_joint_probabilities
 from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_stand_ins, check_variants, read_models
-from uqpen.study.outputs_section import read_quantities_of_interest
-from uqpen.study.published_section import read_published
-from uqpen.study.refinement_section import refined_designs
-from uqpen.study.run_plan import FEWEST_RUNS
+from uqpen.study.outputs_section import derive_outputs
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
-from uqpen.study.surrogates_section import check_surrogates, read_surrogates
-from uqpen.study.table_reader import TableReader
+from uqpen.study.surrogates_section import check_surrogates, read_surrogates, refined_designs
+from uqpen.study.table_reader import StudyParts, TableReader
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["load_study", "parse_study", "read_study"]
+__all__ = ["load_study", "parse_study", "pilot_study", "read_study"]
 
 
 def load_study(path: str | Path) -> ValidatedStudy:
@@ -100,12 +106,11 @@ def parse_study(
     return read_study(document, name, Path(folder).absolute(), trust=trust)
 
 
-# What is expected of the tables that a study must have beside its models; the other tables.
-_REQUIRED = {"inputs": "an [inputs] table", "designs": "at least one [designs.<name>]"}
-_OPTIONAL = (
-    "joint", "dependence", "constraints", "outputs", "joint_probabilities", "surrogates",
-    "published", "failures",
-)  # fmt: skip
+# The tables of a study beside its models, those first that it must have.
+_TABLES = sorted(
+    (key for key, section in SECTIONS.items() if section.is_table),
+    key=lambda key: not SECTIONS[key].expected,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +147,17 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     models, model = read_models(root)
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root)
-    tables = {key: root.table(key, _expected(root, key)) for key in (*_REQUIRED, *_OPTIONAL)}
+    tables = {key: root.table(key, _expected(root, key)) for key in _TABLES}
     budget = check_budget(root, heading.budget)
     if default := _default_designs(root, budget):
         tables["designs"] = root.inside(default, "designs")
     root.check_unknown_keys()
     model, models = derive_outputs(tables["outputs"], model, models)
-    failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
+    fields: dict[str, Any] = {
+        section.field: tables[key].whole_settings(resolve(section.settings))
+        for key, section in SECTIONS.items()
+        if section.settings and tables[key].is_given
+    }
     methods = _read_methods(tables, model if are_models_whole else None)
     inputs, joint, is_clear = _read_joint(
         root, tables, model, models, methods.designs, heading.seed
@@ -162,11 +171,9 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
             tables[key] = root.inside(plan.section(key), key)
         methods = _read_methods(tables, model if are_models_whole else None)
     designs, surrogates = methods.designs, methods.surrogates
-    quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
-    events = read_joint_probabilities(tables["joint_probabilities"], model)
-    published = read_published(
-        tables["published"], model, {*tables["designs"], *tables["surrogates"]}
-    )
+    sources = frozenset({*tables["designs"], *tables["surrogates"]})
+    fields |= _read_sections(tables, StudyParts(model, sources, heading.confidence_level))
+    quantities = fields["quantities_of_interest"]
     check_variants(root, models, {entry.variable.name for entry in joint.random})
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
@@ -190,21 +197,27 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         models=models,
         joint=joint,
         constraints=constraints,
-        quantities_of_interest=quantities,
         designs=refined,
         text=plan.text,
         surrogates=surrogates,
-        published=published,
         folder=folder,
-        failures=failures,
         analyses=analyses,
         design_modules=methods.design_modules,
         surrogate_origins=methods.surrogate_origins,
         confidence_level=heading.confidence_level,
-        joint_events=events,
         plan=tuple(each.text for each in plan.tables),
         left_out=heading.left_out,
+        **fields,
     )
+
+
+def _read_sections(tables: Mapping[str, TableReader], parts: StudyParts) -> dict[str, Any]:
+    """Return the values of the sections that have a reader, by the fields of a study."""
+    return {
+        section.field: resolve(section.reader)(tables[key], parts)
+        for key, section in SECTIONS.items()
+        if section.reader
+    }
 
 
 class _Methods(NamedTuple):
@@ -272,7 +285,7 @@ def _expected(root: TableReader, key: str) -> str:
         or (key == "designs" and BUDGET in root)
         or (key == "inputs" and "joint" in root)
     )
-    return "" if is_elsewhere else _REQUIRED.get(key, "")
+    return "" if is_elsewhere else SECTIONS[key].expected
 
 
 def _note_missing(
@@ -304,3 +317,23 @@ def _check_nominal(table: TableReader, variant: Variant, joint: JointDistributio
         if violated.any():
             found = f"inputs that, at their medians, violate {condition}"
             table.add_problem((), found, f"inputs that {model.name} admits")
+
+
+def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
+    """Return the pilot of a study.
+
+    Its runs are the first of those of the study's first `monte-carlo` design, if it has one.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Read from a file.
+    runs : int
+        Number of runs.
+    """
+    independent = (name for name, each in study.designs.items() if isinstance(each, MonteCarlo))
+    name = next(independent, "pilot")
+    content: dict[str, Any] = tomllib.loads(study.text)
+    content.pop("surrogates", None)
+    content["designs"] = {name: {"kind": "monte-carlo", "runs": runs}}
+    return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)

@@ -1,33 +1,39 @@
-"""``[model]``: a built-in model by name, or a user-defined one with its units."""
+"""``[model]``: a built-in model by name, or a user-defined one with its units.
+
+Of a table with mistakes, a partial model is read, so that the rest of a study can be read all the
+same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Model
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.settings import flag, text
+from uqpen.core.units import ANY_DIMENSION
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_module import find_function, load_module, module_coordinates
-from uqpen.study.field_table import refuse_grids
-from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader
-from uqpen.study.variables_section import Variables, read_variables
+from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
 __all__ = [
     "USER_DEFINED_MODELS",
+    "PartialModel",
     "check_function_grids",
+    "mentioned_model",
     "read_function_limits",
     "read_limits",
     "read_model",
@@ -35,12 +41,76 @@ __all__ = [
     "unloaded_function",
 ]
 
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True, eq=False)
+class PartialModel(Model):
+    """The inputs and outputs of a model that could not be read in full; it cannot be run.
+
+    A variable whose unit is not known is of `ANY_DIMENSION`.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    alternatives: tuple[tuple[str, ...], ...] = ()
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Refuse to run: the study has mistakes."""
+        raise NotImplementedError(self.name)
+
+
+def mentioned_model(root: TableReader) -> PartialModel:
+    """Return a model with all variables that a study mentions, of any dimension."""
+    content = root.content
+    published = _tables(content.get("published"))
+    of_outputs = [figures for each in published for figures in _tables(each)]
+    inputs = {
+        *_keys(content.get("inputs")),
+        *(name for figures in of_outputs for name in _keys(figures.get("response"))),
+        *(
+            str(each["largest_contribution"])
+            for each in of_outputs
+            if "largest_contribution" in each
+        ),
+        *(str(name) for group in _tables(content.get("joint")) for name in _list(group, "inputs")),
+        *(name for model in _tables(content.get("models")) for name in _keys(model.get("with"))),
+        *_WORD.findall(str(content.get("constraints", ""))),
+    }
+    surrogates = _tables(content.get("surrogates"))
+    outputs = {
+        *_keys(content.get("outputs")),
+        *(name for each in published for name in each if name != "source"),
+        *(name for each in surrogates for name in _keys(each.get("transform"))),
+    }
+    return PartialModel(
+        "the model",
+        tuple(Input(name, ANY_DIMENSION) for name in sorted(inputs)),
+        tuple(Output(name, ANY_DIMENSION) for name in sorted(outputs)),
+    )
+
+
+def _keys(value: Any) -> Iterable[str]:
+    return value if isinstance(value, dict) else ()
+
+
+def _list(table: dict[str, Any], key: str) -> list[Any]:
+    value = table.get(key)
+    return value if isinstance(value, list) else []
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    entries = value.values() if isinstance(value, dict) else ()
+    return [entry for entry in entries if isinstance(entry, dict)]
+
+
 # The keys that name a user-defined model, and the readers of its table.
 USER_DEFINED_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
-    "object": "uqpen.study.object_section:read_object",
+    "object": "uqpen.study.model_class_section:read_object",
     "data": "uqpen.study.data_section:read_data",
 }
 

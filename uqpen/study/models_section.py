@@ -3,20 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.model import Input, Model
+from uqpen.core.arrays import Arrays
+from uqpen.core.model import Input, Model, Results
 from uqpen.core.setting_fields import declared_settings
 from uqpen.core.units import are_convertible
-from uqpen.study.model_section import read_model, read_partial_model
-from uqpen.study.models_together import ModelsTogether
-from uqpen.study.partial_model import PartialModel, mentioned_model
-from uqpen.study.stand_in import StandIn
-from uqpen.study.study import ONLY_MODEL, Variant
+from uqpen.study.model_section import PartialModel, mentioned_model, read_model, read_partial_model
+from uqpen.study.study import ONLY_MODEL, StandIn, Variant
 from uqpen.study.table_reader import TableReader, check_names, named_tables
 
-__all__ = ["check_stand_ins", "check_variants", "read_models"]
+__all__ = ["ModelsTogether", "check_stand_ins", "check_variants", "read_models"]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelsTogether(Model):
+    """The first model of a study with the inputs that only others take; it cannot be run.
+
+    Parameters
+    ----------
+    first : Model
+        It has all outputs of the study.
+    further_inputs : tuple of Input
+        Inputs of the others that the first does not have.
+    """
+
+    first: Model
+    further_inputs: tuple[Input, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.first.name)
+        object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))
+        object.__setattr__(self, "outputs", self.first.outputs)
+        object.__setattr__(self, "alternatives", self.first.alternatives)
+        object.__setattr__(self, "derived", self.first.derived)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Refuse to run: each model of the study is run by itself."""
+        raise NotImplementedError(self.name)
 
 
 def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:

@@ -1,17 +1,225 @@
-"""``[outputs.<name>]``: the quantity of interest of an output."""
+"""``[outputs.<name>]``: quantities of interest, and outputs that follow from fields (``of``)."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from uqpen.core.catalogue import REQUESTED
+from uqpen.core.derived import DerivedOutput, Reduction
+from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.labels import NAME, RESERVED
+from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model, Output
-from uqpen.core.units import scale
+from uqpen.core.setting_fields import declared_settings
+from uqpen.core.units import ANY_DIMENSION, scale
+from uqpen.reductions import REDUCTIONS
+from uqpen.reductions.extremes import Maximum
+from uqpen.reductions.interpolation import At
+from uqpen.reductions.occurrence import derived_outputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.derived_section import is_derived, requests_table
-from uqpen.study.table_reader import TableReader, check_names
+from uqpen.study.model_section import PartialModel
+from uqpen.study.study import Variant
+from uqpen.study.table_reader import StudyParts, TableReader, check_names, family_member
 
-__all__ = ["read_quantities_of_interest"]
+__all__ = [
+    "derive_outputs",
+    "is_derived",
+    "read_quantities_of_interest",
+]
+
+_OF, _TAKE, _AT = "of", "take", "at"
+# A key with the name of a dimension, ``time_of``, and the reductions by its values.
+_PLACE_OF = "_of"
+_PLACES = {"max": "idxmax", "min": "idxmin"}
+_EXAMPLE = '{ time = "10 day" }'
+
+
+class _Declared(NamedTuple):
+    """An output that a study derives from a field."""
+
+    name: str
+    field: Output
+    reduction: Reduction
+
+
+def is_derived(table: object) -> bool:
+    """Check for the table of an output that follows from a field."""
+    return isinstance(table, Mapping) and _OF in table
+
+
+def derive_outputs(
+    table: TableReader, model: Model, variants: Mapping[str, Variant]
+) -> tuple[Model, dict[str, Variant]]:
+    """Return the models of a study with the outputs that ``[outputs]`` derives from their fields.
+
+    Mistakes are noted; an output with one is of any dimension.
+
+    Parameters
+    ----------
+    table : TableReader
+        All of ``[outputs]``.
+    model : Model
+        The first model; a `PartialModel` where it has mistakes.
+    variants : mapping of str to Variant
+        The models by name. Each gets the outputs that follow from fields of its own.
+    """
+    found: list[_Declared] = []
+    derived: list[DerivedOutput] = []
+    known = {each.name for each in (*model.inputs, *model.outputs)}
+    known.update(dimension.name for output in model.outputs for dimension in output.dims)
+    for name in table:
+        if not is_derived(table.content[name]) or (
+            isinstance(model, PartialModel) and name in known
+        ):
+            continue
+        declared = _read_declared(table.table(name), name, model)
+        outputs = _derived(declared) if declared else (_unclear(name),)
+        if _has_free_names(table, outputs, known):
+            derived += outputs
+            found += [declared] if declared else []
+            known.update(each.output.name for each in outputs)
+    changed = {
+        name: replace(variant, model=variant.model.with_derived([*_of_model(variant.model, found)]))
+        for name, variant in variants.items()
+    }
+    return model.with_derived(derived), changed
+
+
+def _requests_table(table: TableReader, output: Output, model: Model) -> TableReader:
+    """Return the table of an output as far as it asks for statistics.
+
+    The keys by which it says what the output is derived from are taken. It is empty where they
+    have a mistake.
+    """
+    section = table.table(output.name)
+    if not is_derived(section.content):
+        return section
+    derived = {each.output: each for each in model.derived}.get(output)
+    if derived is None or output.categories or output.unit is ANY_DIMENSION:
+        return section.inside({})
+    settings = declared_settings(derived.reduction)
+    keys = [_OF, _TAKE, _AT, *(setting.key or field.name for field, setting in settings)]
+    for key in (*keys, *(key for key in section if key.endswith(_PLACE_OF))):
+        section.take(key)
+    return section
+
+
+def _of_model(model: Model, found: Sequence[_Declared]) -> Iterator[DerivedOutput]:
+    """Yield the outputs that follow from fields of a model."""
+    own = {output.name: output for output in model.outputs}
+    for each in found:
+        if each.field.name in own:
+            yield from _derived(each._replace(field=own[each.field.name]))
+
+
+def _derived(declared: _Declared) -> tuple[DerivedOutput, ...]:
+    return derived_outputs(*declared)
+
+
+def _unclear(name: str) -> DerivedOutput:
+    """Return an output whose declaration has a mistake."""
+    return DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum())
+
+
+def _has_free_names(table: TableReader, derived: Sequence[DerivedOutput], known: set[str]) -> bool:
+    """Check the names of a derived output and its companion; note one that is taken."""
+    first, names = derived[0].output.name, [each.output.name for each in derived]
+    if not NAME.match(first) or first in RESERVED:
+        others = ", ".join(sorted(RESERVED))
+        expected = f"a name of letters, digits and _, at most 100, none of {others}"
+        table.add_wrong(first, first, expected)
+    elif taken := [name for name in names if name in known]:
+        found = f'an output "{taken[0]}", a name that the study has already'
+        table.add_problem(first, found, "a name of its own")
+    else:
+        return True
+    return False
+
+
+def _read_declared(table: TableReader, name: str, model: Model) -> _Declared | None:
+    """Read what an output is derived from; None where a mistake was noted."""
+    field = _read_field(table, model)
+    if field is None:
+        return None
+    key = _way(table, field)
+    noted = len(table.problems)
+    reduction = _read_reduction(table, key, field) if key else None
+    if reduction is None or len(table.problems) > noted:
+        return None
+    for found, expected in reduction.mistakes(field):
+        table.add_problem(key, found, expected)
+    if reduction.is_difference:
+        _check_unit(table, reduction.unit(field))
+    return _Declared(name, field, reduction) if len(table.problems) == noted else None
+
+
+def _read_field(table: TableReader, model: Model) -> Output | None:
+    """Read the field that an output is derived from; None where a mistake was noted."""
+    known = [output for output in model.outputs if output.unit is not ANY_DIMENSION]
+    fields = {output.name: output for output in known if output.dims}
+    name = table.text(_OF, "the name of an output with dimensions")
+    if name is None or name in fields or isinstance(model, PartialModel):
+        return fields.get(name or "")
+    expected = f"an output of {model.name} with dimensions; {choices(name, fields)}"
+    table.add_wrong(_OF, name, expected)
+    return None
+
+
+def _way(table: TableReader, field: Output) -> str:
+    """Return the key that says what is taken of a field; empty where a mistake was noted."""
+    given = [key for key in table if key in (_TAKE, _AT) or key.endswith(_PLACE_OF)]
+    known = [f"{dimension.name}{_PLACE_OF}" for dimension in field.dims]
+    if len(given) != 1:
+        found = " and ".join(given) or "nothing to take"
+        table.add_problem((), found, f"one of {', '.join((_TAKE, _AT, *known))}")
+        return ""
+    if given[0] not in (_TAKE, _AT, *known):
+        table.add_problem(given[0], "an unknown dimension", choices(given[0], known))
+        return ""
+    return given[0]
+
+
+def _read_reduction(table: TableReader, key: str, field: Output) -> Reduction | None:
+    """Read a reduction by the key that names it; None where a mistake was noted."""
+    if key == _AT:
+        return _read_place(table, field)
+    if key == _TAKE:
+        family = {name: each for name, each in REDUCTIONS.items() if name != _AT}
+        kind = family_member(table, key, family, "something to take")
+    else:
+        place = table.take(key)
+        kind = None
+        if isinstance(place, str) and place in _PLACES:
+            kind = resolve(REDUCTIONS[_PLACES[place]])
+        else:
+            table.add_wrong(key, place, f"one of {', '.join(_PLACES)}")
+    reduction: Reduction | None = kind and table.settings(kind, like=field.unit)
+    return reduction
+
+
+def _read_place(table: TableReader, field: Output) -> At | None:
+    """Read the coordinates of a place; None where one has a mistake."""
+    places = table.table(_AT, f"a table of coordinates, such as {_EXAMPLE}")
+    if not places.is_given:
+        return None
+    read = {each.name: places.quantity(each.name, each.unit) for each in field.dims}
+    places.check_unknown_keys("dimension")
+    return At(tuple((name, value) for name, value in read.items() if value is not None))
+
+
+def _check_unit(table: TableReader, unit: str) -> None:
+    """Note a unit with a zero of its own, such as degC, in which no difference can be shown."""
+    written = table.content.get("unit")
+    try:
+        has_zero = isinstance(written, str) and scale(written).offset
+    except QuantityError:
+        return  # which is noted with the other keys
+    if has_zero:
+        expected = f"a unit such as {toml_text(unit)}, as it is a difference"
+        table.add_wrong("unit", written, expected)
+
 
 # Requests of which a field has none. A limit that holds a share has one side, a band has two; the
 # scale of a chart is of one number.
@@ -21,14 +229,15 @@ _OF_SCALARS = {each.asked.key: each.asked.refusal for each in REQUESTED if each.
 
 
 def read_quantities_of_interest(
-    table: TableReader, model: Model, confidence_level: float
+    table: TableReader, parts: StudyParts
 ) -> tuple[QuantityOfInterest, ...]:
     """Read the quantity of interest of each output, derived ones too, in the model's order."""
+    model = parts.model
     refused = [name for name in table if is_derived(table.content[name])]
     known = [output.name for output in model.all_outputs]
     check_names(table, [*known, *refused], "output", model)
     return tuple(
-        _read_quantity(requests_table(table, output, model), output, confidence_level)
+        _read_quantity(_requests_table(table, output, model), output, parts.confidence_level)
         for output in model.all_outputs
     )
 

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 from uqpen.core.labels import LARGEST_CONTRIBUTION
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output
 from uqpen.statistics.published import Publication, PublishedEstimates
-from uqpen.study.table_reader import TableReader, check_names, named_tables
+from uqpen.study.table_reader import StudyParts, TableReader, check_names, named_tables
 
 __all__ = ["read_published"]
 
 
-def read_published(
-    table: TableReader, model: Model, taken: Collection[str]
-) -> dict[str, Publication]:
-    """Read the publications of a study; invalid entries are noted and left out.
-
-    None has a name of `taken`, the designs and surrogates.
-    """
+def read_published(table: TableReader, parts: StudyParts) -> dict[str, Publication]:
+    """Read the publications of a study; invalid entries are noted and left out."""
     found: dict[str, Publication] = {}
     for name, section in named_tables(table):
-        if name in taken:
+        if name in parts.sources:
             section.add_wrong((), name, "a name that no design or surrogate has")
             continue
         publication = section.settings(Publication)
-        estimates = [_read_estimates(section, output, model) for output in model.all_outputs]
+        estimates = [
+            _read_estimates(section, output, parts.model) for output in parts.model.all_outputs
+        ]
         section.check_unknown_keys("output")
         if publication is not None:
             found[name] = replace(publication, estimates=tuple(filter(None, estimates)))

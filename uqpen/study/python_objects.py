@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
-from uqpen.core.errors import Problem, QuantityError
-from uqpen.core.lookup import family_name
+from uqpen.core.columns import heading_parts
+from uqpen.core.errors import Problem, QuantityError, TableError
+from uqpen.core.lookup import family_name, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
 from uqpen.core.setting_fields import written_settings
@@ -20,27 +23,182 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.stopping.precision import Precision
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
+from uqpen.distributions.chaospy_joint import declare_joint, is_joint
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.elliptical_copulas import EllipticalCopula
-from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare
+from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
 from uqpen.distributions.truncated import Truncated
-from uqpen.execution.failures import FailurePolicy
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
-from uqpen.study.data_objects import data_content, data_table, is_data
-from uqpen.study.derived_section import is_derived
+from uqpen.study import SECTIONS
 from uqpen.study.frozen_section import SETTINGS
-from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
-from uqpen.study.model_variables import find_variable_faults
+from uqpen.study.model_class_section import find_variable_faults
 from uqpen.study.named_object import OBJECT
+from uqpen.study.outputs_section import is_derived
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.study.user_defined_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["StudyContent"]
+__all__ = [
+    "StudyContent",
+    "is_data",
+    "joint_paths",
+]
+
+# The name of the file under which an archive keeps the runs.
+_NAME = "data.csv"
+
+
+def is_data(value: object) -> bool:
+    """Check for an object that has runs in place of a model."""
+    return isinstance(value, pd.DataFrame | xr.Dataset)
+
+
+def _data_content(data: Any) -> bytes:
+    """Return runs as a CSV file, each number as it is to the bit."""
+    return _frame(data).to_csv(index=False).encode("utf-8")
+
+
+def _data_table(data: Any, units: Mapping[str, str], outputs: Iterable[str]) -> dict[str, Any]:
+    """Return the table of a study file that declares runs as its data file.
+
+    Parameters
+    ----------
+    data : DataFrame or Dataset
+        A column ``name [unit]`` or a variable along one dimension for each input and output.
+    units : mapping of str to str
+        The units that the study states for inputs and outputs. They are those of columns without a
+        unit; others are units for display.
+    outputs : iterable of str
+        The outputs. All other columns are inputs, but for those with a meaning of their own.
+    """
+    known = dict(_parts(heading) for heading in map(str, _frame(data).columns))
+    without = {name: unit for name, unit in units.items() if known.get(name) == ""}
+    return {"data": _NAME, "outputs": list(outputs), "units": without or None}
+
+
+def _parts(heading: str) -> tuple[str, str]:
+    try:
+        name, unit = heading_parts(heading, _NAME)
+    except TableError:
+        return heading, ""  # whoever reads the file says what is wrong with it
+    return name, unit if "[" in heading else ""
+
+
+def _frame(data: Any) -> pd.DataFrame:
+    if isinstance(data, pd.DataFrame):
+        return data
+    columns = {}
+    for name, variable in data.variables.items():
+        if variable.ndim == 1 and (name not in data.dims or "units" in variable.attrs):
+            unit = variable.attrs.get("units")
+            columns[f"{name} [{unit}]" if unit else str(name)] = variable.values
+    return pd.DataFrame(columns)
+
+
+def _with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a study with its joint distributions as tables.
+
+    A distribution of chaospy under a tuple of inputs becomes an entry of ``joint``, or an entry of
+    ``inputs`` for each input if these are independent.
+    """
+    inputs, joint = arguments.get("inputs"), arguments.get("joint")
+    if not isinstance(inputs, Mapping) or not isinstance(joint, Mapping | None):
+        return dict(arguments)
+    single = {name: value for name, value in inputs.items() if not isinstance(name, tuple)}
+    tables = {name: _table(value) for name, value in (joint or {}).items()}
+    paths = joint_paths(inputs, tables)
+    for names, value in inputs.items():
+        if not isinstance(names, tuple) or _tuple_fault(names, value):
+            continue
+        margins = [value] if len(names) == 1 else list(value)
+        is_independent = len(names) == 1 or not value.stochastic_dependent
+        # An input with another entry stays in its table, whose reader refuses it.
+        is_new = len({*names} - single.keys()) == len(names)
+        if is_new and is_independent and all(len(each) == 1 for each in margins):
+            single |= dict(zip(names, margins, strict=True))
+        else:
+            tables[paths[names][1]] = _table({"inputs": list(names), "chaospy": value})
+    found = {**arguments, "inputs": single or None, "joint": tables or None}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _find_tuple_faults(inputs: object) -> Iterator[Problem]:
+    """Yield the problems of the entries of inputs under a tuple of names."""
+    for names, value in inputs.items() if isinstance(inputs, Mapping) else ():
+        if isinstance(names, tuple) and (fault := _tuple_fault(names, value)):
+            yield Problem(("inputs", str(names)), *fault)
+
+
+def _tuple_fault(names: tuple[Any, ...], value: object) -> tuple[str, str] | None:
+    """Return what is wrong with an entry, and what is expected; None where nothing is."""
+    expected = f"a distribution of chaospy of dimension {len(names)}"
+    if not names:
+        return "no names of inputs", "a tuple of the inputs of a joint distribution"
+    if not is_chaospy(value):
+        return f"an object of class {type(value).__name__}", expected
+    dimension = len(value)  # type: ignore[arg-type]
+    return None if dimension == len(names) else (f"one of dimension {dimension}", expected)
+
+
+def joint_paths(
+    inputs: Iterable[Any], taken: Collection[str] = ()
+) -> dict[tuple[Any, ...], tuple[str, str]]:
+    """Return the path of the table of each joint distribution, by the tuple of its inputs.
+
+    Parameters
+    ----------
+    inputs : iterable
+        Names of inputs, and tuples of them.
+    taken : collection of str
+        Names of other tables.
+    """
+    paths: dict[tuple[Any, ...], tuple[str, str]] = {}
+    for names in inputs:
+        if isinstance(names, tuple):
+            used = {*taken, *(path[1] for path in paths.values())}
+            joined = "_".join(map(str, names))
+            # ("a_b", "c") and ("a", "b_c") are two.
+            numbered = (f"{joined}_{number}" for number in itertools.count(2))
+            name = next(each for each in itertools.chain([joined], numbered) if each not in used)
+            paths[names] = ("joint", name)
+    return paths
+
+
+def _table(value: Any) -> Any:
+    """Return a joint distribution as a study file has it: as data, else the object by its name."""
+    if not isinstance(value, Mapping) or not is_joint(value.get("chaospy")):
+        return value
+    joint = value["chaospy"]
+    others = {key: entry for key, entry in value.items() if key != "chaospy"}
+    declared = declare_joint(joint)
+    return {**others, **({OBJECT: joint} if declared is None else {"chaospy": declared})}
+
+
+def _joint_units(joint: Any) -> Iterator[tuple[str, str]]:
+    """Yield the inputs of joint distributions with the units of their values."""
+    tables = joint.values() if isinstance(joint, Mapping) else ()
+    for table in tables:
+        if not isinstance(table, Mapping):
+            continue
+        names, sample = table.get("inputs", ()), table.get("sample")
+        units = [*map(str, table.get("units", ()))]
+        units += [DIMENSIONLESS] * (len(names) - len(units))
+        yield from zip(map(str, names), units, strict=False)
+        # Both a dict of columns and a DataFrame are iterables of headings.
+        for heading in (
+            sample if isinstance(sample, Iterable) and not isinstance(sample, str) else ()
+        ):
+            try:
+                name, unit = heading_parts(str(heading), "the table")
+            except TableError:
+                continue  # the reader of the table says what is wrong
+            if name != "weight":
+                yield name, unit
+
 
 _VALUES = "a text, a number, true or false, a list, a dict, or an object of uqpen's"
 
@@ -62,15 +220,15 @@ class StudyContent:
         self.folder = folder
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
-        given = {name: value for name, value in arguments.items() if value is not None}
-        self.problems += find_tuple_faults(given.get("inputs"))
-        given = with_joint_tables(given)
+        given = {name: arguments[name] for name in SECTIONS if arguments.get(name) is not None}
+        self.problems += _find_tuple_faults(given.get("inputs"))
+        given = _with_joint_tables(given)
         model = given.get("model")
         if is_data(model):
-            self.objects["model",] = data_content(model)
+            self.objects["model",] = _data_content(model)
             outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
             units = {**dict(self._input_units(given)), **outputs}
-            given["model"] = data_table(model, units, outputs)
+            given["model"] = _data_table(model, units, outputs)
         elif callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
             if "outputs" in given:
@@ -133,7 +291,7 @@ class StudyContent:
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
                 self.problems.append(Problem(("inputs", str(name)), found, expected))
-        inputs |= dict(joint_units(given.get("joint")))
+        inputs |= dict(_joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
         return PythonModel(function, inputs, outputs)
 
@@ -173,7 +331,9 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
         return value.table()
     if isinstance(value, Precision):
         return dict(value.targets)
-    if isinstance(value, FailurePolicy):
+    if isinstance(
+        value, tuple(resolve(each.settings) for each in SECTIONS.values() if each.settings)
+    ):
         return written_settings(value)
     for kind, family, key in (
         (Design, DESIGNS, "kind"),

@@ -6,11 +6,12 @@ import dataclasses
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import tomli_w
 
 from uqpen.core.errors import Problem, StudyError
+from uqpen.study import SECTIONS, SectionArguments
 from uqpen.study.document import ArgumentsDocument, parse_document
 from uqpen.study.load import load_study as read_file
 from uqpen.study.load import read_study
@@ -19,14 +20,6 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import study_html
 
 __all__ = ["Study", "load_study"]
-
-# The order of the tables in the text of a study.
-_ORDER = (
-    "title", "seed", "confidence_level", "budget", "sensitivity", "convergence", "analyses",
-    "model", "models", "inputs",
-    "joint", "dependence", "constraints", "outputs", "joint_probabilities", "designs", "surrogates",
-    "published", "failures",
-)  # fmt: skip
 
 
 class Study(ValidatedStudy):
@@ -104,12 +97,6 @@ class Study(ValidatedStudy):
         title: str | None = None,
         name: str = "study",
         models: Mapping[str, object] | None = None,
-        joint: Mapping[str, object] | None = None,
-        joint_probabilities: Mapping[str, object] | None = None,
-        surrogates: Mapping[str, object] | None = None,
-        published: Mapping[str, object] | None = None,
-        failures: object | None = None,
-        dependence: object | None = None,
         constraints: Sequence[str] = (),
         analyses: Sequence[str] = (),
         confidence_level: float | None = None,
@@ -117,7 +104,10 @@ class Study(ValidatedStudy):
         sensitivity: bool = True,
         convergence: bool = True,
         folder: str | Path = ".",
+        **sections: Unpack[SectionArguments],
     ) -> None:
+        for key in sections.keys() - SECTIONS:
+            raise TypeError(f"Study.__init__() got an unexpected keyword argument '{key}'")
         made = StudyContent(
             {
                 "title": title,
@@ -129,16 +119,11 @@ class Study(ValidatedStudy):
                 "model": {"use": model} if isinstance(model, str) else model,
                 "models": models,
                 "inputs": inputs,
-                "joint": joint,
                 "outputs": outputs,
-                "joint_probabilities": joint_probabilities,
                 "designs": designs,
-                "surrogates": surrogates,
-                "published": published,
-                "failures": failures,
-                "dependence": dependence,
                 "constraints": {"keep": list(constraints)} if constraints else None,
                 "analyses": list(analyses) or None,
+                **sections,
             },
             Path(folder).absolute(),
         )
@@ -185,7 +170,7 @@ def _read(made: StudyContent, name: str) -> ValidatedStudy:
 
 def _text(content: Mapping[str, Any]) -> str:
     """Return the text of a study, its tables in a fixed order."""
-    ordered = {key: content[key] for key in _ORDER if key in content}
+    ordered = {key: content[key] for key in SECTIONS if key in content}
     text = tomli_w.dumps(ordered, multiline_strings=True)
     # A multi-line text loses carriage returns.
     return text if tomllib.loads(text) == ordered else tomli_w.dumps(ordered)

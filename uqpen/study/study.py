@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Model
+from uqpen.core.settings import name, number
 from uqpen.designs.design import Design
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.constraints import Constraint
@@ -21,10 +22,48 @@ from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
-from uqpen.study.stand_in import StandIn, family_costs
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["ONLY_MODEL", "SurrogateOrigin", "ValidatedStudy", "Variant"]
+__all__ = ["ONLY_MODEL", "StandIn", "SurrogateOrigin", "ValidatedStudy", "Variant", "family_costs"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandIn:
+    """Model that another one stands for, and the cost of a run in its place.
+
+    Parameters
+    ----------
+    stands_for : str
+        The name of that model.
+    cost : float
+        Cost of a run, relative to one of that model.
+    """
+
+    stands_for: str = name()
+    cost: float = number(
+        above=0,
+        below=1,
+        expected="the cost of a run over that of the model it stands for, above 0 and below 1",
+    )
+
+
+def family_costs(first: str, stand_ins: Mapping[str, StandIn]) -> dict[str, float]:
+    """Return the cost of a run of a model and of all that stand for it, relative to its own.
+
+    Parameters
+    ----------
+    first : str
+        The name of the model.
+    stand_ins : mapping of str to StandIn
+        The stand-ins of a study by name. Some may stand for other stand-ins, without a circle.
+    """
+    costs = {first: 1.0}
+    left = dict(stand_ins)
+    while near := {name: each for name, each in left.items() if each.stands_for in costs}:
+        costs |= {name: costs[each.stands_for] * each.cost for name, each in near.items()}
+        left = {name: each for name, each in left.items() if name not in near}
+    return {name: costs[name] for name in (first, *stand_ins) if name in costs}
+
 
 # Name of the model of a study with a single ``[model]``.
 ONLY_MODEL = ""

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from html import escape
 
 from uqpen.core.catalogue import REQUESTED
 from uqpen.core.html import html_table
-from uqpen.core.lookup import family_name
+from uqpen.core.lookup import family_name, resolve
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
+from uqpen.designs.keep import RUNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
+from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.refinement.refined_design import RefinedDesign
 
 __all__ = [
+    "constraint_lines",
     "design_rows",
+    "failure_lines",
     "input_rows",
+    "kept_lines",
     "models_text",
     "output_rows",
+    "run_limit_lines",
     "runs_text",
+    "section_lines",
     "study_html",
     "surrogate_rows",
 ]
@@ -101,6 +108,46 @@ def surrogate_rows(study: ValidatedStudy) -> Rows:
         (name, surrogate.design, surrogate.check or "nothing")
         for name, surrogate in study.surrogates.items()
     ]
+
+
+def section_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield what sections state in a line each: limits, treatment of failed runs, constraints."""
+    for section in sorted(SECTIONS.values(), key=lambda each: each.rank):
+        if section.lines:
+            yield from resolve(section.lines)(study)
+
+
+def run_limit_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield the limits of a run of each model."""
+    for name, variant in study.models.items():
+        limits = variant.model.run_limits
+        allowed = [] if limits.seconds is None else [f"{limits.seconds:g} s"]
+        allowed += [] if limits.bytes is None else [f"{limits.bytes / 1e6:.10g} MB of memory"]
+        if allowed:
+            of = f" of {name}" * study.has_several_models
+            yield f"each run{of} may take {' and '.join(allowed)}"
+
+
+def failure_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield what is done about failed runs."""
+    if study.failures.retry:
+        yield f"a failed run is repeated at most {study.failures.retry} times"
+    if study.failures.at_most < 1:
+        share = f"{100 * study.failures.at_most:.10g} %"
+        yield f"the study stops if more than {share} of a design's runs fail"
+
+
+def kept_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield the designs whose runs the archive does not keep."""
+    for name, design in study.designs.items():
+        if design.keep != RUNS:
+            yield f"the archive has the statistics of {name}, and not its runs"
+
+
+def constraint_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield the constraints on the points."""
+    for constraint in study.constraints:
+        yield f"only where {constraint.text}"
 
 
 def study_html(study: ValidatedStudy) -> str:

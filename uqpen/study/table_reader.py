@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
@@ -16,9 +16,27 @@ from uqpen.core.setting_fields import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import MOST_LISTED, Document
 
-__all__ = ["TableReader", "check_names", "family_member", "named_tables"]
+__all__ = ["StudyParts", "TableReader", "check_names", "family_member", "named_tables"]
 
 T = TypeVar("T")
+
+
+class StudyParts(NamedTuple):
+    """Parts of a study to which a section can refer.
+
+    Parameters
+    ----------
+    model : Model
+        The model with the inputs and outputs of the study.
+    sources : frozenset of str
+        Names of the designs and surrogates.
+    confidence_level : float
+        Confidence level of all intervals.
+    """
+
+    model: Model
+    sources: frozenset[str]
+    confidence_level: float
 
 
 @dataclasses.dataclass(eq=False)

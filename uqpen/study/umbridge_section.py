@@ -18,9 +18,8 @@ from uqpen.core.model import Model, Output, Variable
 from uqpen.core.settings import setting, text
 from uqpen.models.umbridge import UmbridgeModel, VectorSizes, request_sizes
 from uqpen.models.umbridge_client import PROTOCOL, Address, NoAnswerError, UmbridgeClient
-from uqpen.study.field_table import refuse_grids
 from uqpen.study.table_reader import TableReader
-from uqpen.study.variables_section import Variables, read_variables
+from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
 __all__ = ["read_umbridge"]
 

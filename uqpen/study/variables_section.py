@@ -1,20 +1,469 @@
-"""``[model.inputs]`` and ``[model.outputs]``: what a user-defined model takes and gives."""
+"""``[model.inputs]``, ``[model.outputs]`` and ``[model.dimensions]`` of a user-defined model.
+
+An output may have dimensions (``along``, ``may_end``, a run's own grid). The coordinates of a
+dimension may be in a file beside the study: CSV, NetCDF, or a table with blanks.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from uqpen.core.errors import QuantityError
+import numpy as np
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.columns import heading_parts
+from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
+from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import NAME, RESERVED
-from uqpen.core.model import Input, Output
-from uqpen.core.units import ANY_DIMENSION, si_unit
-from uqpen.models.run_grid import FieldSources, RunGrid
-from uqpen.study.dimensions_section import DimensionsReader, ModelCoordinates
-from uqpen.study.field_table import check_dimensions, read_field, read_grid
+from uqpen.core.list_reading import as_float
+from uqpen.core.lookup import choices
+from uqpen.core.model import Dimension, Input, Output
+from uqpen.core.setting_fields import Context
+from uqpen.core.settings import choice, count, file, flag, number, setting, text, validate
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe, scale, si_unit
+from uqpen.core.variables import dimension_name_problem
+from uqpen.distributions.measurements import Measurements
+from uqpen.models.command.output_reader import parse_number
+from uqpen.models.command.tables import blank_column
+from uqpen.models.command.written import UnreadableError
+from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
+from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["Variables", "read_variables"]
+__all__ = [
+    "Variables",
+    "dimensions_from_model",
+    "read_variables",
+    "refuse_grids",
+]
+
+_WITH_UNITS = (".csv", ".nc")
+
+
+class _FileCoordinates(NamedTuple):
+    """Coordinates in a file.
+
+    Attributes
+    ----------
+    values : ndarray, shape (place,)
+        In SI units, as they stand there.
+    unit : str
+        The unit that the study or the file states.
+    file : FileSnapshot
+        The file.
+    place : str
+        The file and the column, for a message.
+    """
+
+    values: FloatArray
+    unit: str
+    file: FileSnapshot
+    place: str
+
+
+def _read_coordinates_file(
+    path: Path, column: str | int | None, unit: str | None
+) -> _FileCoordinates:
+    """Read a column of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.csv`` for CSV and in ``.nc`` for NetCDF. Any other file is a table with blanks
+        between its columns.
+    column : str or int, optional
+        Its heading, or its position in a table; may be left out where there is one column.
+    unit : str, optional
+        The unit to show the coordinates in. It is also that of a column without a unit.
+
+    Raises
+    ------
+    TableError
+        If there is no such file or column, or an entry is no number.
+    """
+    if path.suffix not in _WITH_UNITS:
+        return _read_table(path, column, unit or DIMENSIONLESS)
+    if isinstance(column, int):
+        raise TableError(f'"{path.name}" has columns with headings')
+    measurements = Measurements(path)
+    found = measurements.column(column or "")
+    place = f'column "{found.heading}" of "{path.name}"'
+    if unit is not None and found.unit == DIMENSIONLESS:
+        values = np.asarray(scale(unit).array_to_si(found.load()))
+        return _FileCoordinates(values, unit, measurements.source, place)
+    shown = unit or found.unit
+    return _FileCoordinates(found.values(shown), shown, measurements.source, place)
+
+
+def _read_table(path: Path, column: str | int | None, unit: str) -> _FileCoordinates:
+    try:
+        content = path.read_bytes()
+        text = content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise TableError(f'there is no file "{path}"') from None
+    except (OSError, UnicodeDecodeError):
+        raise TableError(f'"{path.name}" cannot be read as a text') from None
+    if column is None and any(blank_column(text, 1) or ()):
+        raise TableError(f'"{path.name}" has several columns')
+    entries = blank_column(text, 0 if column is None else column)
+    if entries is None:
+        raise TableError(f'"{path.name}" has no column "{column}"')
+    place = f'column {column or 0} of "{path.name}"'
+    try:
+        numbers = [
+            parse_number(entry or "", f"row {row} of {place}") for row, entry in enumerate(entries)
+        ]
+    except UnreadableError as error:
+        raise TableError(str(error)) from None
+    values = np.asarray(scale(unit).array_to_si(np.array(numbers, dtype=np.float64)))
+    return _FileCoordinates(values, unit, FileSnapshot.from_content(path, content), place)
+
+
+# Returns the coordinates that a model's code has under a name, in the unit of the dimension; None
+# where nobody knows. A ModelError says that it has none.
+_ModelCoordinates = Callable[[str], FloatArray | None]
+
+_DIMENSIONS, _FROM_MODEL = "dimensions", "from_model"
+
+# Coordinates of one dimension at most.
+_MOST = 1_000_000
+
+_SOURCES = (["from", "to", "size"], ["values"], ["file"], ["file", "column"], [_FROM_MODEL])
+_COORDINATES = f"either from, to and size, or values, or file, or {_FROM_MODEL}"
+
+_NO_CODE = "values or a file: only a Python function of a file or a module can be asked"
+
+
+def _read_unit(written: object, context: Context) -> Any:
+    if isinstance(written, str):
+        si_unit(written)
+    return written
+
+
+def _read_numbers(written: object, context: Context) -> Any:
+    return tuple(map(as_float, written)) if isinstance(written, list) else written
+
+
+def _are_numbers(values: Any) -> bool:
+    is_list = isinstance(values, tuple) and bool(values)
+    return is_list and all(isinstance(value, float) for value in values)
+
+
+def _is_column(value: object) -> bool:
+    return type(value) is int or (isinstance(value, str) and bool(value.strip()))
+
+
+@dataclass(frozen=True)
+class _Coordinates:
+    """Coordinates of a dimension as a study states them, in the unit that it names."""
+
+    unit: str | None = setting(
+        "unit", 'a unit such as "s"', lambda unit: isinstance(unit, str), _read_unit, default=None
+    )
+    first: float | None = number(key="from", default=None)
+    last: float | None = number(key="to", default=None)
+    size: int | None = count(minimum=2, maximum=_MOST, default=None)
+    values: tuple[float, ...] | None = setting(
+        "coordinates", "a list of numbers", _are_numbers, _read_numbers, default=None
+    )
+    file: Path | None = file(default=None)
+    column: str | int | None = setting(
+        "column", "the heading of a column, or its position from 0", _is_column, default=None
+    )
+    from_model: str | None = text(expected="a name in the model's file or module", default=None)
+    long_name: str | None = text(expected="a name for display", default=None)
+
+    def __post_init__(self) -> None:
+        validate(self, self._problems())
+
+    def _problems(self) -> Iterator[Problem]:
+        given = [key for key, value in self._by_key().items() if value is not None]
+        if given not in _SOURCES:
+            yield Problem((), " and ".join(given) or "no coordinates", _COORDINATES)
+        elif self.first is not None and self.last is not None and not self.first < self.last:
+            yield Problem(("to",), f"{self.last:g}", f"a number above {self.first:g}")
+
+    def _by_key(self) -> dict[str, Any]:
+        ends = {"from": self.first, "to": self.last, "size": self.size}
+        rest = (self.values, self.file, self.column, self.from_model)
+        return ends | dict(zip(("values", "file", "column", _FROM_MODEL), rest, strict=True))
+
+    def stated(self) -> FloatArray:
+        """Return coordinates that the study states itself, in its unit."""
+        if self.first is not None and self.last is not None and self.size is not None:
+            return np.linspace(self.first, self.last, self.size)
+        return np.array(self.values)
+
+
+class _Found(NamedTuple):
+    """Coordinates in SI units, the unit to show them in, and the key and place that they are of."""
+
+    values: FloatArray
+    unit: str
+    key: str
+    place: str = ""
+
+
+@dataclass(eq=False)
+class _DimensionsReader:
+    """Reader of the dimensions of a model's outputs.
+
+    Parameters
+    ----------
+    from_model : callable or None
+        Asks the model's code for coordinates; None for a model without such code.
+    files : dict
+        The files with coordinates, by path.
+    shared : dict
+        The dimensions of ``[model.dimensions]`` by name; None for one with a mistake.
+    """
+
+    from_model: _ModelCoordinates | None
+    files: dict[Path, FileSnapshot] = field(default_factory=dict)
+    shared: dict[str, Dimension | None] = field(default_factory=dict)
+
+    def read_shared(self, model: TableReader) -> None:
+        """Read the dimensions that several outputs can have; mistakes are noted."""
+        section = model.table(_DIMENSIONS)
+        self.shared |= {name: self.read(section, name) for name in section}
+
+    def read(self, table: TableReader, name: str) -> Dimension | None:
+        """Read a dimension in a table of them; None where it is not known."""
+        if expected := dimension_name_problem(name):
+            table.add_wrong(name, name, expected)
+            return None
+        section = table.table(name, f"a table with a unit and {_COORDINATES}")
+        settings = section.whole_settings(_Coordinates) if section.is_given else None
+        if settings is None:
+            return None
+        archived = (section.document.objects or {}).get(section.path)
+        if isinstance(archived, Dimension):
+            return archived
+        found = self._find(section, settings)
+        if found is None:
+            return None
+        if len(found.values) > _MOST:
+            size = f"{len(found.values):_} coordinates"
+            section.add_problem(found.key, size, f"at most {_MOST:_}")
+            return None
+        unit, title = found.unit, settings.long_name or ""
+        try:
+            return Dimension(name, si_unit(unit), title, unit, tuple(found.values.tolist()))
+        except SettingsError as error:
+            _note_refused(section, found, error)
+        return None
+
+    def _find(self, section: TableReader, settings: _Coordinates) -> _Found | None:
+        """Find the coordinates where the settings say; None where a mistake was noted."""
+        unit = settings.unit or DIMENSIONLESS
+        if settings.file is not None:
+            return self._read_file(section, settings.file, settings.column, settings.unit)
+        if settings.from_model is None:
+            return _Found(_in_si(settings.stated(), unit), unit, "")
+        if self.from_model is None:
+            section.add_wrong(_FROM_MODEL, settings.from_model, _NO_CODE)
+            return None
+        try:
+            values = self.from_model(settings.from_model)
+        except ModelError as error:
+            expected = "coordinates in the model's file or module, or a function that returns them"
+            section.add_problem(_FROM_MODEL, str(error), expected)
+            return None
+        if values is None:
+            return None
+        return _Found(_in_si(values, unit), unit, _FROM_MODEL, f'"{settings.from_model}"')
+
+    def _read_file(
+        self, section: TableReader, path: Path, column: str | int | None, unit: str | None
+    ) -> _Found | None:
+        try:
+            found = _read_coordinates_file(path, column, unit)
+        except TableError as error:
+            expected = "a CSV, NetCDF or blank-separated file with a column of coordinates"
+            section.add_problem("file", str(error), expected)
+            return None
+        self.files[path] = found.file
+        return _Found(found.values, found.unit, "file", found.place)
+
+
+def dimensions_from_model(model: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield the paths, in the table of a model, of dimensions whose coordinates its code has."""
+    for path in [
+        (_DIMENSIONS,),
+        *(("outputs", name, "along") for name in inner_table(model, "outputs")),
+    ]:
+        for name, declared in inner_table(model, *path).items():
+            if isinstance(declared, dict) and _FROM_MODEL in declared:
+                yield (*path, str(name))
+
+
+def _in_si(values: FloatArray, unit: str) -> FloatArray:
+    return np.asarray(scale(unit).array_to_si(values))
+
+
+def _note_refused(section: TableReader, found: _Found, error: SettingsError) -> None:
+    """Note coordinates that make no dimension: those that the study does not state by place."""
+    if not found.place:
+        section.add_refused(error.problems)
+        return
+    for problem in error.problems:
+        place = problem.path[-1]
+        shown = "no coordinate"
+        if isinstance(place, int):
+            shown = f"{scale(found.unit).from_si(found.values[place]):.10g} at position {place}"
+        section.add_problem(found.key, f"{shown} of {found.place}", problem.expected)
+
+
+_ALONG, _ON, _INTERPOLATION = "along", "on", "interpolation"
+
+_OWN_NAME = 'the name of a run\'s own coordinates, which no input or output has: "t" or "t [s]"'
+
+# Values of an output in one run at most.
+_MOST_VALUES = 10_000_000
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Settings of an output beside its unit and its dimensions."""
+
+    may_end: bool = flag(default=False)
+    interpolation: str | None = choice(*INTERPOLATIONS, NO_INTERPOLATION, default=None)
+
+
+def _read_field(table: TableReader, output: Output, dimensions: _DimensionsReader) -> Output:
+    """Return an output with the dimensions that its table declares; mistakes are noted.
+
+    An output with a mistake has no dimensions.
+    """
+    table.take("unit")
+    table.take(_ON)
+    dims = _read_dimensions(table, dimensions)
+    settings = table.settings(_Field) or _Field()
+    table.check_unknown_keys()
+    if dims is None:
+        return output
+    try:
+        return replace(output, dims=dims, may_end=settings.may_end)
+    except SettingsError as error:
+        keys = {"dims": _ALONG, "may_end": "may_end"}
+        for problem in error.problems:
+            table.add_problem(keys[str(problem.path[0])], problem.found, problem.expected)
+    return output
+
+
+def _dimensions_text(written: object, dimensions: _DimensionsReader) -> str:
+    """Return what is expected of dimensions where there is neither a table nor a list."""
+    name = written if isinstance(written, str) and NAME.match(written) else "time"
+    if name in dimensions.shared:
+        return f'a list of dimensions, ["{name}"]'
+    return (
+        f'a table, such as {{ {name} = {{ unit = "s", from = 0, to = 1, size = 101 }} }}, '
+        f'or a list, ["{name}"], of those in [model.dimensions]'
+    )
+
+
+def _read_dimensions(
+    table: TableReader, dimensions: _DimensionsReader
+) -> tuple[Dimension, ...] | None:
+    """Read the dimensions of an output, often none; None where one is not known."""
+    found: list[Dimension | None]
+    if isinstance(table.content.get(_ALONG), list):
+        names = enumerate(table.entries(_ALONG))
+        found = [_shared(table, position, name, dimensions) for position, name in names]
+    else:
+        written = table.content.get(_ALONG)
+        if written is not None and not isinstance(written, dict):
+            table.take(_ALONG)
+            table.add_wrong(_ALONG, written, _dimensions_text(written, dimensions))
+            return None
+        along = table.table(_ALONG)
+        if not along.is_given:
+            return ()
+        found = [dimensions.read(along, name) for name in along]
+    if not found:
+        kind = "list" if isinstance(table.content[_ALONG], list) else "table"
+        table.add_problem(_ALONG, f"an empty {kind}", "a dimension, such as time")
+    dims = tuple(dimension for dimension in found if dimension is not None)
+    if (values := math.prod(len(dimension.values) for dimension in dims)) > _MOST_VALUES:
+        table.add_problem(_ALONG, f"{values:_} values", f"at most {_MOST_VALUES:_} in one run")
+        return None
+    return dims if len(dims) == len(found) else None
+
+
+def _shared(
+    table: TableReader, position: int, name: object, dimensions: _DimensionsReader
+) -> Dimension | None:
+    """Return the shared dimension that an entry of a list names; None where it is not known."""
+    if isinstance(name, str) and name in dimensions.shared:
+        return dimensions.shared[name]
+    known = choices(str(name), dimensions.shared) if dimensions.shared else "there is none"
+    table.add_wrong((_ALONG, position), name, f"a dimension of [model.dimensions]; {known}")
+    return None
+
+
+def _read_grid(table: TableReader, output: Output, variables: Collection[str]) -> RunGrid | None:
+    """Return the grid on which every run has an output, if its table names one; see `RunGrid`."""
+    on = table.table(_ON)
+    interpolation = table.content.get(_INTERPOLATION)
+    if not on.is_given:
+        if interpolation is not None:
+            table.add_missing(_ON, 'coordinates of the run\'s own, such as on = { time = "t" }')
+        return None
+    if _ALONG not in table:
+        table.add_problem(_ON, "coordinates of an output without dimensions", "along beside them")
+    along = {dimension.name: dimension for dimension in output.dims}
+    names: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for dimension, written in on.content.items():
+        if output.dims and dimension not in along:
+            expected = f"a dimension of {output.name}: {', '.join(along)}"
+            on.add_wrong(dimension, dimension, expected)
+        elif output.dims:
+            names[dimension], unit = _own_name(on, along[dimension], written, variables)
+            units |= {dimension: unit} if unit else {}
+    return RunGrid(names, units, interpolation or RunGrid.interpolation) if names else None
+
+
+def _own_name(
+    on: TableReader, dimension: Dimension, written: object, variables: Collection[str]
+) -> tuple[str, str]:
+    """Return the name of a run's own coordinates, and their unit if it is written behind it."""
+    try:
+        name, unit = heading_parts(written if isinstance(written, str) else "", "")
+        is_alike = "[" not in str(written) or are_convertible(unit, dimension.unit)
+    except (TableError, QuantityError):
+        name, unit, is_alike = "", "", True
+    if not NAME.match(name) or name in variables:
+        on.add_wrong(dimension.name, written, _OWN_NAME)
+    elif not is_alike:
+        on.add_wrong(dimension.name, written, describe(dimension.unit))
+    return name, unit if "[" in str(written) else ""
+
+
+def refuse_grids(table: TableReader, fields: FieldSources, expected: str) -> None:
+    """Note the grids that runs have of their own where there can be none."""
+    for name in fields.grids:
+        table.add_problem(("outputs", name, _ON), "coordinates of the run's own", expected)
+
+
+def _check_dimensions(
+    section: TableReader, outputs: Sequence[Output], variables: Collection[str]
+) -> None:
+    """Note dimensions with the name of a variable, or with other coordinates than before."""
+    known: dict[str, Dimension] = {}
+    for output in outputs:
+        for dimension in output.dims:
+            name, path = dimension.name, (output.name, _ALONG, dimension.name)
+            if name in variables:
+                found = f'a dimension with the name of the variable "{name}"'
+                section.add_problem(path, found, "names that differ")
+            elif known.setdefault(name, dimension) != dimension:
+                found = f'other coordinates of "{name}" than above'
+                section.add_problem(path, found, "the same in all outputs along it")
 
 
 class Variables(NamedTuple):
@@ -26,7 +475,7 @@ class Variables(NamedTuple):
     fields: FieldSources
 
 
-def read_variables(table: TableReader, from_model: ModelCoordinates | None = None) -> Variables:
+def read_variables(table: TableReader, from_model: _ModelCoordinates | None = None) -> Variables:
     """Read the inputs and outputs that a model's table declares.
 
     Mistakes are noted; a variable with one is of any dimension. The model's code is asked for
@@ -37,14 +486,14 @@ def read_variables(table: TableReader, from_model: ModelCoordinates | None = Non
         [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
         for key in ("inputs", "outputs")
     )
-    section, dimensions = table.table("outputs"), DimensionsReader(from_model)
+    section, dimensions = table.table("outputs"), _DimensionsReader(from_model)
     dimensions.read_shared(table)
     fields = [
         _output(section, Output(name, si, display_unit=unit), dimensions)
         for name, si, unit in outputs
     ]
     names = [name for name, *_ in (*inputs, *outputs)]
-    check_dimensions(section, fields, names)
+    _check_dimensions(section, fields, names)
     grids = {output.name: _grid(section, output, names) for output in fields}
     return Variables(
         tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
@@ -88,15 +537,15 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
         yield name, ANY_DIMENSION
 
 
-def _output(section: TableReader, output: Output, dimensions: DimensionsReader) -> Output:
+def _output(section: TableReader, output: Output, dimensions: _DimensionsReader) -> Output:
     """Return an output with the dimensions that its table declares, if it is given by a table."""
     if not isinstance(section.content[output.name], dict):
         return output
-    return read_field(section.table(output.name), output, dimensions)
+    return _read_field(section.table(output.name), output, dimensions)
 
 
 def _grid(section: TableReader, output: Output, names: Collection[str]) -> RunGrid | None:
     """Return the grid on which every run has an output, if its table names one."""
     if not isinstance(section.content[output.name], dict):
         return None
-    return read_grid(section.table(output.name), output, names)
+    return _read_grid(section.table(output.name), output, names)

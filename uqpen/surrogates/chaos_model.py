@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from uqpen.archive.tree import read_group
+from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.labels import INPUT, NOT_FITTED, ROLE
 from uqpen.core.model import Input, Model, Output

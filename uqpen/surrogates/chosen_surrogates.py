@@ -9,7 +9,7 @@ from typing import Self, cast
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.tree import read_group
+from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.lookup import resolve

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.tree import read_group
+from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.model import Input, Model, Output, Results

@@ -57,8 +57,9 @@ def check_statistic(
 ) -> None:
     """Check the contract of an analysis that yields statistics of an output.
 
-    Names are free, and all else is an estimate array that an archive can contain. The same sample
-    gives the same to the bit, and is not written to. An output with categories is accepted.
+    Names are free, and all else is an estimate array that an archive can contain. Its record, if it
+    has one, is of what it yields, and all its words are known. The same sample gives the same to
+    the bit, and is not written to. An output with categories is accepted.
 
     Parameters
     ----------
@@ -72,18 +73,24 @@ def check_statistic(
     AssertionError
         If one of these is broken.
     """
+    own = UserDefinedAnalysis("", analysis)
+    fault, yielded = own.record_fault, set()
+    assert not fault, f"{fault[0]}, but it can have {fault[1]}" if fault else ""
     samples = example_samples()
     if sample is not None:
         samples = [(sample, quantity or samples[0][1])]
     for each, asked in samples:
         before = each.values.copy(), each.points.copy()
         first, second = (dict(_statistics(analysis, each, asked)) for _ in range(2))
+        yielded |= {*first}
         assert list(first) == list(second), "the same sample gives the same statistics"
         for name, array in first.items():
             assert array.identical(second[name]), f"the same sample gives the same {name}"
         after = each.values, each.points
         for one, other in zip(before, after, strict=True):
             assert np.array_equal(one, other, equal_nan=True), "a sample is not written to"
+    for record in own.records:
+        assert record.name in yielded, f"the record of {record.name} is of a statistic it yields"
 
 
 def _statistics(

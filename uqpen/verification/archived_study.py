@@ -14,18 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_name
-from uqpen.archive.files_extraction import extract_files
-from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
+from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
-from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, KIND, ROLE, RUN, RUNS, SAMPLING
+from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA
-from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.document import Objects, inner_table
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import USER_DEFINED_MODELS
@@ -38,6 +36,7 @@ from uqpen.study.user_defined_members import (
     referenced_members,
     referenced_surrogates,
 )
+from uqpen.study.variables_section import dimensions_from_model
 
 __all__ = [
     "NamedCode",
@@ -139,7 +138,7 @@ def refuse_user_defined_names(tree: xr.DataTree, path: Path, *, trust: bool) -> 
         If that code may not be executed, or its runs come from a file. The message names the models
         and analyses, or the file.
     """
-    if KIND in tree.attrs:
+    if is_benchmark(tree):
         raise ArchiveError(
             f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
         )

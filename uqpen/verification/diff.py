@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.content import group_hashes
 from uqpen.archive.fields import coordinate_text, place_text
 from uqpen.archive.files import FILES, archived_files, find_file_faults
+from uqpen.archive.hashes import group_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import read_group
 from uqpen.core.labels import BOUND, CONTENT, FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
@@ -108,7 +108,7 @@ def _root_differences(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> It
 def _file_differences(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
     """Yield the files that differ between two archives that both contain files."""
     both = [tree.children for tree in (first, second)]
-    if any(FILES not in each or next(find_file_faults(each), None) for each in both):
+    if any(FILES not in each or next(find_file_faults(each[FILES]), None) for each in both):
         return
     one, other = (
         {file.name: file for file in archived_files(read_group(t, FILES))} for t in (first, second)

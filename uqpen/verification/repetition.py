@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES
+from uqpen.archive.groups import GROUPS, group_place
 from uqpen.archive.provenance import provenance
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
 from uqpen.core.blocks import block_ranges
-from uqpen.core.labels import BATCH_HASH, MODELS, RUN, RUNS
+from uqpen.core.labels import BATCH_HASH, RUN
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, points_in_memory
@@ -254,5 +253,5 @@ def _runs_name(model: str, design: str) -> str:
 
 def _statistics_groups(tree: xr.DataTree) -> set[str]:
     """Return the paths of all groups, except runs and files, which are not computed."""
-    left_out = re.compile(rf"/({RUNS}|{FILES}|{MODELS}/[^/]+/{RUNS})(/|\Z)")
-    return {node.path for node in tree.subtree if not left_out.match(node.path)}
+    kept = {name for name, group in GROUPS.items() if not group.is_repeated}
+    return {node.path for node in tree.subtree if group_place(node.path)[0] not in kept}

@@ -13,23 +13,16 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, interval_codes_name, statistic_names
+from uqpen.archive.groups import GROUPS, group_place
 from uqpen.archive.read import model_trees
 from uqpen.core.catalogue import (
     CATALOGUE,
     DIMENSIONS,
-    FAILURE_STATISTICS,
     INTERVAL_RECIPE,
-    JOINT_STATISTICS,
-    MODEL_FORM_STATISTICS,
 )
 from uqpen.core.labels import (
     BOUND,
-    DIFFERENCES,
-    FAILURES_GROUP,
     INTERVAL_LEVEL,
-    JOINT_GROUP,
-    MODEL_FORM,
-    MODELS,
     RECIPE,
     SOURCE_KIND,
     STATISTICS_GROUP,
@@ -56,10 +49,7 @@ ADVICE = "if you trust its author, use --trust"
 
 _RERUN = "uqpen rerun makes the runs and their statistics again, and uqpen diff compares these"
 
-# Groups of an archive or of a model with a group for each design.
-_OF_DESIGNS = (STATISTICS_GROUP, FAILURES_GROUP, JOINT_GROUP, MODEL_FORM, DIFFERENCES)
-
-_STATISTICS = {**CATALOGUE, **FAILURE_STATISTICS, **JOINT_STATISTICS, **MODEL_FORM_STATISTICS}
+_STATISTICS = {name: each for group in GROUPS.values() for name, each in group.statistics.items()}
 
 _BUILT_IN_COORDINATES = {
     BOUND,
@@ -101,7 +91,8 @@ def _omitted(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
     kept = {name: each for name, each in study.designs.items() if name not in names}
     reason = f"those of {', '.join(names)}, as the archive has not kept the runs"
     result = _unchecked("statistics", reason, _RERUN)
-    tree = _without(tree, lambda group, of: group in _OF_DESIGNS and of in names)
+    repeated = [name for name, group in GROUPS.items() if group.is_repeated]
+    tree = _without(tree, lambda group, of: group in repeated and of in names)
     return replace(study, designs=kept), tree, result
 
 
@@ -236,11 +227,9 @@ def _without(tree: xr.DataTree, is_left_out: Callable[[str, str], bool]) -> xr.D
     """
     kept = set()
     for leaf in tree.leaves:
-        parts = leaf.path.strip("/").split("/")
-        parts = [*(parts[2:] if parts[0] == MODELS else parts), "", ""]
-        # Differences are of a model, then of a design.
-        of = parts[2] if parts[0] == DIFFERENCES else parts[1]
-        if not is_left_out(parts[0], of):
+        group, names = group_place(leaf.path)
+        of = next((names[each] for each in ("design", "source", "surrogate") if each in names), "")
+        if not is_left_out(group, of):
             kept |= {leaf.path, *(above.path for above in leaf.parents)}
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     return xr.DataTree.from_dict({path: groups[path] for path in groups if path in kept})

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.hashes import group_hashes, recorded_hashes
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
-from uqpen.archive.read import model_trees, read_group, read_tree
+from uqpen.archive.read import is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-from uqpen.core.labels import CONTENT, DEPENDENCIES, KIND, NOT_MADE_AGAIN, RECIPE, REUSED_RUNS
+from uqpen.core.labels import CONTENT, DEPENDENCIES, NOT_MADE_AGAIN, RECIPE, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
@@ -74,7 +74,7 @@ def verify(
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
         return
-    if KIND in tree.attrs:
+    if is_benchmark(tree):
         message = "runs of a benchmark of methods are not repeated; only hashes are checked"
         yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
         return

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 import xarray as xr
 
 from uqpen.archive.estimates import pack
+from uqpen.archive.groups import DESIGN_GROUPS
 from uqpen.core.errors import TrajectoryError
 from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
     CITED,
     DIFFERENCES,
-    FAILURES_GROUP,
-    JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MODEL_FORM,
     RUN,
@@ -26,6 +25,7 @@ from uqpen.core.labels import (
     SURROGATES,
     TRAJECTORY,
 )
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
 from uqpen.designs.keep import RUNS as KEPT_RUNS
@@ -50,7 +50,13 @@ from uqpen.workflow.root_attributes import model_identity
 from uqpen.workflow.source import Groups, Source
 from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
 
-__all__ = ["difference_groups", "model_form_groups", "model_groups"]
+__all__ = [
+    "difference_groups",
+    "failure_statistics",
+    "joint_statistics",
+    "model_form_groups",
+    "model_groups",
+]
 
 
 def model_groups(
@@ -115,14 +121,16 @@ def _design_source(
 
 
 def _design_groups(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Groups:
-    """Yield the runs of a design, their failures, and statistics of several outputs."""
-    failures = analyze_failures(runs, study.confidence_level)
+    """Yield the runs of a design, and the groups of their statistics as a whole."""
     yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], runs)
-    if failures:
-        yield f"/{FAILURES_GROUP}/{design}", pack(failures)
-    if joint := _joint_statistics(study, runs):
-        marked = mark_uncertified({"": joint}, runs.attrs)[""]
-        yield f"/{JOINT_GROUP}/{design}", pack(marked)
+    for name, group in DESIGN_GROUPS.items():
+        if statistics := resolve(group.writer)(study, runs):
+            yield f"/{name}/{design}", pack(statistics)
+
+
+def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+    """Return the statistics of the failed runs of a design."""
+    return analyze_failures(runs, study.confidence_level)
 
 
 def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
@@ -130,7 +138,7 @@ def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
     return runs if design.keep == KEPT_RUNS else record_causes(omit_runs(runs), runs)
 
 
-def _joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
     """Return the probabilities of the events of a study, and how they change with the inputs."""
     if not study.joint_events and runs.attrs[SAMPLING] != Sampling.TOWARDS_EVENT:
         return {}
@@ -139,9 +147,9 @@ def _joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatisti
     from uqpen.statistics.joint_probability import joint_probabilities
 
     events, level = study.joint_events, study.confidence_level
-    return joint_probabilities(runs, events, level) | event_sensitivities(
-        runs, events, study.joint, level
-    )
+    found = joint_probabilities(runs, events, level)
+    found |= event_sensitivities(runs, events, study.joint, level)
+    return mark_uncertified({"": found}, runs.attrs)[""]
 
 
 def _publication_groups(publication: Publication, path: str) -> Groups:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.core.catalogue import INTERVAL_RECIPE
-from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, LEFT_OUT, RECIPE
+from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, RECIPE
 from uqpen.core.model import Model
 from uqpen.statistics.estimate import LEVEL
+from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["level_attribute", "model_identity", "root_attributes"]
@@ -25,10 +26,21 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
         "study_sha256": study.sha256,
         # As text: a seed may be larger than any integer of NetCDF.
         "seed": str(study.seed),
-        **({LEFT_OUT: ", ".join(study.left_out)} if study.left_out else {}),
+        **_section_attributes(study),
         **({} if study.has_several_models else model_identity(study.model)),
         **provenance(),
         **of_python_functions(),
+    }
+
+
+def _section_attributes(study: ValidatedStudy) -> dict[str, str]:
+    """Return what sections of the study state at the root."""
+    sections = [each for each in SECTIONS.values() if each.attribute]
+    stated = {each.attribute: getattr(study, each.field) for each in sections}
+    return {
+        name: ", ".join(value) if isinstance(value, tuple) else str(value)
+        for name, value in stated.items()
+        if value
     }
 
 

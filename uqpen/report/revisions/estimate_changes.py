@@ -11,12 +11,12 @@ import xarray as xr
 
 from uqpen.charts.chart import Block
 from uqpen.charts.source_comparison import compared_statistics
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import INPUT
 from uqpen.report.blocks import Heading, Remarks, Table, Text
 from uqpen.report.revisions.revision_page import ArchivePair, ModelPair
 from uqpen.results.archive_view import output_heading
 from uqpen.results.digits import estimate_texts
-from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 from uqpen.results.texts import plain_text
 
@@ -120,23 +120,22 @@ def _tables(
 def _paired_estimates(pair: ModelPair, output: str, source: str) -> Iterator[_PairedEstimate]:
     """Yield the estimates that both archives have of an output by a source."""
     others = {
-        (each.statistic, each.label): each for each in compared_statistics(pair.second, output)
+        (each.statistic.name, each.label): each for each in compared_statistics(pair.second, output)
     }
     for each in compared_statistics(pair.first, output):
-        other = others.get((each.statistic, each.label))
+        other = others.get((each.statistic.name, each.label))
         if other is None or source not in each.available_estimates:
             continue
         if source in other.available_estimates:
             yield _PairedEstimate(
                 each.label, each.estimates[source], other.estimates[source], each.convert
             )
-    for measure in INDICES:
+    for index in MEASURES["shares"]:
         first, second = (
-            view.statistics.get(source, output, measure.statistic)
-            for view in (pair.first, pair.second)
+            view.statistics.get(source, output, index.name) for view in (pair.first, pair.second)
         )
         if first is not None and second is not None:
-            yield from _by_input(measure.label, first, second)
+            yield from _by_input(index.measure.label, first, second)
 
 
 def _by_input(label: str, first: xr.DataArray, second: xr.DataArray) -> Iterator[_PairedEstimate]:

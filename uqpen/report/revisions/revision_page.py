@@ -8,14 +8,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.core.errors import ReportError
-from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report.page import FilledSection, PageHead, render_page, write_page
 from uqpen.report.revisions import REVISION_SECTIONS
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["ArchivePair", "ModelPair", "revision_page", "write_revision_report"]
@@ -46,7 +44,7 @@ class ModelPair:
         first, second = self.first.statistics, self.second.statistics
         published = {*first.publications, *second.publications}
         common = [name for name in first.sources if name in second.sources]
-        leading = leading_design(self.first)
+        leading = self.first.leading_design
         return sorted((n for n in common if n not in published), key=lambda name: name != leading)
 
     def has_same_unit(self, output: str) -> bool:
@@ -116,7 +114,7 @@ def revision_page(
 ) -> str:
     """Return the page of two archives as HTML; see `write_revision_report`."""
     for tree in (first, second):
-        if tree.attrs.get(KIND) == BENCHMARK:
+        if is_benchmark(tree):
             raise ReportError("only archives of studies are shown side by side, no benchmarks")
         check_archive(tree)
     pair = ArchivePair(first, second)

@@ -22,12 +22,10 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
-from uqpen.report.counting import count_text
-from uqpen.report.sections.missing_runs import missing_count
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
-from uqpen.report.sections.view_statistics import sample_account
+from uqpen.report.sections.failures import missing_count
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, moments, output_name
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import count_text, grouped_number, percent_text
 from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.storage import refuted_outputs
@@ -62,9 +60,9 @@ def _with_moments(
 ) -> Iterator[QuotedStatistic]:
     """Yield quantities, and then the moments of their outputs."""
     outputs = dict.fromkeys(each.output for each in quantities)
-    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    further = [moment for output in outputs for moment in moments(view, output)]
     stated = {each.heading for each in quantities}
-    yield from (*quantities, *(each for each in moments if each.heading not in stated))
+    yield from (*quantities, *(each for each in further if each.heading not in stated))
 
 
 def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
@@ -156,7 +154,7 @@ def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
 
 
 def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
-    condition = sample_account(view, design).get(CONDITIONAL)
+    condition = view.statistics.run_accounts(design).get(CONDITIONAL)
     runs = view.design(design).runs
     excluded = status_counts(runs)[Status.INADMISSIBLE]
     if condition and excluded >= _MANY * run_count(runs):

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
-from uqpen.charts.chart import Block, Chart
+from uqpen.archive.read import read_group
+from uqpen.charts.chart import Block
+from uqpen.core.labels import RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
-from uqpen.core.status import Status
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Quote, Text
-from uqpen.report.counting import count_text
+from uqpen.report.sections.agreement import agreement_sentences, published_sentences
 from uqpen.report.sections.alerts import alerts
-from uqpen.report.sections.answer_without_sample import answer_without_sample
-from uqpen.report.sections.curve_overview import first_curves
-from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
-from uqpen.report.sections.field_sentences import field_sentences
+from uqpen.report.sections.failures import missing_run_sentences
+from uqpen.report.sections.fields import field_sentences, first_curves
 from uqpen.report.sections.histograms import histogram
-from uqpen.report.sections.joint_findings import joint_findings, rare_event_findings
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
-from uqpen.report.sections.method_agreement import agreement_text
-from uqpen.report.sections.missing_runs import missing_run_sentences
-from uqpen.report.sections.model_answer import model_answer
-from uqpen.report.sections.model_verdicts import caveat_text
-from uqpen.report.sections.published_agreement import published_sentences
-from uqpen.report.sections.sentences import OutputSentences, output_sentences
+from uqpen.report.sections.model_answer import caveat_text, model_answer
+from uqpen.report.sections.quoted_statistics import moments, output_name
+from uqpen.report.sections.sentences import (
+    OutputSentences,
+    decision_findings,
+    joint_findings,
+    output_sentences,
+    rare_event_findings,
+)
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import count_text, grouped_number
+from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.output_tables import runs_spent
 from uqpen.results.texts import capitalized, plain_text
 
@@ -37,6 +41,8 @@ __all__ = ["answer"]
 # Outputs with sentences, and sentences that are not folded.
 _MOST_OUTPUTS = 6
 _MOST_SENTENCES = 3
+# Reasons of failed runs.
+_MOST_REASONS = 3
 
 
 def answer(view: ArchiveView) -> Iterator[Block]:
@@ -51,9 +57,9 @@ def answer(view: ArchiveView) -> Iterator[Block]:
 
 def _answer(view: ArchiveView) -> Iterator[Block]:
     """Verdicts and sentences by the leading design, what drives them, what to mind."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
-        yield from answer_without_sample(view)
+        yield from _answer_without_sample(view)
         return
     outputs = ordered_outputs(view, design)
     shown = [
@@ -62,23 +68,26 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
         if (entry := output_sentences(view, output, design)) is not None
     ]
     stated = tuple(_stated_blocks(view, design, shown, len(outputs) - _MOST_OUTPUTS))
+    main = main_outputs(view)
     if view.numeric_outputs:
-        yield Columns(stated, _picture(view, design))
+        # The runs of the first main output in bins, with the study's limits.
+        first = next(each for each in main if each in view.numeric_outputs)
+        chart = histogram(view, first, design)
+        title = f"{capitalized(output_title(view, first))}: {chart.title}"
+        yield Columns(stated, replace(chart, title=title))
     else:
         yield from stated
     if not view.model:
         yield from first_curves(view)
     quantities = [each for entry in shown for each in entry.quantities]
-    findings = (
-        Finding("What drives it?", _driver_text(view)),
-        Finding("Did all runs succeed?", " ".join(missing_run_sentences(view, design))),
-        Finding(
-            "Does it agree with published values?", " ".join(published_sentences(view, design))
-        ),
-        Finding("Do the other methods agree?", agreement_text(quantities, design)),
-    )
-    yield Findings(tuple(each for each in findings if each.text))
-    main = main_outputs(view)
+    findings = {
+        "What drives it?": chain(*(driver_sentences(view, output) for output in main)),
+        "Did all runs succeed?": missing_run_sentences(view, design),
+        "Does it agree with published values?": published_sentences(view, design),
+        "Do the other methods agree?": agreement_sentences(quantities, design),
+    }
+    texts = ((head, " ".join(sentences)) for head, sentences in findings.items())
+    yield Findings(tuple(Finding(head, text) for head, text in texts if text))
     yield Alerts(tuple(alerts(view, design, [each for each in quantities if each.output in main])))
 
 
@@ -164,14 +173,63 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
     return f"the first {taken}sample of the inputs in the study{text}"
 
 
-def _picture(view: ArchiveView, design: str) -> Chart:
-    """Return the runs of the first main output in bins, with the study's limits."""
-    (output, *_) = [each for each in main_outputs(view) if each in view.numeric_outputs]
-    chart = histogram(view, output, design)
-    title = f"{capitalized(output_title(view, output))}: {chart.title}"
-    return replace(chart, title=title)
+def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
+    """Yield what an archive says whose designs give no distribution, and the reason."""
+    if of_events := tuple(rare_event_findings(view)):
+        yield Findings(of_events, is_verdict=True)
+    failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
+    every = [read_group(view.tree, RUNS, design) for design in view.designs]
+    if not any(status_counts(runs)[Status.OK] for runs in every):
+        runs = sum(map(run_count, every))
+        count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
+        yield Text(
+            f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "
+            "Mend the model, raise its time limit, or change the inputs to values that it allows; "
+            "then run the study again. The archive has the inputs of every failed run, so you can "
+            "try a single one."
+        )
+        return
+    if view.sample_designs:
+        yield Text(
+            f"No run of {', '.join(view.sample_designs)} completed, so the distributions of the "
+            f"outputs are unknown. {_failure_reasons(failed)}"
+        )
+    else:
+        yield Text(
+            "No design of this study is a sample of its inputs, so the distributions of the "
+            f"outputs and all {'other ' * bool(of_events)}probabilities are unknown. The results "
+            "of its designs are further down."
+        )
+    if means := tuple(_quadrature_means(view)):
+        yield Quote(means)
+    if SURROGATES in view.tree.children:
+        yield Text(
+            "Estimates by surrogates have no interval of their own, so they are not quoted here."
+        )
 
 
-def _driver_text(view: ArchiveView) -> str:
-    found = (driver_sentences(view, output) for output in main_outputs(view))
-    return " ".join(text for sentences in found for text in sentences)
+def _quadrature_means(view: ArchiveView) -> Iterator[str]:
+    rules = [each for each in view.designs if view.design(each).sampling is Sampling.QUADRATURE]
+    for output in view.numeric_outputs[:_MOST_OUTPUTS]:
+        quantity = moments(view, output)[0]
+        for design in rules:
+            array = quantity.estimate(design)
+            if array is not None:
+                name = output_name(view, output)
+                stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
+                yield f"By the integration rule {design}, the mean of {name} is {stated}."
+                break
+
+
+def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
+    counts: Counter[tuple[Status, str]] = Counter()
+    for each in failed:
+        counts[each.status, each.reason] += each.runs
+    texts = [
+        f"“{plain_text(reason, 160)}” ({STATUS_TEXT[status]}, {count_text(number, 'run')})"
+        for (status, reason), number in counts.most_common(_MOST_REASONS)
+    ]
+    more = len(counts) - len(texts)
+    rest = f"; and {grouped_number(more)} other reasons" if more > 0 else ""
+    head = "The reason" if len(counts) == 1 else "The most frequent reasons"
+    return f"{head}: {'; '.join(texts)}{rest}." if texts else ""

@@ -2,225 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import takewhile
 
-import numpy as np
-import xarray as xr
-
-from uqpen.archive.read import read_group
-from uqpen.charts.axes import logarithmic_axis, padded_limits
-from uqpen.charts.chart import Axis, Block, Chart, Charts, LegendKey
-from uqpen.charts.marks import Dots, Rule, all_bounded, has_interval, series_marker
-from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
-from uqpen.core.statistic_dimensions import (
-    CATEGORY,
-    LOWER_THRESHOLD,
-    PROBABILITY,
-    RUNS_SO_FAR,
-    THRESHOLD,
-)
-from uqpen.core.units import DIMENSIONLESS
-from uqpen.execution import replicate_count, run_count
+from uqpen.charts.chart import Block
+from uqpen.charts.convergence_history import convergence_charts
 from uqpen.report.blocks import Heading, Remarks, Text
-from uqpen.report.counting import count_text
-from uqpen.report.sections.leading_design import leading_design
-from uqpen.report.sections.quoted_statistics import share_label
-from uqpen.results.archive_view import ArchiveView, output_heading, output_title
-from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.stopping_texts import unseen_text
-from uqpen.results.table import (
-    Conversion,
-    OutputTable,
-    below_label,
-    exceedance_label,
-    identity,
-    quantile_label,
-    shown_estimate,
-)
-from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
+from uqpen.results.archive_view import ArchiveView, output_heading
 
 __all__ = ["convergence"]
 
-
-# Outputs that are drawn, and categories of one.
-_MOST_OUTPUTS, _MOST_CATEGORIES = 6, 3
-# Widths of the last interval that an axis goes to on either side; wider ones are cut off.
-_WIDEST = 12
-
-_SHARED = (
-    "The runs of each point are among those of the next. So points are not independent of each "
-    "other, and vary less than separate samples would."
-)
-_FIXED = (
-    "An interval has its nominal coverage for a number of runs that is fixed beforehand. If you "
-    "make runs until it looks good, its coverage is lower."
-)
-_CUT = "The widest intervals extend beyond the axis; the table has their ends."
-
-
-class _EstimateHistory(NamedTuple):
-    """A statistic along the runs so far."""
-
-    label: str
-    unit: str
-    convert: Conversion
-    estimates: xr.DataArray
-
-    @property
-    def runs(self) -> list[int]:
-        """The runs so far."""
-        return [int(size) for size in self.estimates[RUNS_SO_FAR].values]
-
-    @property
-    def bounds(self) -> FloatArray:
-        """Estimate, lower, upper for each, in the unit that is shown."""
-        return np.asarray(self.convert(self.estimates.values), dtype=np.float64)
+# Outputs that are drawn.
+_MOST_OUTPUTS = 6
 
 
 def convergence(view: ArchiveView) -> Iterator[Block]:
     """Estimates of the leading design from growing parts of its runs."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
-    statistics = {
-        output: view.statistics.statistics(design, output) for output in outputs[:_MOST_OUTPUTS]
-    }
-    reason = view.design(design).reason_without_convergence
-    if not any(RUNS_SO_FAR in array.dims for of in statistics.values() for array in of.values()):
+    shown = outputs[:_MOST_OUTPUTS]
+    found = list(takewhile(lambda each: each.charts[0].of in shown, convergence_charts(view)))
+    if not found:
+        reason = view.design(design).reason_without_convergence
         reason = reason or "the archive has no estimates from parts of its runs"
-    if reason:
         yield Text(
             f"Convergence cannot be shown for {design}, the design of the main results: {reason}."
         )
         return
-    yield Text(_design_sentence(view, design))
-    runs = read_group(view.tree, RUNS, design)
-    note, unseen = runs.attrs.get(STOPPING_NOTE), unseen_text(runs)
-    remarks = [f"{capitalized(str(each))}." for each in (note, unseen) if each]
-    yield Remarks("How to read it", (_SHARED, *(remarks or [_FIXED])))
-    for output, arrays in statistics.items():
-        if histories := list(_estimate_histories(view, output, arrays)):
-            yield Heading(output_heading(view, output))
-            yield _history_charts(view, output, design, histories)
+    sentence, *remarks = found[0].notes
+    yield Text(sentence)
+    yield Remarks("How to read it", tuple(remarks))
+    for each in found:
+        yield Heading(output_heading(view, each.charts[0].of))
+        yield replace(each, notes=())
     if left := outputs[_MOST_OUTPUTS:]:
         yield Text(f"Left out, as there are many outputs: {', '.join(left)}.")
-
-
-def _design_sentence(view: ArchiveView, design: str) -> str:
-    runs = read_group(view.tree, RUNS, design)
-    drawn = view.design(design).runs
-    runs_text = count_text(run_count(drawn), "run")
-    if run_count(drawn) < run_count(runs):
-        runs_text += " that are a sample"
-    place = (
-        "the first of the study that is a sample of the inputs"
-        if view.is_sample_design(design)
-        else "as no other design is a sample of the inputs"
-    )
-    if REPLICATE in drawn.coords:
-        count = replicate_count(drawn)
-        parts = (
-            f"{count} independent replicates. Each part has the first few of these: less than a "
-            "whole replicate would not be a sample of the same type."
-        )
-    else:
-        parts = "independent draws. Each part has the first few of these."
-    return f"By {design}, the design of the main results, {place}. Its {runs_text} are {parts}"
-
-
-def _estimate_histories(
-    view: ArchiveView, output: str, statistics: Mapping[str, xr.DataArray]
-) -> Iterator[_EstimateHistory]:
-    unit, convert = view.unit(output), view.scale(output).from_si
-    values: dict[str, xr.DataArray] = {}
-    probabilities: dict[str, xr.DataArray] = {}
-    if (array := statistics.get("convergence_mean")) is not None:
-        values["mean"] = array
-    if (array := statistics.get("convergence_quantile")) is not None:
-        asked = array[PROBABILITY].values.tolist()
-        for p in [0.5] if 0.5 in asked else [asked[0], asked[-1]]:
-            values[quantile_label(p)] = array[{PROBABILITY: asked.index(p)}]
-    if (array := statistics.get("convergence_exceedance")) is not None:
-        first = array[{THRESHOLD: 0}]
-        probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
-    elif (array := statistics.get("convergence_below")) is not None:
-        first = array[{LOWER_THRESHOLD: 0}]
-        probabilities[below_label(str(first[LOWER_THRESHOLD].values))] = first
-    if (array := statistics.get("convergence_share")) is not None:
-        for position, label in enumerate(
-            array["category_label"].values.tolist()[:_MOST_CATEGORIES]
-        ):
-            probabilities[share_label(label)] = array[{CATEGORY: position}]
-    found = [_EstimateHistory(label, unit, convert, each) for label, each in values.items()]
-    found += [
-        _EstimateHistory(label, DIMENSIONLESS, identity, each)
-        for label, each in probabilities.items()
-    ]
-    yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
-
-
-def _history_charts(
-    view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
-) -> Charts:
-    charts = [_chart(view, output, design, history) for history in histories]
-    position = view.series(design)
-    every = np.concatenate([history.bounds for history in histories])
-    keys = [LegendKey("by all runs", "quiet", "line", "dot")]
-    if not all_bounded(every):
-        keys.insert(0, LegendKey("no interval", position, f"{series_marker(position)}-open"))
-    if has_interval(every).any():
-        levels = (each.estimates.attrs.get(INTERVAL_LEVEL) for each in histories)
-        covered = percent_text(next(filter(None, levels)))
-        keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
-    return Charts(
-        charts=tuple(charts), keys=tuple(keys), tables=(_table(view, output, design, histories),)
-    )
-
-
-def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistory) -> Chart:
-    position = view.series(design)
-    marker = series_marker(position)
-    bounds, runs, unit = history.bounds, history.runs, unit_suffix(history.unit)
-    lower, upper, is_cut = _axis_limits(bounds)
-    texts = [
-        f"{count_text(size, 'run')}: {shown_estimate(estimate, history.convert)}{unit}"
-        for size, estimate in zip(runs, history.estimates, strict=True)
-    ]
-    trace = Dots(bounds, runs, position, hovers=texts, name=history.label, marker=marker, along="y")
-    middle = len(texts) // 2
-    return Chart(
-        title=history.label,
-        summary=f"{capitalized(output_title(view, output))} by {design}, "
-        f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
-        x=logarithmic_axis("runs so far", runs),
-        y=Axis(title_with_unit(history.label, history.unit), (lower, upper)),
-        marks=(trace, Rule(float(bounds[-1, 0]), "quiet", "dot", is_horizontal=True)),
-        notes=(_CUT,) if is_cut else (),
-        height=260,
-    )
-
-
-def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
-    """Return the axis limits, and whether they cut off any wide interval; all estimates fit."""
-    estimates = bounds[np.isfinite(bounds[:, 0]), 0]
-    last = bounds[-1]
-    half = np.nanmax(np.abs(last[1:] - last[0])) if np.isfinite(last[1:]).any() else np.inf
-    sides = bounds[:, 1:][np.isfinite(bounds[:, 1:])]
-    kept = np.clip(sides, last[0] - _WIDEST * half, last[0] + _WIDEST * half) if half else sides
-    lower, upper = min([*estimates, *kept]), max([*estimates, *kept])
-    is_cut = bool((sides < lower).any() or (sides > upper).any())
-    return *padded_limits(float(lower), float(upper), 0.05), is_cut
-
-
-def _table(
-    view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
-) -> OutputTable:
-    columns = [title_with_unit(history.label, history.unit) for history in histories]
-    table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
-    for number, runs in enumerate(histories[0].runs):
-        cells = [table.cell(history.estimates[number], history.convert) for history in histories]
-        table.rows.append((grouped_number(runs), cells))
-    return table

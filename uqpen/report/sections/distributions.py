@@ -23,7 +23,7 @@ from uqpen.report.blocks import Fold, Table
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.exceedance import exceedance
 from uqpen.report.sections.histograms import histogram, shares
-from uqpen.report.sections.leading_design import leading_design, missing_runs_note
+from uqpen.report.sections.leading_design import missing_runs_note
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
@@ -42,7 +42,7 @@ _SHOWN = np.linspace(0, 1, 21)
 
 def distributions(view: ArchiveView) -> Iterator[Block]:
     """Distribution function with its band, histogram and quantiles of each output."""
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return
     # The main results have the histogram of the first main output.

@@ -14,11 +14,10 @@ from uqpen.core.arrays import BoolArray
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import output_span
-from uqpen.report.counting import count_text
 from uqpen.report.sections.leading_design import missing_runs_note
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.digits import count_text, estimate_text, percent_text
 from uqpen.results.empirical_cdf import ExceedanceTail
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import unit_suffix

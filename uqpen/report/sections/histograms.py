@@ -11,11 +11,10 @@ from uqpen.charts.marks import Bars, Dots, Rule, Shade
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.distributions import output_span, scale_notes
 from uqpen.figures.histogram import marked_estimates
-from uqpen.report.counting import count_text
 from uqpen.report.sections.limit_marks import limit_marks
-from uqpen.report.sections.quoted_statistics import QuotedStatistic
+from uqpen.report.sections.quoted_statistics import usual_statistics
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, number_text, percent_text
+from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
 from uqpen.results.output_tables import add_shares
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import capitalized, unit_suffix
@@ -95,7 +94,7 @@ def _estimate_marks(
 
 
 def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
-    usual = [QuotedStatistic(view, output, "quantile", 0.5), QuotedStatistic(view, output, "mean")]
+    usual = usual_statistics(view, output)
     return any(each.leading_surrogate is not None for each in usual)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from uqpen.charts.chart import Block
 from uqpen.report.blocks import Fold, Heading
-from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import requested_statistics
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.texts import plain_text
@@ -28,7 +27,7 @@ def ordered_outputs(view: ArchiveView, design: str) -> list[str]:
 def main_outputs(view: ArchiveView) -> list[str]:
     """Return the outputs that the study asks about; if it asks about none, the first."""
     every = [*view.numeric_outputs, *view.categorical_outputs]
-    design = leading_design(view)
+    design = view.leading_design
     if design is None:
         return every[:1]
     asked = [each for each in view.numeric_outputs if requested_statistics(view, each, design)]

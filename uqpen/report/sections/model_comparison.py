@@ -13,9 +13,8 @@ from uqpen.charts.marks import Mark, series_dash
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import model_curves, output_span, scale_notes
 from uqpen.report.blocks import Heading, Table
-from uqpen.report.sections.curve_overview import further_curves
 from uqpen.report.sections.distribution_curves import curve_at, curve_quantile, curve_traces
-from uqpen.report.sections.leading_design import leading_design
+from uqpen.report.sections.fields import further_curves
 from uqpen.report.sections.limit_marks import limit_marks
 from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
@@ -34,7 +33,7 @@ def model_comparison(view: ArchiveView) -> Iterator[Block]:
     if not view.model:
         return
     yield from further_curves(view)
-    design = leading_design(view)
+    design = view.leading_design
     first = main_outputs(view)[:1] if design else []
     for output in view.numeric_outputs if design else ():
         chart = model_chart(view, output, design or "")

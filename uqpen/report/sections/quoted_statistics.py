@@ -23,6 +23,7 @@ from uqpen.results.digits import (
     percent_texts,
     tolerance_interval_texts,
 )
+from uqpen.results.statistic_entries import described_statistics
 from uqpen.results.surrogate_tables import equivalent_runs_text, is_corrected
 from uqpen.results.table import (
     entry_label,
@@ -34,11 +35,12 @@ from uqpen.results.texts import capitalized, plain_text, unit_suffix
 __all__ = [
     "QuotedStatistic",
     "default_statistic",
+    "moments",
     "no_break",
     "other_design_estimates",
     "output_name",
     "requested_statistics",
-    "share_label",
+    "usual_statistics",
 ]
 
 
@@ -56,7 +58,7 @@ class QuotedStatistic:
 
     view: ArchiveView
     output: str
-    statistic: str  # by its name in the catalogue
+    statistic: Statistic
     entry: Any = None  # one of several: a probability, a threshold as written, a kind
 
     def estimate(self, design: str) -> xr.DataArray | None:
@@ -73,9 +75,9 @@ class QuotedStatistic:
     def _entry(self, design: str) -> xr.DataArray | None:
         """Return what a design has of it, which may be missing with a reason."""
         statistics = self.view.statistics
-        if not CATALOGUE[self.statistic].dims:
-            return statistics.get(design, self.output, self.statistic)
-        return statistics.entries(design, self.output, self.statistic).get(self.entry)
+        if not self.statistic.dims:
+            return statistics.get(design, self.output, self.statistic.name)
+        return statistics.entries(design, self.output, self.statistic.name).get(self.entry)
 
     def leading_estimate(self, design: str) -> xr.DataArray | None:
         """Return the estimate that the page states: corrected by real runs, or else the design's.
@@ -94,16 +96,16 @@ class QuotedStatistic:
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
         """Estimate, lower, upper in the unit that is shown; a probability as it is."""
-        if self.is_probability:
-            return np.asarray(array.values, dtype=np.float64)
-        return np.asarray(self.view.scale(self.output).from_si(array.values), dtype=np.float64)
+        convert = self.view.conversion(self.output, self.statistic)
+        return np.asarray(convert(array.values), dtype=np.float64)
 
     def texts(self, array: xr.DataArray, *others: float) -> tuple[str, ...]:
         """Estimate, lower, upper, and other values like those of `bounds`, each with its unit."""
         values = (*self.bounds(array), *others)
         if self.is_probability:
             return tuple(no_break(text) for text in percent_texts(*values))
-        is_logarithmic = self.view.is_logarithmic(self.output)
+        is_value = self.statistic.unit is UnitRule.VALUE
+        is_logarithmic = is_value and self.view.is_logarithmic(self.output)
         texts = estimate_texts(*values, is_logarithmic=is_logarithmic)
         return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
@@ -135,21 +137,23 @@ class QuotedStatistic:
     @property
     def label(self) -> str:
         """Name of the statistic, behind that of its output."""
-        statistic = CATALOGUE[self.statistic]
-        if ends := statistic.shown.ends:
+        if ends := self.statistic.shown.ends:
             return f"{_LIMITS[ends]} {no_break(percent_text(self.entry))} of cases"
+        if not self.statistic.dims:
+            return self.statistic.title
         entry = plain_text(self.entry) if isinstance(self.entry, str) else self.entry
-        return entry_label(statistic, entry) if statistic.dims else statistic.title
+        return entry_label(self.statistic, entry)
 
     @property
     def is_probability(self) -> bool:
-        """True if it has no unit, and is shown in per cent."""
-        return CATALOGUE[self.statistic].unit is UnitRule.NONE
+        """True if it is shown in per cent; of user-defined statistics none is."""
+        return self.statistic.unit is UnitRule.NONE and self.statistic.name in CATALOGUE
 
     @property
     def unit_text(self) -> str:
-        """The text behind a number: a space and the unit."""
-        return unit_suffix(self.view.unit(self.output))
+        """The text behind a number: a space and the unit; empty behind a plain number."""
+        is_plain = self.statistic.unit is UnitRule.NONE
+        return "" if is_plain else unit_suffix(self.view.unit(self.output))
 
 
 def output_name(view: ArchiveView, output: str) -> str:
@@ -158,11 +162,6 @@ def output_name(view: ArchiveView, output: str) -> str:
     titles = [str(runs[name].attrs.get("long_name", name)) for name in output_names(runs)]
     title = str(runs[output].attrs.get("long_name", output))
     return plain_text(title if titles.count(title) == 1 else f"{title} ({output})")
-
-
-def share_label(category: str) -> str:
-    """Return the label of the probability of a category in a chart or table."""
-    return f"share {category}"
 
 
 def no_break(text: str) -> str:
@@ -176,7 +175,7 @@ def requested_statistics(view: ArchiveView, output: str, design: str) -> list[Qu
     What has a verdict comes first. Of the tolerance limits of a kind, all but one come last.
     """
     every = []
-    for statistic in REQUESTED:
+    for statistic in (*REQUESTED, *described_statistics(view.statistics, output)):
         entries = _entries(view, output, design, statistic)
         for place, each in enumerate(entries):
             is_further = bool(statistic.shown.ends) and place > 0
@@ -193,9 +192,20 @@ def _has_acceptance(quantity: QuotedStatistic, design: str) -> bool:
 
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:
     """The median of an output, or else its mean."""
-    median = QuotedStatistic(view, output, "quantile", 0.5)
-    every = (median, QuotedStatistic(view, output, "mean"))
+    every = usual_statistics(view, output)
     return next((each for each in every if each.estimate(design) is not None), None)
+
+
+def usual_statistics(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
+    """The median of an output, and its mean."""
+    median = QuotedStatistic(view, output, CATALOGUE["quantile"], 0.5)
+    return median, moments(view, output)[0]
+
+
+def moments(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
+    """The mean of an output, and its standard deviation."""
+    mean, std = (QuotedStatistic(view, output, CATALOGUE[name]) for name in ("mean", "std"))
+    return mean, std
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
@@ -218,6 +228,10 @@ def _entries(
     view: ArchiveView, output: str, design: str, statistic: Statistic
 ) -> Iterator[QuotedStatistic]:
     """Yield the entries of a statistic that the study asks for."""
+    if not statistic.dims:
+        if view.statistics.get(design, output, statistic.name) is not None:
+            yield QuotedStatistic(view, output, statistic)
+        return
     for entry in view.statistics.entries(design, output, statistic.name):
         if entry not in statistic.asked.always:
-            yield QuotedStatistic(view, output, statistic.name, entry)
+            yield QuotedStatistic(view, output, statistic, entry)

@@ -1,4 +1,4 @@
-"""Sentences on an output, each complete by itself, and verdicts on the study's limits."""
+"""Sentences on outputs and events, each complete by itself, and verdicts on the study's limits."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
@@ -25,21 +26,25 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.digits import grouped_number, percent_text, percent_texts
+from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.surrogate_tables import is_corrected
 from uqpen.results.table import entry_text, estimate_remark
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
-__all__ = ["EVENTS", "OutputSentences", "acceptance_sentence", "output_sentences"]
+__all__ = [
+    "OutputSentences",
+    "decision_findings",
+    "joint_findings",
+    "output_sentences",
+    "rare_event_findings",
+]
 
 # Requested statistics of an output that are stated, and categories in a sentence.
 _MOST_STATED = 3
 # Further ones of an output in the table below the sentences.
 _MOST_FURTHER = 9
 _MOST_CATEGORIES = 4
-
-# Where an output lies in the event of a probability.
-EVENTS = {"exceedance": "above", "below": "below"}
 
 
 class OutputSentences(NamedTuple):
@@ -68,8 +73,8 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     estimates = [(each, array) for each, array in found if array is not None]
     if not estimates:
         return None
-    limits = [each for each in estimates if each[0].statistic in EVENTS]
-    others = [each for each in estimates if each[0].statistic not in EVENTS]
+    limits = [each for each in estimates if each[0].statistic.shown.event]
+    others = [each for each in estimates if not each[0].statistic.shown.event]
     return OutputSentences(
         output,
         tuple(_verdict(*each, design) for each in limits),
@@ -86,7 +91,7 @@ def _further(quantity: QuotedStatistic, design: str) -> Finding:
     if array is None:
         reason = quantity.reason_without_estimate(design)
         return Finding(quantity.heading, f"No estimate: {plain_text(reason, 240)}.")
-    if quantity.statistic in EVENTS:
+    if quantity.statistic.shown.event:
         return _verdict(quantity, array, design)
     return Finding(quantity.heading, _sentence(quantity, array, design))
 
@@ -105,7 +110,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     elif counts_events and array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
-    event = f"{name} {EVENTS[quantity.statistic]} {threshold}"
+    event = f"{name} {quantity.statistic.shown.event} {threshold}"
     return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 
@@ -123,7 +128,7 @@ def acceptance_sentence(array: xr.DataArray) -> str:
 
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> str:
-    name, shown = output_name(quantity.view, quantity.output), CATALOGUE[quantity.statistic].shown
+    name, shown = output_name(quantity.view, quantity.output), quantity.statistic.shown
     if shown.ends == "between":
         return _tolerance_interval_sentence(quantity, array, capitalized(name))
     if shown.ends:
@@ -132,16 +137,16 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if _is_constant(quantity, design):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if (quantity.statistic, quantity.entry) == ("quantile", 0.5):
+    if shown.entry == "probability" and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
-    # All in one pass, as the name of an output may have braces itself.
+    # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
         "{entry}": entry_text(shown, quantity.entry),
         "{label}": quantity.label,
         "{output}": name,
         "{estimate}": f"{value} {quantity.interval(array)}",
     }
-    return re.sub(r"\{\w+\}", lambda place: words[place[0]], sentence)
+    return re.sub(r"\{\w+\}", lambda place: words.get(place[0], place[0]), sentence)
 
 
 def _tolerance_limit_sentence(
@@ -214,6 +219,55 @@ def _category_statistics(
         flags = shares[CATEGORY].values.tolist()
         labels = shares["category_label"].values.tolist()
         for flag, label in zip(flags, labels, strict=True):
-            quantity = QuotedStatistic(view, output, "share", flag)
+            quantity = QuotedStatistic(view, output, CATALOGUE["share"], flag)
             if (array := quantity.estimate(design)) is not None:
                 yield f"“{plain_text(str(label), 40)}”", quantity, array
+
+
+def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
+    """Yield how often each event occurs whose probability the study requests."""
+    joint = view.statistics.joint_probability(design)
+    for array in () if joint is None else joint:
+        event = capitalized(plain_text(str(array["event_condition"].values)))
+        yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+
+
+def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield the probability of the event of each design that was made for one, with its caveat."""
+    for design in view.designs:
+        joint = view.statistics.joint_probability(design)
+        if joint is None or view.design(design).sampling is not Sampling.TOWARDS_EVENT:
+            continue
+        for array, finding in zip(joint, joint_findings(view, design), strict=True):
+            caveat = (
+                f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
+            )
+            yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
+    yield from _disagreement_findings(view)
+
+
+def _disagreement_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield which designs disagree on the event of one that was made for it."""
+    found = {design: view.statistics.joint_probability(design) for design in view.designs}
+    arrays = {design: array for design, array in found.items() if array is not None}
+    of_events = {each for each in arrays if view.design(each).sampling is Sampling.TOWARDS_EVENT}
+    for each in disagreements(arrays):
+        if of_events & {each.first, each.second}:
+            event = capitalized(plain_text(each.condition))
+            yield Finding(event, f"{capitalized(plain_text(str(each)))}.")
+
+
+def _stated(array: xr.DataArray) -> str:
+    value, lower, upper = map(no_break, percent_texts(*array.values.tolist()))
+    if not has_interval(array.values):
+        return f"{value} of cases (without an interval: {estimate_remark(array)})"
+    level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
+    return f"{value} of cases ({lower} to {upper}, {level} interval)"
+
+
+def decision_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield the verdict of each design on its claim, with its probability of being wrong."""
+    for design in view.designs:
+        if decision := view.statistics.decision(design):
+            verdict = f"{capitalized(decision.verdict_text)} of {design}"
+            yield Finding(plain_text(decision.claim), f"{verdict}: {decision.guarantee}.")

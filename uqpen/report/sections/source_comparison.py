@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 
-from uqpen.charts.chart import Block, Charts
-from uqpen.charts.marks import interval_notes
+from uqpen.charts.chart import Block
 from uqpen.charts.source_comparison import (
-    ComparedStatistic,
     available_statistics,
     compared_sources,
-    comparison_chart,
-    hollow_keys,
+    comparison_charts,
+    interval_cost_charts,
+    main_statistics,
 )
 from uqpen.report.blocks import Fold, Table, Text
-from uqpen.report.sections.interval_costs import interval_costs, main_statistics
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import statistics_table
@@ -48,28 +47,22 @@ def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
         yield from _tables(view, output, is_folded=True)
         return
-    first = main_statistics(view, output, found)
-    yield _comparison_charts(view, output, first, rows)
+    first = main_statistics(found)
+    yield comparison_charts(view, output, first, rows)
     others = [each for each in found if each not in first]
-    charts = (_comparison_charts(view, output, others, rows),) if others else ()
-    tables = _tables(view, output)
+    charts = [comparison_charts(view, output, others, rows)] if others else []
+    costs = interval_cost_charts(view, output, found)
     yield Fold(
         "All statistics by all methods, and what their intervals cost",
-        (*charts, *tables, *interval_costs(view, output, found)),
+        (
+            *charts,
+            *_tables(view, output),
+            *(replace(each, tables=()) for each in costs),
+            *(Table(table) for each in costs for table in each.tables),
+        ),
     )
 
 
 def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
     if table := statistics_table(view.statistics, output):
         yield Table(table, is_folded)
-
-
-def _comparison_charts(
-    view: ArchiveView, output: str, found: Sequence[ComparedStatistic], rows: tuple[str, ...]
-) -> Charts:
-    every = [estimate for each in found for estimate in each.available_estimates.values()]
-    return Charts(
-        charts=tuple(comparison_chart(view, output, each, rows) for each in found),
-        keys=hollow_keys(every),
-        notes=tuple(interval_notes(every)),
-    )

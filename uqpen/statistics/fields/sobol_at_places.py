@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.labels import OF_FIELD
 from uqpen.core.model import Output
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
@@ -65,7 +66,7 @@ def sobol_indices_at_places(
         yield order, array.assign_attrs(blocks.attributes)
         whole = field.whole_indices(order, sums) if sums.weight else at_places[0].each()
         generalized = input_array(whole, inputs, f"generalized {title}", level=level)
-        yield f"generalized_{order}", generalized.assign_attrs(blocks.attributes)
+        yield f"{OF_FIELD}{order}", generalized.assign_attrs(blocks.attributes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.labels import OF_CATEGORY, OF_EXCEEDANCE, OF_LOGARITHM
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
@@ -48,17 +49,17 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     if kinds := quantity.output.categories:
         events = (sample.values == kind for kind in range(len(kinds)))
         coordinates = category_coordinates(quantity)
-        yield neighbours.event_indices(events, coordinates, "category_", f"the kind of {title}")
+        yield neighbours.event_indices(events, coordinates, OF_CATEGORY, f"the kind of {title}")
         return
     yield neighbours.variable_indices(sample.values, "", title)
     if sample.size and sample.values.min() > 0:
         logarithm = np.log(sample.values)
-        yield neighbours.variable_indices(logarithm, "log_", f"the logarithm of {title}")
+        yield neighbours.variable_indices(logarithm, OF_LOGARITHM, f"the logarithm of {title}")
     if quantity.thresholds:
         events = (sample.values > threshold.value for threshold in quantity.thresholds)
         coordinates = threshold_coordinates(quantity)
         what = f"whether {title} exceeds a value"
-        yield neighbours.event_indices(events, coordinates, "exceedance_", what)
+        yield neighbours.event_indices(events, coordinates, OF_EXCEEDANCE, what)
 
 
 def event_first_order(sample: Sample, occurs: BoolArray) -> list[Estimate]:

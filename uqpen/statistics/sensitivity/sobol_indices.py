@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import PAIR
+from uqpen.core.labels import OF_CATEGORY, OF_EXCEEDANCE, OF_LOGARITHM, PAIR
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
@@ -49,14 +49,14 @@ def sobol_indices(
         )
         coordinates = category_coordinates(quantity)
         what = f"the kind of {title}"
-        yield from _event_indices(blocks, level, events, "category_", what, coordinates)
+        yield from _event_indices(blocks, level, events, OF_CATEGORY, what, coordinates)
         return
     column = BlockVariable(blocks, values, level=level)
     yield from _variable_indices(column, "", title)
     if blocks.layout.pairs:
         yield _pair_indices(column, title)
     if column.is_positive:
-        yield from _variable_indices(column.logarithm(), "log_", f"the logarithm of {title}")
+        yield from _variable_indices(column.logarithm(), OF_LOGARITHM, f"the logarithm of {title}")
     if quantity.thresholds:
         events = (
             BlockVariable(blocks, values > each.value, is_event=True, level=level)
@@ -64,7 +64,7 @@ def sobol_indices(
         )
         what = f"whether {title} exceeds a value"
         coordinates = threshold_coordinates(quantity)
-        yield from _event_indices(blocks, level, events, "exceedance_", what, coordinates)
+        yield from _event_indices(blocks, level, events, OF_EXCEEDANCE, what, coordinates)
 
 
 def _variable_indices(

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import ESTIMATOR
+from uqpen.core.labels import ESTIMATOR, OF_EXCEEDANCE, OF_LOGARITHM
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
 from uqpen.statistics.estimate import Estimate
@@ -56,7 +56,7 @@ def surrogate_indices(
     yield from indices.of_variable("", title, lambda values: values, forms)
     if name in draws.model.logarithms:
         forms = draws.closed_forms_of_logarithm()
-        yield from indices.of_variable("log_", f"the logarithm of {title}", np.log, forms)
+        yield from indices.of_variable(OF_LOGARITHM, f"the logarithm of {title}", np.log, forms)
     if quantity.thresholds:
         yield from indices.of_exceedance(title)
 
@@ -80,7 +80,7 @@ class _SurrogateIndices:
             long_name = f"{adjective} of whether {title} exceeds a value"
             array = event_array(estimates, coordinates, self._inputs, long_name)
             estimator = {ESTIMATOR: self.draws.pairs_estimator}
-            yield f"exceedance_{ending}", array.assign_attrs(estimator)
+            yield f"{OF_EXCEEDANCE}{ending}", array.assign_attrs(estimator)
 
     def _closed_form_indices(self, forms: ClosedForms) -> Indices:
         shares = forms.closed_form_indices(self.quantity.output.name)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import OF_EXCEEDANCE, OF_LOGARITHM
 from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.correction.corrected_indices import InputParts
@@ -92,8 +93,8 @@ class IndexedVariables:
         output = self._variable(name, _itself, runs, is_fitted=not self._is_log(name))
         found: dict[str, tuple[IndexedVariable, ...]] = {"": (output,)}
         if self._is_log(name):
-            found["log_"] = (self._logarithm(name, runs),)
-        found["exceedance_"] = tuple(
+            found[OF_LOGARITHM] = (self._logarithm(name, runs),)
+        found[OF_EXCEEDANCE] = tuple(
             replace(self._variable(name, exceeds, runs, is_fitted=False), is_event=True)
             for exceeds in (_event(each.value) for each in quantity.thresholds)
         )

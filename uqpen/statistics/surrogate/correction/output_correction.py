@@ -10,6 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import OF_EXCEEDANCE, OF_LOGARITHM
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -30,12 +32,10 @@ from uqpen.statistics.threshold import Threshold
 
 __all__ = ["FEWEST_ON_A_SIDE", "OutputCorrection", "is_index"]
 
-_PERCENTILES = ("percentile", "quantile")
-_KNOWN = ("mean", "std", "half_spread", "exceedance", "below", "cdf", *_PERCENTILES)
 # The beginning of their names, and their kind.
 _INDICES = {
     f"{prefix}{kind}": (prefix, kind)
-    for prefix in ("", "log_", "exceedance_")
+    for prefix in ("", OF_LOGARITHM, OF_EXCEEDANCE)
     for kind in (FIRST_ORDER, TOTAL_ORDER)
 }
 
@@ -61,7 +61,8 @@ class OutputCorrection:
 
     def problem(self, name: str) -> str:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
-        return "" if name in _KNOWN else texts.NO_CORRECTION
+        is_known = name in CATALOGUE and CATALOGUE[name].is_corrected
+        return "" if is_known else texts.NO_CORRECTION
 
     def own_problem(self, name: str, least: float) -> str:
         """Return why the surrogate's own figures of a statistic say too little; empty if not.
@@ -73,7 +74,7 @@ class OutputCorrection:
             The least share of the variance of the runs that it has to explain: of the logarithm
             for what is of that, and else of the output.
         """
-        of_logarithm = self.indexed.get("log_", ()) if name.startswith("log_") else ()
+        of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
         q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
         if q2 >= least:
             return ""

@@ -1,0 +1,169 @@
+"""Estimate arrays: coordinates that are not copied, statistics unpacked when they are needed."""
+
+import copy
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive import estimates
+from uqpen.archive.estimates import (
+    BOUND_COORDINATE,
+    UnpackedStatistics,
+    array_entries,
+    labelled_array,
+    statistic_names,
+    unpack,
+)
+from uqpen.core.labels import BOUND, BOUNDS
+from uqpen.results.output_tables import output_tables
+
+LABELS = np.array(["a", "b"], dtype=object)
+INTERVAL_LABELS = xr.Variable(("input",), np.array(["nominal", "none"], dtype=object))
+COORDINATES = {
+    "input": ("input", LABELS, {"long_name": "input"}),
+    "interval_label": INTERVAL_LABELS,
+    "note": xr.Variable((), "of all"),
+}
+
+
+def example() -> xr.DataArray:
+    return labelled_array(
+        np.arange(6.0).reshape(2, 3),
+        ("input", BOUND),
+        {BOUND: BOUND_COORDINATE, **COORDINATES},
+        {"units": "m"},
+        "mean",
+    )
+
+
+def test_the_array_is_that_of_the_constructor() -> None:
+    expected = xr.DataArray(
+        np.arange(6.0).reshape(2, 3),
+        {BOUND: list(BOUNDS), **COORDINATES},
+        ("input", BOUND),
+        "mean",
+        {"units": "m"},
+    )
+    xr.testing.assert_identical(example(), expected)
+    assert list(example().coords) == list(expected.coords)
+    assert list(example().xindexes) == list(expected.xindexes)
+    chosen = example().sel({"input": "b", BOUND: "upper"})
+    xr.testing.assert_identical(chosen, expected.sel({"input": "b", BOUND: "upper"}))
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [
+        ["x", "z"],
+        ("input", ["x", "z"], {"long_name": "input"}),
+        xr.DataArray([1.0, 2.0], dims="input", name="input"),
+        xr.Variable("input", [1.0, 2.0], {"units": "m"}),
+    ],
+)
+def test_coordinates_are_what_the_constructor_takes(labels: object) -> None:
+    values = np.zeros(2)
+    array = labelled_array(values, ("input",), {"input": labels}, {})
+    xr.testing.assert_identical(array, xr.DataArray(values, {"input": labels}, ("input",)))
+
+
+def test_coordinates_keep_their_indexes() -> None:
+    array = example()
+    again = labelled_array(array.values, array.dims, array.coords, array.attrs, "mean")
+    xr.testing.assert_identical(again, array)
+    assert again.xindexes["input"] is array.xindexes["input"]
+
+
+@pytest.mark.parametrize("dims", [("input", BOUND), (BOUND, "input")])
+def test_entries_are_those_of_an_iteration(dims: tuple[str, ...]) -> None:
+    array = example().transpose(*dims)
+    for entry, expected in zip(array_entries(array), array, strict=True):
+        xr.testing.assert_identical(entry, expected)
+        assert list(entry.xindexes) == list(expected.xindexes)
+
+
+def test_equal_labels_have_one_index() -> None:
+    assert example().xindexes["input"] is example().xindexes["input"]
+    first, second = (
+        labelled_array(np.zeros(2), ("at",), {"at": np.array(labels)}, {})
+        for labels in ([0.0, 1.0], [-0.0, 1.0])
+    )
+    assert np.signbit([first["at"].values[0], second["at"].values[0]]).tolist() == [False, True]
+
+
+def test_attributes_of_a_coordinate_are_those_of_one_array() -> None:
+    one, other = example(), example()
+    one[BOUND].attrs["units"] = "1"
+    one["input"].attrs["units"] = "1"
+    assert "units" not in other[BOUND].attrs
+    assert "units" not in other["input"].attrs
+
+
+def test_no_text_is_copied(monkeypatch: pytest.MonkeyPatch) -> None:
+    copied: list[object] = []
+    monkeypatch.setattr(copy, "deepcopy", lambda each, memo=None: copied.append(each))
+    array = example()
+    assert not copied
+    assert np.shares_memory(array["interval_label"].values, INTERVAL_LABELS.values)
+
+
+def test_a_coordinate_of_another_size_is_an_error() -> None:
+    with pytest.raises(ValueError, match="coordinate input has 2 values along input, but the arr"):
+        labelled_array(np.zeros(3), ("input",), COORDINATES, {})
+    with pytest.raises(ValueError, match="coordinate input has 2 values along input, but the arr"):
+        labelled_array(np.zeros(3), ("run",), COORDINATES, {})
+
+
+STUDY = """\
+seed = 1
+[model]
+python = "model.py:simulate"
+inputs = {{ a = "1", b = "1" }}
+outputs = {{ {outputs} }}
+vectorized = true
+[inputs]
+a = "0 ± 1"
+b = "0 ± 1"
+[designs.plain]
+kind = "monte-carlo"
+runs = 64
+"""
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> uqpen.Archive:
+    folder = tmp_path_factory.mktemp("unpacked")
+    source = "def simulate(a, b):\n    return {f'y{k}': a + k * b for k in range(4)}\n"
+    (folder / "model.py").write_text(source, encoding="utf-8")
+    outputs = ", ".join(f'y{number} = "1"' for number in range(4))
+    study = uqpen.parse_study(STUDY.format(outputs=outputs), folder=folder)
+    return uqpen.run(study, map=map)
+
+
+def test_they_are_those_of_the_group(archive: uqpen.Archive) -> None:
+    dataset = archive["statistics/plain/y1"].to_dataset()
+    found = UnpackedStatistics(dataset)
+    assert list(found) == statistic_names(dataset)
+    assert len(found) == len(list(found.attributes()))
+    assert "mean_interval" not in found
+    assert found.get("frobnicate") is None
+    for name, array in found.items():
+        assert array.identical(unpack(dataset, name))
+        assert found[name] is array
+
+
+def test_tables_unpack_no_statistic_of_an_output_they_do_not_show(
+    archive: uqpen.Archive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def counted(dataset, name):  # type: ignore[no-untyped-def]
+        asked.append(name)
+        return unpack(dataset, name)
+
+    monkeypatch.setattr(estimates, "unpack", counted)
+    assert list(output_tables(archive))
+    # A distribution function is never in a table.
+    assert asked
+    assert not {"cdf", "cdf_band", "percentile"} & set(asked)

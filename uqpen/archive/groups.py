@@ -1,0 +1,202 @@
+"""Groups of an archive: the declaration of each, and parts of the tree by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    FAILURE_STATISTICS,
+    JOINT_STATISTICS,
+    MODEL_FORM_STATISTICS,
+)
+from uqpen.core.labels import (
+    BENCHMARK,
+    DIFFERENCES,
+    FAILURES_GROUP,
+    FILES,
+    JOINT_GROUP,
+    KIND,
+    MODEL_FORM,
+    MODELS,
+    RUNS,
+    STATISTICS_GROUP,
+    SURROGATES,
+    TRAJECTORY,
+)
+from uqpen.core.statistic import Statistic
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "DESIGN_GROUPS",
+    "GROUPS",
+    "Group",
+    "group_names",
+    "group_place",
+    "innermost_groups",
+    "is_benchmark",
+    "model_trees",
+    "read_group",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Declaration of a group, by which it is written, checked, repeated, compared and shown.
+
+    References are texts, so that whoever opens an archive loads neither estimators nor tables.
+
+    Parameters
+    ----------
+    levels : tuple of str
+        What the groups in it are named by, from outside to inside; none if it has variables itself.
+    is_of_model : bool
+        True if each model of an archive has one of its own.
+    statistics : mapping of str to Statistic
+        Records of the statistics in its innermost groups, by which their form is checked.
+    check : str
+        Reference to a function of the group. It yields faults that the records do not show, each
+        with the path below the group.
+    writer : str
+        Of statistics of a design's runs as a whole: reference to a function of the study and these
+        runs, which returns the statistics.
+    is_repeated : bool
+        False for what `uqpen verify` does not compute again from the archived runs.
+    is_along_fields : bool
+        True if its values lie along the dimensions of fields, and are shown at a place of them.
+    tables : str
+        Reference to a function of the tree that has the group, which yields its tables. Without
+        one, statistics of a design's runs as a whole are a table by their records.
+    json : str
+        Reference to a function of the statistics of a model and the name of a design, which returns
+        keys and values for the design. Without one, such statistics are JSON by their records.
+    rank : int
+        Place of its tables and of its rows in the long table.
+    title : str
+        Title of the table by its records.
+    """
+
+    levels: tuple[str, ...] = ()
+    is_of_model: bool = True
+    statistics: Mapping[str, Statistic] = field(default_factory=dict)
+    check: str = ""
+    writer: str = ""
+    is_repeated: bool = True
+    is_along_fields: bool = False
+    tables: str = ""
+    json: str = ""
+    rank: int = 99
+    title: str = ""
+
+
+# In the order in which they are written and checked.
+GROUPS: Mapping[str, Group] = {
+    RUNS: Group(
+        levels=("design",),
+        check="uqpen.archive.structure:find_run_faults",
+        is_repeated=False,
+        is_along_fields=True,
+    ),
+    STATISTICS_GROUP: Group(
+        levels=("source", "output"),
+        statistics=CATALOGUE,
+        check="uqpen.archive.structure:find_source_faults",
+        is_along_fields=True,
+    ),
+    FAILURES_GROUP: Group(
+        levels=("design",),
+        statistics=FAILURE_STATISTICS,
+        writer="uqpen.workflow.model_groups:failure_statistics",
+        tables="uqpen.results.failed_runs:failure_tables",
+        json="uqpen.results.failed_runs:failure_json",
+        rank=2,
+    ),
+    JOINT_GROUP: Group(
+        levels=("design",),
+        statistics=JOINT_STATISTICS,
+        writer="uqpen.workflow.model_groups:joint_statistics",
+        tables="uqpen.results.joint_probabilities:joint_tables",
+        json="uqpen.results.joint_probabilities:joint_json",
+        rank=1,
+    ),
+    SURROGATES: Group(
+        levels=("surrogate", "output"), check="uqpen.archive.structure:find_surrogate_faults"
+    ),
+    TRAJECTORY: Group(),
+    DIFFERENCES: Group(
+        levels=("model", "design", "output"),
+        is_of_model=False,
+        statistics=CATALOGUE,
+        check="uqpen.archive.structure:find_difference_faults",
+        is_along_fields=True,
+        tables="uqpen.results.output_tables:difference_tables",
+        rank=3,
+    ),
+    MODEL_FORM: Group(
+        levels=("design", "output"),
+        is_of_model=False,
+        statistics=MODEL_FORM_STATISTICS,
+        tables="uqpen.results.output_tables:model_form_tables",
+        rank=4,
+    ),
+    FILES: Group(
+        is_of_model=False, check="uqpen.archive.files:find_file_faults", is_repeated=False
+    ),
+}
+
+# Those with statistics of each design's runs as a whole.
+DESIGN_GROUPS = {name: group for name, group in GROUPS.items() if group.writer}
+
+
+def group_place(path: str) -> tuple[str, dict[str, str]]:
+    """Return which declared group a path of an archive leads to or into, and the names on its way.
+
+    >>> group_place("/models/fine/statistics/mc/depth")
+    ('statistics', {'source': 'mc', 'output': 'depth'})
+    """
+    parts = path.strip("/").split("/")
+    name, *below = parts[2:] or [""] if parts[0] == MODELS else parts
+    levels = GROUPS[name].levels if name in GROUPS else ()
+    return name, dict(zip(levels, below, strict=False))
+
+
+def innermost_groups(node: xr.DataTree, depth: int) -> Iterator[tuple[str, xr.DataTree]]:
+    """Yield the groups at a depth below a group, each with its path from there."""
+    if depth == 0:
+        yield "", node
+        return
+    for name, child in node.children.items():
+        for path, inner in innermost_groups(child, depth - 1):
+            yield f"/{name}{path}", inner
+
+
+def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the group of each model by its name; for a single model, the archive as ``""``."""
+    if MODELS not in tree.children:
+        return {"": tree}
+    return {str(name): model for name, model in tree.children[MODELS].children.items()}
+
+
+def is_benchmark(tree: xr.DataTree) -> bool:
+    """Return True for the archive of a benchmark of methods, False for that of a study."""
+    return bool(tree.attrs.get(KIND) == BENCHMARK)
+
+
+def group_names(tree: xr.DataTree, name: str) -> list[str]:
+    """Return the names of the groups in a group of the root, such as the designs with runs."""
+    return list(tree.children[name].children) if name in tree.children else []
+
+
+def read_group(tree: xr.DataTree, *path: str) -> xr.Dataset:
+    """Return the dataset of a group; an empty one where the archive has none."""
+    for name in path:
+        if name not in tree.children:
+            import xarray as xr
+
+            return xr.Dataset()
+        tree = tree.children[name]
+    return tree.to_dataset(inherit=False)

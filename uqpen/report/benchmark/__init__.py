@@ -1,1 +1,0 @@
-"""Content of the page of a benchmark of methods."""

@@ -1,0 +1,201 @@
+"""Outputs with dimensions: curves with a place that a reader moves over their charts, and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+
+from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.charts.chart import Block, Charts, PlaceColumn, PlaceReadout
+from uqpen.charts.curves import (
+    driver_areas,
+    driver_lines,
+    fan_chart,
+    map_charts,
+    measures_along,
+    median_charts,
+    ordered_curves,
+    place_drivers,
+    place_histogram,
+    probability_charts,
+    quantile_chart,
+    ranked_chart,
+    tolerance_chart,
+)
+from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import NOTE
+from uqpen.report.blocks import Fold, Heading
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break, output_name
+from uqpen.results.archive_view import ArchiveView, output_heading, output_title
+from uqpen.results.curve_estimates import CurveEstimates
+from uqpen.results.digits import estimate_text, number_text
+from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
+from uqpen.results.table import entry_label, quantile_label
+from uqpen.results.texts import plain_text, unit_suffix
+
+__all__ = ["curves", "field_sentences", "first_curves", "further_curves"]
+
+# Places of a curve in its charts at the most, of some thousand.
+_MOST_PLACES = 161
+# Fields that are open, at the most.
+_MOST = 2
+# Maps of a field that are open: of the mean and the standard deviation.
+_OPEN_MAPS = 2
+# Curves among the main results, which fit in one row, and fields with a sentence, at the most.
+_MOST_FIRST, _MOST_SENTENCES = 4, 3
+
+
+def curves(view: ArchiveView) -> Iterator[Block]:
+    """Yield the charts of each field, those of all but the first ones folded."""
+    design = view.leading_design
+    if design is None:
+        return
+    found = {
+        field: blocks
+        for field in view.fields
+        if (blocks := tuple(_field_blocks(view, field, design)))
+    }
+    names = list(found)
+    for field in names[:_MOST]:
+        yield from (Heading(output_heading(view, field)), *found[field])
+    if others := names[_MOST:]:
+        titles = ", ".join(output_title(view, field) for field in others)
+        yield Fold(
+            f"Other curves: {plain_text(titles, 120)}",
+            tuple(
+                block
+                for field in others
+                for block in (Heading(output_heading(view, field)), *found[field])
+            ),
+        )
+
+
+def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]:
+    along = field_dimensions(view.design(design).runs[field])
+    if view.statistics.get(design, field, "mean") is None:
+        return
+    if len(along) == 1:
+        yield from _curve_blocks(CurveEstimates(view, field, design, _MOST_PLACES))
+        return
+    maps = tuple(map_charts(view, field, design))
+    yield Charts(maps[:_OPEN_MAPS])
+    if further := maps[_OPEN_MAPS:]:
+        yield Fold("Maps of the quantiles", (Charts(further),))
+
+
+def _curve_blocks(curve: CurveEstimates) -> Iterator[Block]:
+    unit = unit_suffix(curve.view.unit(curve.dimension))
+    readout = PlaceReadout(
+        output=output_title(curve.view, curve.output),
+        dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
+        values=curve.places,
+        heads=[f"{number_text(place, 6)}{unit}" for place in curve.places.tolist()],
+        columns=list(_columns(curve)),
+        start=_first_place(curve),
+    )
+    indices = measures_along(curve)
+    yield fan_chart(curve, readout)
+    yield Charts(
+        (
+            *([place_histogram(curve, readout.start)] if curve.has_runs else []),
+            *place_drivers(curve, readout.start, indices),
+            *driver_areas(curve, indices),
+            *probability_charts(curve),
+        )
+    )
+    further = (
+        *tolerance_chart(curve),
+        *ranked_chart(curve),
+        *quantile_chart(curve),
+        *driver_lines(curve, indices),
+    )
+    if further:
+        yield Fold(
+            "Bands of new curves, quantiles and shares, and ranked curves", (Charts(further),)
+        )
+
+
+def _first_place(curve: CurveEstimates) -> int:
+    """Return where runs differ most, or where the mean is largest if no deviation is known."""
+    for statistic in ("std", "mean"):
+        bounds = curve.bounds(statistic)
+        if bounds is not None and np.isfinite(bounds[:, 0]).any():
+            return int(np.nanargmax(bounds[:, 0]))
+    return 0
+
+
+def _columns(curve: CurveEstimates) -> Iterator[PlaceColumn]:
+    """Yield each statistic at the places."""
+    unit = unit_suffix(curve.view.unit(curve.output))
+    for statistic, label in (("mean", "mean"), ("std", "sd")):
+        if (bounds := curve.bounds(statistic)) is not None:
+            yield _column(label, unit, bounds, _notes(curve, statistic))
+    for number, (p, bounds) in enumerate(curve.entries("quantile").items()):
+        yield _column(quantile_label(p), unit, bounds, _notes(curve, "quantile", number))
+    for probability in THRESHOLD_PROBABILITIES:
+        for number, (text, bounds) in enumerate(curve.entries(probability.name).items()):
+            label = f"{entry_label(probability, text)} ="
+            yield _column(label, "", bounds, _notes(curve, probability.name, number))
+    if (bounds := curve.bounds("reached")) is not None:
+        yield _column("share of runs that get this far", "", bounds, _notes(curve, "reached"))
+
+
+def _notes(curve: CurveEstimates, statistic: str, entry: int = 0) -> list[str]:
+    """Return the note on an entry of a statistic at each place."""
+    array = curve.array(statistic)
+    if array is None or NOTE not in array.coords:
+        return [""] * curve.places.size
+    notes = array.coords[NOTE].transpose(curve.dimension, ...).values
+    return list(map(str, notes.reshape(curve.places.size, -1)[:, entry]))
+
+
+def _column(label: str, unit: str, estimates: FloatArray, notes: list[str]) -> PlaceColumn:
+    """Return the estimates with their intervals, and the reasons where there is none."""
+    lacks = np.isfinite(estimates[:, 0]) & ~np.isfinite(estimates[:, 1:]).any(axis=1)
+    reasons = {at: notes[at] for at in np.flatnonzero(lacks).tolist() if notes[at]}
+    return PlaceColumn(label, unit, [estimate_text(*row) for row in estimates.tolist()], reasons)
+
+
+def first_curves(view: ArchiveView) -> Iterator[Block]:
+    """Yield the charts of the first curves at a glance, those by several models before others."""
+    if found := ordered_curves(view, _MOST_PLACES)[:_MOST_FIRST]:
+        yield median_charts(view, found)
+
+
+def further_curves(view: ArchiveView) -> Iterator[Block]:
+    """Yield the charts of all curves that are not among the first ones."""
+    if found := ordered_curves(view, _MOST_PLACES)[_MOST_FIRST:]:
+        yield Heading("Further curves")
+        yield median_charts(view, found)
+
+
+def field_sentences(view: ArchiveView, design: str) -> Iterator[str]:
+    """Yield where the mean of each of the first fields is largest, with its band if it has one."""
+    sentences = (_sentence(view, each, design) for each in view.fields)
+    yield from islice(filter(None, sentences), _MOST_SENTENCES)
+
+
+def _sentence(view: ArchiveView, field: str, design: str) -> str:
+    statistics = view.statistics.statistics(design, field)
+    statistic = "mean_band" if "mean_band" in statistics else "mean"
+    if statistic not in statistics:
+        return ""
+    array = statistics[statistic]
+    estimates = array.values[..., 0]
+    if not np.isfinite(estimates).any():
+        return ""
+    index = np.unravel_index(int(np.nanargmax(estimates)), estimates.shape)
+    quantity = QuotedStatistic(view, field, CATALOGUE[statistic])
+    value, interval = quantity.texts(array[index])[0], quantity.interval(array[index])
+    if statistic == "mean_band":
+        interval = interval.replace("without an interval", "without a band", 1)
+        interval = interval.replace("% interval", "% band, valid at all places at once", 1)
+    places = (
+        coordinate_text(array[dim], array[dim].values[at], 6)
+        for dim, at in zip(array.dims, index, strict=False)
+    )
+    place = no_break(", ".join(places))
+    return f"The mean of {output_name(view, field)} is largest at {place}: {value} {interval}."
