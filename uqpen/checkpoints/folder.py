@@ -212,9 +212,8 @@ class CheckpointFolder:
     def checkpoint(self, design: str, model: str, number: int) -> Checkpoint:
         """Return the checkpoint of the runs of a model in a round of a design."""
         folder, fingerprint = self._runs_folder(model, design), self._fingerprints[model, design]
-        kept = _RoundCheckpoint(self, folder, fingerprint, number)
-        self._open.append(kept)
-        return kept
+        self._open.append(_RoundCheckpoint(self, folder, fingerprint, number))
+        return self._open[-1]
 
     def scratch(self, design: str, model: str, number: int) -> Checkpoint:
         """Return a checkpoint that keeps many runs in a file, and no run for another start."""
@@ -256,8 +255,8 @@ class CheckpointFolder:
         """
         began = time.monotonic()
         with self.writing():
-            for kept in self._open:
-                self.runs += kept.write()
+            for each in self._open:
+                self.runs += each.write()
         self._saved = time.monotonic()
         self._cost = self._saved - began
 

@@ -143,36 +143,36 @@ def make_archive(
             journal.inform(f"{replaced.name}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
-        kept = _checkpoint_folder(study, path, journal, runs_in_memory)
+        finished = _checkpoint_folder(study, path, journal, runs_in_memory)
         if resume.read_again:
-            study = _read_again(study, kept, repeats_others=resume.fresh)
-        _discard_runs(kept, resume)
-        reused = _reused_runs(
-            study, kept, archives, journal, resume, recheck, has_parts=not is_unknown
+            study = _read_again(study, finished, repeats_others=resume.fresh)
+        _discard_runs(finished, resume)
+        finder = _finder(
+            study, finished, archives, journal, resume, recheck, has_parts=not is_unknown
         )
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
-            own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
-            return reused.checkpoint(own, design, model)
+            own = (finished.scratch if is_unknown else finished.checkpoint)(design, model, number)
+            return finder.checkpoint(own, design, model)
 
         try:
-            tree = _run_study(study, map, journal, kept, checkpoint)
-            if record := reused.record():
+            tree = _run_study(study, map, journal, finished, checkpoint)
+            if record := finder.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
             # Of an archive that cannot be read, nobody knows what it has.
             loses = is_worth_keeping and (
                 replaced is None or lacks_runs(study, tree, replaced.tree)
             )
-            copy = _write(tree, path, kept, keeps_earlier=loses)
+            copy = _write(tree, path, finished, keeps_earlier=loses)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
+            raise KeyboardInterrupt(_kept_text(finished) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
         if copy:
             journal.inform(f"{path.name}: the earlier archive is kept as {copy.name}")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
-        kept.remove_archived(reused.used_folders())
+        finished.remove_archived(finder.used_folders())
     return tree
 
 
@@ -204,13 +204,13 @@ def _checkpoint_folder(
         for design in study.designs
     }
     folder = path.with_name(f"{path.name}.parts")
-    kept = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
-    kept.remove_temporary_files()
-    return kept
+    finished = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
+    finished.remove_temporary_files()
+    return finished
 
 
 def _read_again(
-    study: ValidatedStudy, kept: CheckpointFolder, *, repeats_others: bool
+    study: ValidatedStudy, finished: CheckpointFolder, *, repeats_others: bool
 ) -> ValidatedStudy:
     """Return a study that reads the folders of its runs where they are kept.
 
@@ -227,39 +227,39 @@ def _read_again(
     models = {name: variant.model.reading_again() for name, variant in study.models.items()}
     if all(variant.model is models[name] for name, variant in study.models.items()):
         raise StudyError("no model of the study keeps the folders of its runs; a command does")
-    if not repeats_others and (without := _runs_without_folder(study, kept)):
+    if not repeats_others and (without := _runs_without_folder(study, finished)):
         raise CheckpointError(
-            f"{kept.folder}: {without} finished runs have no folder that could be read again\n"
+            f"{finished.folder}: {without} finished runs have no folder that could be read again\n"
             'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
             "repeated"
         )
-    kept.remove_all()
+    finished.remove_all()
     variants = {name: variant.with_model(models[name]) for name, variant in study.models.items()}
     return replace(study, models=variants)
 
 
-def _runs_without_folder(study: ValidatedStudy, kept: CheckpointFolder) -> int:
+def _runs_without_folder(study: ValidatedStudy, finished: CheckpointFolder) -> int:
     """Return the number of finished runs whose folders are not kept."""
     count = 0
-    for model, finished in kept.finished_runs():
-        for position in np.flatnonzero(finished.results.status == Status.OK).tolist():
-            inputs = {name: float(values[position]) for name, values in finished.inputs.items()}
+    for model, found in finished.finished_runs():
+        for position in np.flatnonzero(found.results.status == Status.OK).tolist():
+            inputs = {name: float(values[position]) for name, values in found.inputs.items()}
             count += study.models[model].model.run_folder(inputs) is None
     return count
 
 
-def _discard_runs(kept: CheckpointFolder, resume: ResumeOptions) -> None:
+def _discard_runs(finished: CheckpointFolder, resume: ResumeOptions) -> None:
     """Remove the finished runs that are to be made again; check that the others are of use."""
     if resume.fresh:
-        kept.remove_all()
-    kept.check_compatibility()
+        finished.remove_all()
+    finished.check_compatibility()
     if resume.repeat_failed:
-        kept.discard_failed()
+        finished.discard_failed()
 
 
-def _reused_runs(
+def _finder(
     study: ValidatedStudy,
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     archives: Sequence[ArchivePlace],
     journal: Journal,
     resume: ResumeOptions,
@@ -267,80 +267,84 @@ def _reused_runs(
     *,
     has_parts: bool,
 ) -> RunFinder:
-    """Return the earlier runs that a study may take, and report those that it cannot take.
+    """Return the finished runs that a study may take, and report those that it cannot take.
 
     Some of those that it would take are made again; `has_parts` if it takes those of its designs.
     """
     archived = sources_of_archives(study, archives, journal)
     sources = {
-        name: _model_sources(study, name, kept, archived[name], resume) for name in study.models
+        name: _model_sources(study, name, finished, archived[name], resume) for name in study.models
     }
-    reused = runs_that_are_as_made(
-        study, sources, archives, kept, recheck, journal, has_parts=has_parts
+    finder = runs_that_are_as_made(
+        study, sources, archives, finished, recheck, journal, has_parts=has_parts
     )
     for archive in archives:
         for name, reason in unused_designs(archive.tree).items():
             journal.inform(f"{archive.name}: no run of its {name} is taken, as {reason}")
     replaced = (archive for archive in archives if not archive.is_named)
     not_kept = next((runs_not_kept(study, archive.tree) for archive in replaced), {})
-    for name, text in (not_kept | unusable_runs(study, reused, not_kept)).items():
+    for name, text in (not_kept | unusable_runs(study, finder, not_kept)).items():
         journal.inform(f"{name}: {text}")
-    return reused
+    return finder
 
 
 def _model_sources(
     study: ValidatedStudy,
     model: str,
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     archived: Sequence[RunSource],
     resume: ResumeOptions,
 ) -> list[RunSource]:
-    """Return the earlier runs that a model of a study may take; those set aside come first."""
+    """Return the finished runs that a model of a study may take; those set aside come first."""
     sources = [*archived]
     if not study.models[model].model.unknown_dependency:
-        sources = [*kept.set_aside_sources(model, model_fingerprint(study, model)), *sources]
+        sources = [*finished.set_aside_sources(model, model_fingerprint(study, model)), *sources]
     if not resume.repeat_failed:
         return sources
     return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
 
 
-def _kept_text(kept: CheckpointFolder) -> str:
+def _kept_text(finished: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
-    return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
+    return (
+        f"{finished.runs} runs are kept; the same command continues from there"
+        if finished.runs
+        else ""
+    )
 
 
 def _run_study(
     study: ValidatedStudy,
     map: Map,
     journal: Journal,
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     checkpoints: Checkpoints,
 ) -> xr.DataTree:
     """Run a study; keep its finished runs if it is stopped."""
     try:
         return run(study, map=map, progress=journal, checkpoints=checkpoints)
     except TooManyFailedError as error:
-        kept.save()
-        message = f"{kept.runs} runs are kept. {error.remedy}"
-        raise type(error)(f"{error}\n{message}" if kept.runs else str(error)) from None
+        finished.save()
+        message = f"{finished.runs} runs are kept. {error.remedy}"
+        raise type(error)(f"{error}\n{message}" if finished.runs else str(error)) from None
     except ClusterError as error:
-        kept.save()
-        raise ClusterError("\n".join(filter(None, (str(error), _kept_text(kept))))) from None
+        finished.save()
+        raise ClusterError("\n".join(filter(None, (str(error), _kept_text(finished))))) from None
     except BaseException:
-        kept.save()
+        finished.save()
         raise
 
 
 def _write(
-    tree: xr.DataTree, path: Path, kept: CheckpointFolder, *, keeps_earlier: bool
+    tree: xr.DataTree, path: Path, finished: CheckpointFolder, *, keeps_earlier: bool
 ) -> Path | None:
     """Write the archive; if that fails, keep its runs."""
     try:
         return write(tree, path, keeps_earlier=keeps_earlier)
     except ArchiveError as error:
-        kept.save()
-        message = f"all {kept.runs} runs are kept; the same command continues from there"
+        finished.save()
+        message = f"all {finished.runs} runs are kept; the same command continues from there"
         raise ArchiveError(f"{error}\n{message}") from None
     except BaseException:
-        kept.save()
+        finished.save()
         raise

@@ -195,8 +195,8 @@ class Recheck:
             try:
                 self._outcomes[key] = self._look(name, place, sources, left, omitted or {})
             except KeyboardInterrupt:
-                kept = "all finished runs are kept; the same command continues from there"
-                raise KeyboardInterrupt(kept) from None
+                text = "all finished runs are kept; the same command continues from there"
+                raise KeyboardInterrupt(text) from None
         return self._outcomes[key]
 
     def _look(
@@ -296,7 +296,7 @@ class _Comparison:
         self._evaluator = Evaluator(model)
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
         self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
-        self._kept = evaluate(
+        self._finished = evaluate(
             self._evaluator,
             _points(chosen.runs.inputs, chosen.runs.runs),
             {},
@@ -353,8 +353,8 @@ class _Comparison:
 
     def _other_ending(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how a run has another status or reason now; empty if none has."""
-        before, statuses = self._kept[STATUS].values, again[STATUS].values
-        reasons_before, reasons = _reasons(self._kept), _reasons(again)
+        before, statuses = self._finished[STATUS].values, again[STATUS].values
+        reasons_before, reasons = _reasons(self._finished), _reasons(again)
         is_ok = (before[at[own]] == Status.OK) & (statuses[own] == Status.OK)
         for position in own[~is_ok].tolist():
             run = int(at[position])
@@ -368,7 +368,9 @@ class _Comparison:
     def _other_values(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how the values of runs differ; empty if they are equal."""
         words = (f"in {self._place.name}", "now")
-        found = self._differences(self._kept.isel({RUN: at[own]}), again.isel({RUN: own}), words)
+        found = self._differences(
+            self._finished.isel({RUN: at[own]}), again.isel({RUN: own}), words
+        )
         self._differs_at_all |= bool(found)
         return found[0].what if found and found[0].relative > self._tolerance else ""
 
@@ -518,13 +520,13 @@ def runs_that_are_as_made(
     study: ValidatedStudy,
     sources: _Sources,
     archives: Sequence[ArchivePlace],
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     recheck: Recheck,
     journal: Journal,
     *,
     has_parts: bool,
 ) -> RunFinder:
-    """Return the earlier runs that a study may take; of those in each place, some are made again.
+    """Return the finished runs that a study may take; of those in each place, some are made again.
 
     They are made again only where one of a design's first points has a run.
 
@@ -536,7 +538,7 @@ def runs_that_are_as_made(
         The sources of runs by the name of a model.
     archives : sequence of ArchivePlace
         The archives among their places.
-    kept : CheckpointFolder
+    finished : CheckpointFolder
         The finished runs beside the archive.
     recheck : Recheck
         Makes runs again.
@@ -550,13 +552,13 @@ def runs_that_are_as_made(
     CheckpointError
         If runs of the folder, or of an archive that the user has named, differ.
     """
-    parts = {name: kept.part_sources(name) for name in study.models if recheck.applies(name)}
+    parts = {name: finished.part_sources(name) for name in study.models if recheck.applies(name)}
     parts = {name: found for name, found in parts.items() if found and has_parts}
     planned = sum(study.design_runs(design) for design in study.designs)
     left = {name: planned - _count(parts.get(name, ())) - _count(sources[name]) for name in sources}
-    log = kept.folder.with_suffix(".log")
+    log = finished.folder.with_suffix(".log")
     folder, set_aside = (
-        Place(shown_path(each), log) for each in (kept.folder, kept.folder / SET_ASIDE)
+        Place(shown_path(each), log) for each in (finished.folder, finished.folder / SET_ASIDE)
     )
     unchecked = [
         (name, source.design)
@@ -566,13 +568,13 @@ def runs_that_are_as_made(
     ]
     places = {archive.name: archive for archive in archives}
     while True:
-        reused = RunFinder(study, sources, journal)
+        finder = RunFinder(study, sources, journal)
         refused = set()
-        for name, place in _taken(study, sources, reused):
+        for name, place in _taken(study, sources, finder):
             own = [each for each in sources[name] if each.place == place]
             outcome = recheck.look(name, places.get(place, set_aside), own, left[name])
             if outcome.is_unchecked:
-                reused.mark_not_made_again(name, place)
+                finder.mark_not_made_again(name, place)
             if outcome.is_refused:
                 refused.add((name, place))
         if not refused:
@@ -582,17 +584,17 @@ def runs_that_are_as_made(
             for name, found in sources.items()
         }
     for name, design in unchecked:
-        reused.record_not_made_again(design, name)
-    return reused
+        finder.record_not_made_again(design, name)
+    return finder
 
 
 def _taken(
-    study: ValidatedStudy, sources: _Sources, reused: RunFinder
+    study: ValidatedStudy, sources: _Sources, finder: RunFinder
 ) -> Iterator[tuple[str, str]]:
     """Yield the models and the places from which runs at the first points of a design come."""
     for name, found in sources.items():
         points = (first_points(study, design, name) for design in study.designs if found)
-        used = set[str]().union(*(reused.used_places(name, each) for each in points))
+        used = set[str]().union(*(finder.used_places(name, each) for each in points))
         places = dict.fromkeys(each.place for each in found)
         yield from ((name, place) for place in places if place in used)
 

@@ -181,16 +181,16 @@ def _use_text(
 
 def unusable_runs(
     study: ValidatedStudy,
-    reused: RunFinder,
+    finder: RunFinder,
     known: Collection[str],
 ) -> dict[str, str]:
-    """Return a text for each changed design of whose earlier runs none is at its first points.
+    """Return a text for each changed design of whose finished runs none is at its first points.
 
     Parameters
     ----------
     study : ValidatedStudy
         The study.
-    reused : RunFinder
+    finder : RunFinder
         The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
@@ -202,10 +202,10 @@ def unusable_runs(
     """
     texts = {}
     for name in study.designs:
-        for model, found in reused.sources.items():
+        for model, found in finder.sources.items():
             runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
             if not runs or name in known:
                 continue
-            if not reused.used_places(model, first_points(study, name, model)):
+            if not finder.used_places(model, first_points(study, name, model)):
                 texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
     return texts

@@ -270,7 +270,7 @@ def first_points(study: ValidatedStudy, design: str, model: str) -> Arrays:
 
 
 class _ReusingCheckpoint(Checkpoint):
-    """Checkpoint of a round that also restores runs of earlier studies."""
+    """Checkpoint of a round that also restores runs of other places."""
 
     def __init__(self, finder: RunFinder, own: Checkpoint, design: str, model: str) -> None:
         self._finder, self._own = finder, own
