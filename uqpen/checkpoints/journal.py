@@ -9,7 +9,7 @@ import platform
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +18,7 @@ import xarray as xr
 
 from uqpen.archive.provenance import provenance
 from uqpen.core.errors import ArchiveError
+from uqpen.core.progress_broadcast import ProgressBroadcast
 from uqpen.execution import Progress
 
 __all__ = ["Journal", "are_costly", "run_seconds", "seconds_at_last_pace"]
@@ -39,7 +40,7 @@ _WRITTEN = re.compile(r": is written$")
 _ENDED_EARLY = re.compile(r"^\S+ ended early: ")
 
 
-class Journal(Progress):
+class Journal(ProgressBroadcast):
     """Progress as lines with the time of day, which must not be in the archive itself.
 
     Parameters
@@ -53,9 +54,9 @@ class Journal(Progress):
     """
 
     def __init__(self, path: Path, title: str, progress: Progress) -> None:
+        super().__init__(progress)
         self._path = path
         self._title = title
-        self._progress = progress
         self._warnings: Counter[str] = Counter()
         self._name = ""
         self._runs = self._failed = 0
@@ -105,56 +106,47 @@ class Journal(Progress):
 
     def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
         self._finish()
-        self._progress.start_step(name, number, total)
-
-    def announce_designs(self, runs: Mapping[str, int]) -> None:
-        self._progress.announce_designs(runs)
-
-    def start_preparation(self, model: str) -> None:
-        self._progress.start_preparation(model)
+        super().start_step(name, number, total)
 
     def start_design(self, name: str, runs: int) -> None:
         self._finish()
         self._name, self._runs, self._failed, self._began = name, 0, 0, time.monotonic()
-        self._progress.start_design(name, runs)
+        super().start_design(name, runs)
 
     def start_runs(self, model: str, finished_runs: Callable[[], list[xr.Dataset]]) -> None:
         self._model, self._runs_began = model, time.monotonic()
-        self._progress.start_runs(model, finished_runs)
-
-    def end_block(self, model: str, runs: xr.Dataset) -> None:
-        self._progress.end_block(model, runs)
+        super().start_runs(model, finished_runs)
 
     def count_restored(self, runs: int) -> None:
         self.write_line(f"{self._name}: {runs} runs were made before")
-        self._progress.count_restored(runs)
+        super().count_restored(runs)
 
     def report_trial(self, text: str) -> None:
         self.write_line(" ".join(f"{self._name}: {text}".split()))
-        self._progress.report_trial(text)
+        super().report_trial(text)
 
     def count_reused(self, runs: int, place: str) -> None:
         self._reused[place] += runs
-        self._progress.count_reused(runs, place)
+        super().count_reused(runs, place)
 
     def inform(self, text: str) -> None:
         self.write_line(" ".join(text.split()))
-        self._progress.inform(text)
+        super().inform(text)
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._runs += runs
         self._failed += failed
         self._record_first_runs()
-        self._progress.advance(runs, failed, in_progress)
+        super().advance(runs, failed, in_progress)
 
     def start_analysis(self) -> None:
         self._finish()
-        self._progress.start_analysis()
+        super().start_analysis()
 
     def warn(self, text: str) -> None:
         if len(self._warnings) < _MOST_WARNINGS or text in self._warnings:
             self._warnings[text] += 1
-        self._progress.warn(text)
+        super().warn(text)
 
     def _record_first_runs(self) -> None:
         """Write how long the first runs of a model took, where no earlier ones were faster."""
