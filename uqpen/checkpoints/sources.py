@@ -72,6 +72,59 @@ _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
 
 @dataclass(frozen=True)
+class Place:
+    """Place of finished runs: a folder beside the archive that is made.
+
+    Attributes
+    ----------
+    name : str
+        Its path, for display.
+    log : Path
+        The log of the making of its runs.
+    """
+
+    name: str
+    log: Path
+
+    @property
+    def are_needed(self) -> bool:
+        """True if it is an error if none of its runs can be taken."""
+        return True
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do if none of its runs is taken."""
+        return f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
+
+
+@dataclass(frozen=True)
+class ArchivePlace(Place):
+    """Archive of an earlier study, as a place of finished runs.
+
+    Attributes
+    ----------
+    tree : DataTree
+        Its content.
+    is_named : bool
+        True if the user has named it.
+    """
+
+    tree: xr.DataTree
+    is_named: bool
+
+    @property
+    def are_needed(self) -> bool:
+        """True if it is an error if none of its runs can be taken."""
+        return self.is_named
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do if none of its runs is taken."""
+        leave_out = "leave it out to make all runs, or " if self.is_named else ""
+        return f"{leave_out}{_NEVERTHELESS}"
+
+
+@dataclass(frozen=True)
 class RunSource:
     """Finished runs of a model in one round of a design.
 
@@ -186,59 +239,6 @@ def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
     }
     results = join_results([part.results for part in parts])
     return FinishedRuns(runs, inputs, select_results(results, at))
-
-
-@dataclass(frozen=True)
-class Place:
-    """Place of finished runs: a folder beside the archive that is made.
-
-    Attributes
-    ----------
-    name : str
-        Its path, for display.
-    log : Path
-        The log of the making of its runs.
-    """
-
-    name: str
-    log: Path
-
-    @property
-    def are_needed(self) -> bool:
-        """True if it is an error if none of its runs can be taken."""
-        return True
-
-    @property
-    def remedy(self) -> str:
-        """What a user can do if none of its runs is taken."""
-        return f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
-
-
-@dataclass(frozen=True)
-class ArchivePlace(Place):
-    """Archive of an earlier study, as a place of finished runs.
-
-    Attributes
-    ----------
-    tree : DataTree
-        Its content.
-    is_named : bool
-        True if the user has named it.
-    """
-
-    tree: xr.DataTree
-    is_named: bool
-
-    @property
-    def are_needed(self) -> bool:
-        """True if it is an error if none of its runs can be taken."""
-        return self.is_named
-
-    @property
-    def remedy(self) -> str:
-        """What a user can do if none of its runs is taken."""
-        leave_out = "leave it out to make all runs, or " if self.is_named else ""
-        return f"{leave_out}{_NEVERTHELESS}"
 
 
 def open_archives(
