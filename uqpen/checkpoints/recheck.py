@@ -25,7 +25,7 @@ from uqpen.checkpoints.sources import (
     archived_sources,
     shown_path,
 )
-from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
 from uqpen.core.masked_numbers import mask_numbers
@@ -652,14 +652,13 @@ def choose_runs(
         return None
     # Models of one study may be given other inputs; most runs have the same ones.
     of_one_kind = max(alike, key=_count_ok)
-    is_ok = _has_status(of_one_kind, Status.OK)
-    if is_ok.any():
-        status, is_wanted = Status.OK, is_ok
-    else:
-        status, is_wanted = _first_failure(of_one_kind)
-    if not is_wanted.any():
+    statuses = np.concatenate([each.runs.results.status for each in of_one_kind])
+    # A run that failed by its model has to fail again.
+    in_turn = (Status.OK, Status.FAILED, Status.NOT_FINITE)
+    status = next((each for each in in_turn if (statuses == each).any()), None)
+    if status is None:
         return None
-    at = np.flatnonzero(is_wanted)
+    at = np.flatnonzero(statuses == status)
     order = at[order_runs(_columns(of_one_kind, at), generator)]
     if depends_on_batch(model):
         return _chosen_batch(of_one_kind, order, status)
@@ -705,19 +704,7 @@ def _lowest(values: FloatArray, number: int) -> IntArray:
 
 
 def _count_ok(sources: Sequence[RunSource]) -> int:
-    return int(_has_status(sources, Status.OK).sum())
-
-
-def _has_status(sources: Sequence[RunSource], status: Status) -> BoolArray:
-    return np.concatenate([each.runs.results.status for each in sources]) == status
-
-
-def _first_failure(sources: Sequence[RunSource]) -> tuple[Status, BoolArray]:
-    """Return the status of a failed run that has to fail again, and a mask of all runs with it."""
-    for status in (Status.FAILED, Status.NOT_FINITE):
-        if (mask := _has_status(sources, status)).any():
-            return status, mask
-    return Status.FAILED, mask
+    return sum(int((each.runs.results.status == Status.OK).sum()) for each in sources)
 
 
 def _columns(sources: Sequence[RunSource], at: IntArray) -> Arrays:
@@ -726,8 +713,7 @@ def _columns(sources: Sequence[RunSource], at: IntArray) -> Arrays:
         name: np.concatenate([part[name] for part in parts]) if len(parts) > 1 else values
         for name, values in parts[0].items()
     }
-    size = sum(len(each.runs.runs) for each in sources)
-    return columns if len(at) == size else {name: columns[name][at] for name in columns}
+    return columns if len(at) == _count(sources) else {name: columns[name][at] for name in columns}
 
 
 def _chosen(
