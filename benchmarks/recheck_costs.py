@@ -21,7 +21,7 @@ from typing import Any
 
 import uqpen
 from uqpen.checkpoints import make_archive, recheck
-from uqpen.checkpoints.earlier_runs import EarlierRuns
+from uqpen.checkpoints.reuse import IndexedRuns
 from uqpen.core.progress import Progress
 
 STUDY = """\
@@ -73,7 +73,7 @@ def main() -> None:
     _time(make_archive, "is_as_made", "comparison")
     _time(make_archive, "runs_that_are_as_made", "comparison")
     _time(recheck, "evaluate", "runs")
-    _time(EarlierRuns, "find", "index")
+    _time(IndexedRuns, "find", "index")
     print(f"{'function':12}{'start':24}{'added':>8}{'runs':>8}{'in all':>8}  seconds")
     for vectorized in ("true", "false"):
         with tempfile.TemporaryDirectory() as scratch:

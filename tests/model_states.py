@@ -24,7 +24,7 @@ from changed_models import CHANGES
 
 import uqpen
 from uqpen.archive.files import FILES, files_group
-from uqpen.checkpoints.model_versions import compare_models
+from uqpen.checkpoints.identity import compare_models
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy

@@ -9,7 +9,6 @@ from typing import Any
 
 from uqpen import workflow
 from uqpen.checkpoints import make_archive as checkpoints
-from uqpen.checkpoints.resume_options import ResumeOptions
 from uqpen.execution import EXECUTORS, Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
@@ -113,7 +112,7 @@ def make_archive(
         tree = checkpoints.make_archive(
             study,
             path,
-            ResumeOptions(
+            checkpoints.ResumeOptions(
                 fresh=fresh,
                 repeat_failed=lost_again,
                 read_again=read_again,

@@ -13,7 +13,7 @@ import netCDF4
 import pandas as pd
 import pytest
 
-from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.folder import lock_archive
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.checkpoints.runs_file import FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.parts import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.execution import Progress
 from uqpen.execution.batch import Batch, BatchResult
@@ -51,11 +51,11 @@ def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             "core.blocks",
             "execution.open_blocks",
             "designs.rounds",
-            "checkpoints.round_checkpoint",
+            "checkpoints.folder",
         ):
             monkeypatch.setattr(f"uqpen.{module}.BLOCK", size)
 
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     return shrink
 
 
@@ -175,8 +175,8 @@ def test_runs_in_memory_are_written_after_a_few_blocks(
     folder: Path, whole: bytes, blocks_of: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     blocks_of(1_500)
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 1e9)
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._MOST_UNWRITTEN", 3_000)
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 1e9)
+    monkeypatch.setattr("uqpen.checkpoints.folder._MOST_UNWRITTEN", 3_000)
     seen: list[int] = []
 
     class Watching(Interrupted):

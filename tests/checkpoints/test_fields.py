@@ -9,7 +9,7 @@ import pytest
 from study_calls import StudyCalls
 
 import uqpen
-from uqpen.checkpoints.runs_file import FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.parts import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.core.model import Results
 from uqpen.execution.batch import BatchResult
@@ -47,7 +47,7 @@ runs = 30
 @pytest.fixture(autouse=True)
 def _each_run_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
 
 
 @pytest.fixture
@@ -85,9 +85,9 @@ def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> 
 def test_large_parts_are_written_as_they_come(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", np.inf)
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
-    monkeypatch.setattr("uqpen.checkpoints.growing_part._MOST_BYTES", 5 * bytes_of_a_run)
+    monkeypatch.setattr("uqpen.checkpoints.parts._MOST_BYTES", 5 * bytes_of_a_run)
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
         make(folder)

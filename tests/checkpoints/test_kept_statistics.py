@@ -12,8 +12,7 @@ from click.testing import CliRunner
 
 import uqpen
 from uqpen.archive.write import write
-from uqpen.checkpoints.make_archive import make_archive
-from uqpen.checkpoints.resume_options import ResumeOptions
+from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
 from uqpen.cli.export import export
 from uqpen.cli.report import report
 from uqpen.cli.show import show

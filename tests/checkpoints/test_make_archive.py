@@ -19,10 +19,10 @@ import pytest
 from study_calls import StudyCalls
 
 import uqpen
-from uqpen.checkpoints.fingerprint_file import encode_fingerprint
+from uqpen.checkpoints.folder import lock_archive
+from uqpen.checkpoints.identity import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.lock import lock_archive
-from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.parts import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
 from uqpen.core.progress_broadcast import ProgressBroadcast
@@ -79,7 +79,7 @@ VECTORIZED = MODEL.replace(
 def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs are sent and kept one by one, as those are that take a second each."""
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.saving_pace._PATIENCE", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     # Only a machine that goes down loses what was not brought to the disk.
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
@@ -547,9 +547,7 @@ def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder: Path)
 def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
     folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "uqpen.checkpoints.saving_pace._PATIENCE", 1e9
-    )  # none is kept before the end
+    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 1e9)  # none is kept before the end
     with monkeypatch.context() as patch:
         patch.setattr("uqpen.checkpoints.make_archive.write", _interrupted)
         with pytest.raises(KeyboardInterrupt, match="30 runs are kept; the same command continues"):
@@ -618,7 +616,7 @@ def test_a_link_to_an_archive_is_that_archive(folder: Path) -> None:
 
 
 def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
-    holder = "from uqpen.checkpoints.lock import lock_archive; import pathlib, time\n"
+    holder = "from uqpen.checkpoints.folder import lock_archive; import pathlib, time\n"
     holder += (
         "with lock_archive(pathlib.Path('study.nc').absolute()):\n    print('locked', flush=True)\n"
     )

@@ -15,10 +15,9 @@ import uqpen
 from uqpen.archive.hashes import group_hashes
 from uqpen.archive.lazy_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
-from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
-from uqpen.checkpoints.make_archive import make_archive
-from uqpen.checkpoints.resume_options import ResumeOptions
-from uqpen.checkpoints.runs_file import read_runs
+from uqpen.checkpoints.folder import CheckpointFolder
+from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
+from uqpen.checkpoints.parts import read_runs
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import FAILED_RUN
@@ -69,7 +68,7 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
         "core.blocks",
         "execution.open_blocks",
         "designs.rounds",
-        "checkpoints.round_checkpoint",
+        "checkpoints.folder",
     ):
         monkeypatch.setattr(f"uqpen.{module}.BLOCK", BLOCK)
 

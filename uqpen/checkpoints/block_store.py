@@ -13,8 +13,15 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.growing_runs import FailureRecord, GrowingRuns
-from uqpen.checkpoints.part_files import block_files, part_files, part_number, part_path
-from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, write_runs
+from uqpen.checkpoints.parts import (
+    DamagedRunsError,
+    FinishedRuns,
+    block_files,
+    part_files,
+    part_number,
+    part_path,
+    write_runs,
+)
 from uqpen.core.arrays import raw_bytes
 from uqpen.core.labels import DERIVED_FROM, FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
 from uqpen.core.model import Results

@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_unchecked
 from uqpen.archive.write import prepare_destination, write
-from uqpen.checkpoints.archived_runs import unused_designs
-from uqpen.checkpoints.changed_designs import unusable_runs
-from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
-from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.lock import lock_archive
-from uqpen.checkpoints.read_again import read_again as reading_again
-from uqpen.checkpoints.recheck import Recheck
-from uqpen.checkpoints.recheck_sources import is_as_made, runs_that_are_as_made
-from uqpen.checkpoints.replaced_designs import runs_not_kept
-from uqpen.checkpoints.replaced_runs import lacks_runs
-from uqpen.checkpoints.resume_options import ResumeOptions
-from uqpen.checkpoints.reused_runs import ReusedRuns
-from uqpen.checkpoints.run_cost import are_costly
-from uqpen.checkpoints.run_sources import (
-    EarlierArchive,
-    open_named,
-    open_replaced,
+from uqpen.checkpoints.folder import FAILED, CheckpointFolder, lock_archive
+from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
+from uqpen.checkpoints.journal import Journal, are_costly
+from uqpen.checkpoints.recheck import Recheck, is_as_made, runs_that_are_as_made
+from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
+from uqpen.checkpoints.reuse import RunFinder
+from uqpen.checkpoints.sources import (
+    ArchivePlace,
+    RunSource,
+    open_archives,
     sources_of_archives,
+    unused_designs,
 )
-from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
-from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
+from uqpen.core.errors import (
+    ArchiveError,
+    CheckpointError,
+    ClusterError,
+    StudyError,
+    TooManyFailedError,
+)
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.status import Status
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
@@ -41,7 +41,40 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.workflow import Checkpoints, run
 
-__all__ = ["make_archive"]
+__all__ = ["ResumeOptions", "make_archive"]
+
+
+@dataclass(frozen=True)
+class ResumeOptions:
+    """Use of the runs that earlier calls have finished.
+
+    Parameters
+    ----------
+    fresh : bool
+        Whether all checkpointed runs are removed, and all runs made.
+    repeat_failed : bool
+        Whether the missing ones among the finished runs are made again.
+    read_again : bool
+        Whether the outputs of runs whose folders are kept are read from these, without a run. If
+        finished runs have no folder, this needs `fresh`.
+    recheck : bool or None
+        Whether some of the finished runs are made again before all are taken; None for all but
+        costly ones.
+    reuse : sequence of str or Path, or None
+        Further archives whose runs may be taken; None for no archive, not even the one that is
+        replaced.
+    """
+
+    fresh: bool = False
+    repeat_failed: bool = False
+    read_again: bool = False
+    recheck: bool | None = None
+    reuse: Sequence[str | Path] | None = ()
+
+    @property
+    def takes_archived_runs(self) -> bool:
+        """True if runs may be taken from archives."""
+        return self.reuse is not None and not self.fresh
 
 
 def make_archive(
@@ -92,70 +125,55 @@ def make_archive(
     resume = resume or ResumeOptions()
     prepare_destination(path)
     title = f"{study.name}: study {study.sha256[:16]}"
-    log = _sibling_path(path, "log")
+    log = path.with_name(f"{path.name}.log")
     is_worth_keeping = not resume.fresh and are_costly(log, path.name)
     with (
         lock_archive(path),
         Journal(log, title, progress or Progress()) as journal,
     ):
-        earlier = _open_archives(path, resume, journal)
-        replaced = earlier.replaced
+        named = resume.reuse or ()
+        archives = open_archives(path, named, journal) if resume.takes_archived_runs else []
+        replaced = next((each for each in archives if not each.is_named), None)
         recheck = Recheck(study, resume.recheck, map, journal)
         if (
             replaced
             and _is_complete(study, replaced.tree, resume)
             and is_as_made(study, replaced, recheck)
         ):
-            journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
+            journal.inform(f"{replaced.name}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
-        kept = _checkpoint_folder(study, path, journal, runs_in_memory)
+        finished = _checkpoint_folder(study, path, journal, runs_in_memory)
         if resume.read_again:
-            study = reading_again(study, kept, repeats_others=resume.fresh)
-        _discard_runs(kept, resume)
-        reused = _reused_runs(
-            study, kept, earlier, journal, resume, recheck, has_parts=not is_unknown
+            study = _read_again(study, finished, repeats_others=resume.fresh)
+        _discard_runs(finished, resume)
+        finder = _finder(
+            study, finished, archives, journal, resume, recheck, has_parts=not is_unknown
         )
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
-            own = (kept.scratch if is_unknown else kept.checkpoint)(design, model, number)
-            return reused.checkpoint(own, design, model)
+            own = (finished.scratch if is_unknown else finished.checkpoint)(design, model, number)
+            return finder.checkpoint(own, design, model)
 
         try:
-            tree = _run_study(study, map, journal, kept, checkpoint)
-            if record := reused.record():
+            tree = _run_study(study, map, journal, finished, checkpoint)
+            if record := finder.record():
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
-            loses = is_worth_keeping and _loses_runs(study, tree, replaced)
-            copy = _write(tree, path, kept, keeps_earlier=loses)
+            # Of an archive that cannot be read, nobody knows what it has.
+            loses = is_worth_keeping and (
+                replaced is None or lacks_runs(study, tree, replaced.tree)
+            )
+            copy = _write(tree, path, finished, keeps_earlier=loses)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
+            raise KeyboardInterrupt(_kept_text(finished) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
         if copy:
             journal.inform(f"{path.name}: the earlier archive is kept as {copy.name}")
         if any(study.design_runs(name) > runs_in_memory for name in study.designs):
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
-        kept.remove_archived(reused.used_folders())
+        finished.remove_archived(finder.used_folders())
     return tree
-
-
-class _EarlierArchives(NamedTuple):
-    """Archives whose runs may be taken: the one that is replaced, if any, and those named."""
-
-    replaced: EarlierArchive | None
-    named: Sequence[EarlierArchive]
-
-    @property
-    def all(self) -> list[EarlierArchive]:
-        return [self.replaced, *self.named] if self.replaced else [*self.named]
-
-
-def _open_archives(path: Path, resume: ResumeOptions, journal: Journal) -> _EarlierArchives:
-    """Open the archives whose runs may be taken."""
-    if not resume.takes_archived_runs:
-        return _EarlierArchives(None, [])
-    named = open_named(resume.reuse or (), path)
-    return _EarlierArchives(open_replaced(path, journal), named)
 
 
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
@@ -185,114 +203,148 @@ def _checkpoint_folder(
         for model in study.models
         for design in study.designs
     }
-    folder = _sibling_path(path, "parts")
-    kept = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
-    kept.remove_temporary_files()
-    return kept
+    folder = path.with_name(f"{path.name}.parts")
+    finished = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
+    finished.remove_temporary_files()
+    return finished
 
 
-def _discard_runs(kept: CheckpointFolder, resume: ResumeOptions) -> None:
+def _read_again(
+    study: ValidatedStudy, finished: CheckpointFolder, *, repeats_others: bool
+) -> ValidatedStudy:
+    """Return a study that reads the folders of its runs where they are kept.
+
+    All finished runs are removed from the checkpoint, as other readings may give other outputs.
+    With `repeats_others`, these may be runs without a folder, too.
+
+    Raises
+    ------
+    StudyError
+        If no model of the study keeps folders.
+    CheckpointError
+        If finished runs have no folder.
+    """
+    models = {name: variant.model.reading_again() for name, variant in study.models.items()}
+    if all(variant.model is models[name] for name, variant in study.models.items()):
+        raise StudyError("no model of the study keeps the folders of its runs; a command does")
+    if not repeats_others and (without := _runs_without_folder(study, finished)):
+        raise CheckpointError(
+            f"{finished.folder}: {without} finished runs have no folder that could be read again\n"
+            'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
+            "repeated"
+        )
+    finished.remove_all()
+    variants = {name: variant.with_model(models[name]) for name, variant in study.models.items()}
+    return replace(study, models=variants)
+
+
+def _runs_without_folder(study: ValidatedStudy, finished: CheckpointFolder) -> int:
+    """Return the number of finished runs whose folders are not kept."""
+    count = 0
+    for model, found in finished.finished_runs():
+        for position in np.flatnonzero(found.results.status == Status.OK).tolist():
+            inputs = {name: float(values[position]) for name, values in found.inputs.items()}
+            count += study.models[model].model.run_folder(inputs) is None
+    return count
+
+
+def _discard_runs(finished: CheckpointFolder, resume: ResumeOptions) -> None:
     """Remove the finished runs that are to be made again; check that the others are of use."""
     if resume.fresh:
-        kept.remove_all()
-    kept.check_compatibility()
+        finished.remove_all()
+    finished.check_compatibility()
     if resume.repeat_failed:
-        kept.discard_failed()
+        finished.discard_failed()
 
 
-def _reused_runs(
+def _finder(
     study: ValidatedStudy,
-    kept: CheckpointFolder,
-    earlier: _EarlierArchives,
+    finished: CheckpointFolder,
+    archives: Sequence[ArchivePlace],
     journal: Journal,
     resume: ResumeOptions,
     recheck: Recheck,
     *,
     has_parts: bool,
-) -> ReusedRuns:
-    """Return the earlier runs that a study may take, and report those that it cannot take.
+) -> RunFinder:
+    """Return the finished runs that a study may take, and report those that it cannot take.
 
     Some of those that it would take are made again; `has_parts` if it takes those of its designs.
     """
-    archived = sources_of_archives(study, earlier.all, journal)
+    archived = sources_of_archives(study, archives, journal)
     sources = {
-        name: _model_sources(study, name, kept, archived[name], resume) for name in study.models
+        name: _model_sources(study, name, finished, archived[name], resume) for name in study.models
     }
-    places = {archive.place: archive for archive in earlier.all}
-    reused = runs_that_are_as_made(
-        study, sources, places, kept, recheck, journal, has_parts=has_parts
+    finder = runs_that_are_as_made(
+        study, sources, archives, finished, recheck, journal, has_parts=has_parts
     )
-    for archive in earlier.all:
+    for archive in archives:
         for name, reason in unused_designs(archive.tree).items():
-            journal.inform(f"{archive.place}: no run of its {name} is taken, as {reason}")
-    not_kept = runs_not_kept(study, earlier.replaced.tree) if earlier.replaced else {}
-    for name, text in (not_kept | unusable_runs(study, reused, not_kept)).items():
+            journal.inform(f"{archive.name}: no run of its {name} is taken, as {reason}")
+    replaced = (archive for archive in archives if not archive.is_named)
+    not_kept = next((runs_not_kept(study, archive.tree) for archive in replaced), {})
+    for name, text in (not_kept | unusable_runs(study, finder, not_kept)).items():
         journal.inform(f"{name}: {text}")
-    return reused
+    return finder
 
 
 def _model_sources(
     study: ValidatedStudy,
     model: str,
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     archived: Sequence[RunSource],
     resume: ResumeOptions,
 ) -> list[RunSource]:
-    """Return the earlier runs that a model of a study may take; those set aside come first."""
+    """Return the finished runs that a model of a study may take; those set aside come first."""
     sources = [*archived]
     if not study.models[model].model.unknown_dependency:
-        sources = [*kept.set_aside_sources(model, model_fingerprint(study, model)), *sources]
+        sources = [*finished.set_aside_sources(model, model_fingerprint(study, model)), *sources]
     if not resume.repeat_failed:
         return sources
     return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
 
 
-def _loses_runs(study: ValidatedStudy, tree: xr.DataTree, replaced: EarlierArchive | None) -> bool:
-    """Check whether the archive that is replaced has runs that the new one lacks, or may have."""
-    return replaced is None or lacks_runs(study, tree, replaced.tree)
-
-
-def _kept_text(kept: CheckpointFolder) -> str:
+def _kept_text(finished: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
-    return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
+    return (
+        f"{finished.runs} runs are kept; the same command continues from there"
+        if finished.runs
+        else ""
+    )
 
 
 def _run_study(
     study: ValidatedStudy,
     map: Map,
     journal: Journal,
-    kept: CheckpointFolder,
+    finished: CheckpointFolder,
     checkpoints: Checkpoints,
 ) -> xr.DataTree:
     """Run a study; keep its finished runs if it is stopped."""
     try:
         return run(study, map=map, progress=journal, checkpoints=checkpoints)
     except TooManyFailedError as error:
-        kept.save()
-        message = f"{kept.runs} runs are kept. {error.remedy}"
-        raise type(error)(f"{error}\n{message}" if kept.runs else str(error)) from None
+        finished.save()
+        message = f"{finished.runs} runs are kept. {error.remedy}"
+        raise type(error)(f"{error}\n{message}" if finished.runs else str(error)) from None
     except ClusterError as error:
-        kept.save()
-        raise ClusterError("\n".join(filter(None, (str(error), _kept_text(kept))))) from None
+        finished.save()
+        raise ClusterError("\n".join(filter(None, (str(error), _kept_text(finished))))) from None
     except BaseException:
-        kept.save()
+        finished.save()
         raise
 
 
 def _write(
-    tree: xr.DataTree, path: Path, kept: CheckpointFolder, *, keeps_earlier: bool
+    tree: xr.DataTree, path: Path, finished: CheckpointFolder, *, keeps_earlier: bool
 ) -> Path | None:
     """Write the archive; if that fails, keep its runs."""
     try:
         return write(tree, path, keeps_earlier=keeps_earlier)
     except ArchiveError as error:
-        kept.save()
-        message = f"all {kept.runs} runs are kept; the same command continues from there"
+        finished.save()
+        message = f"all {finished.runs} runs are kept; the same command continues from there"
         raise ArchiveError(f"{error}\n{message}") from None
     except BaseException:
-        kept.save()
+        finished.save()
         raise
-
-
-def _sibling_path(path: Path, ending: str) -> Path:
-    return path.with_name(f"{path.name}.{ending}")

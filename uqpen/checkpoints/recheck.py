@@ -6,20 +6,28 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.checkpoints.chosen_runs import BY_MACHINE, ChosenRuns, choose_runs
-from uqpen.checkpoints.earlier_runs import RunSource
-from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.model_versions import compared_names
-from uqpen.checkpoints.run_cost import run_seconds, seconds_at_last_pace
-from uqpen.core.arrays import Arrays, IntArray
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.checkpoints.folder import CheckpointFolder
+from uqpen.checkpoints.identity import compared_names, depends_on_batch
+from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
+from uqpen.checkpoints.parts import FinishedRuns, select_results
+from uqpen.checkpoints.reuse import BY_MACHINE, RunFinder, by_inputs, first_points
+from uqpen.checkpoints.sources import (
+    SET_ASIDE,
+    ArchivePlace,
+    Place,
+    RunSource,
+    archived_sources,
+    shown_path,
+)
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
-from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, STATUS
+from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
 from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
 from uqpen.core.status import STATUS_TEXT, Status
@@ -34,9 +42,10 @@ from uqpen.execution import (
     run_count,
     status_counts,
 )
-from uqpen.execution.batch import BatchResult
+from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.omitted_runs import are_omitted
 from uqpen.models.source import BuiltInModel
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text
@@ -49,7 +58,15 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = ["Recheck", "RecheckOutcome", "Takeable"]
+__all__ = [
+    "ChosenRuns",
+    "Recheck",
+    "RecheckOutcome",
+    "choose_runs",
+    "is_as_made",
+    "order_runs",
+    "runs_that_are_as_made",
+]
 
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
@@ -71,32 +88,13 @@ _CHANGE = (
     "order of its runs"
 )
 
+_Sources = Mapping[str, Sequence[RunSource]]
 
-class Takeable(NamedTuple):
-    """Finished runs of a model in one place, which a study could take.
+# As many as a batch has: they meet a change of 1 % of the inputs' space for sure.
+_MOST = 1024
 
-    Attributes
-    ----------
-    place : str
-        Where they are, for display.
-    sources : sequence of RunSource
-        The runs.
-    log : Path
-        The log beside them.
-    remedy : str
-        What a user can do if they are not taken.
-    are_needed : bool
-        True if it is an error if they cannot be taken.
-    omitted : mapping of str to Dataset
-        Designs whose runs an archive has not kept, but hashes of them.
-    """
-
-    place: str
-    sources: Sequence[RunSource]
-    log: Path
-    remedy: str
-    are_needed: bool = True
-    omitted: Mapping[str, xr.Dataset] = MappingProxyType({})
+# Of very many runs, so many are sorted to bound the lowest values of all.
+_SOME = 8192
 
 
 class RecheckOutcome(NamedTuple):
@@ -162,17 +160,28 @@ class Recheck:
         model = self._study.models[name].model
         return not (isinstance(model, BuiltInModel) or model.uncallable_reason)
 
-    def look(self, name: str, runs: Takeable, left: int | None = None) -> RecheckOutcome:
+    def look(
+        self,
+        name: str,
+        place: Place,
+        sources: Sequence[RunSource],
+        left: int | None = None,
+        omitted: Mapping[str, xr.Dataset] | None = None,
+    ) -> RecheckOutcome:
         """Make some of the runs of a model again, once for each place, and compare them.
 
         Parameters
         ----------
         name : str
             The name of the model.
-        runs : Takeable
+        place : Place
+            Where they are.
+        sources : sequence of RunSource
             The runs that would be taken.
         left : int or None
             Number of runs that the study makes anyway; None if it makes none.
+        omitted : mapping of str to Dataset, optional
+            Designs whose runs an archive has not kept, but hashes of them.
 
         Raises
         ------
@@ -181,31 +190,38 @@ class Recheck:
         KeyboardInterrupt
             With a text for the user.
         """
-        key = (runs.place, name)
+        key = (place.name, name)
         if key not in self._outcomes:
             try:
-                self._outcomes[key] = self._look(name, runs, left)
+                self._outcomes[key] = self._look(name, place, sources, left, omitted or {})
             except KeyboardInterrupt:
-                kept = "all finished runs are kept; the same command continues from there"
-                raise KeyboardInterrupt(kept) from None
+                text = "all finished runs are kept; the same command continues from there"
+                raise KeyboardInterrupt(text) from None
         return self._outcomes[key]
 
-    def _look(self, name: str, runs: Takeable, left: int | None) -> RecheckOutcome:
+    def _look(
+        self,
+        name: str,
+        place: Place,
+        sources: Sequence[RunSource],
+        left: int | None,
+        omitted: Mapping[str, xr.Dataset],
+    ) -> RecheckOutcome:
         if not self.applies(name):
             return RecheckOutcome()
         model = self._study.models[name].model
         generator = Stream(self._study.seed, "recheck", name).generator()
-        chosen = choose_runs(model, runs.sources, generator)
-        batch = None if chosen else _chosen_hash(runs.omitted, generator)
+        chosen = choose_runs(model, sources, generator)
+        batch = None if chosen else _chosen_hash(omitted, generator)
         if not (chosen or batch):
             return RecheckOutcome()
         if batch:
             size = batch.stop - batch.start
-            seconds = seconds_at_last_pace(runs.log, size, batch.design)
+            seconds = seconds_at_last_pace(place.log, size, batch.design)
         else:
-            seconds = run_seconds(runs.log, name)
-        if reason := self._reason_against(seconds, left, runs.log):
-            self._inform(name, runs, f"no run is made again, {reason}")
+            seconds = run_seconds(place.log, name)
+        if reason := self._reason_against(seconds, left, place.log):
+            self._inform(name, place, sources, f"no run is made again, {reason}")
             return RecheckOutcome(is_unchecked=True)
         self._journal.start_preparation(model.name)
         with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
@@ -215,28 +231,28 @@ class Recheck:
             self._journal.start_step("making finished runs again, for comparison")
             comparison: _Comparison | _HashComparison
             if chosen:
-                comparison = _Comparison(self._study, own, runs, chosen, self._map)
+                comparison = _Comparison(self._study, own, place, sources, chosen, self._map)
             elif batch:
                 comparison = _HashComparison(self._study, name, own, batch, self._map)
             refusal = comparison.make(seconds)
         if refusal:
-            self._refuse(name, runs, refusal)
+            self._refuse(name, place, refusal)
             return RecheckOutcome(is_refused=True)
         if not comparison.compared:
             reason = "those made again timed out or crashed, which depends on the machine"
-            self._inform(name, runs, f"no run is compared: {reason}")
+            self._inform(name, place, sources, f"no run is compared: {reason}")
             return RecheckOutcome(is_unchecked=True)
         made, total = map(grouped_number, (comparison.compared, comparison.total))
         verb = "are" if comparison.compared > 1 else "is"
         text = f"{made} of {total} runs made again {verb} equal{comparison.tolerance_text}"
-        self._inform(name, runs, text)
+        self._inform(name, place, sources, text)
         return RecheckOutcome()
 
-    def _refuse(self, name: str, runs: Takeable, refusal: str) -> None:
+    def _refuse(self, name: str, place: Place, refusal: str) -> None:
         """Say, or raise, why runs cannot be taken."""
-        where = f"{runs.place}: {name}" if name else runs.place
-        text = f"{where}: its runs are not taken: {refusal}\n{runs.remedy}"
-        if runs.are_needed:
+        where = f"{place.name}: {name}" if name else place.name
+        text = f"{where}: its runs are not taken: {refusal}\n{place.remedy}"
+        if place.are_needed:
             raise CheckpointError(text)
         self._journal.inform(text)
 
@@ -253,35 +269,41 @@ class Recheck:
                 return ""
         return f"as that takes {duration_text(seconds)}; --recheck makes one nevertheless"
 
-    def _inform(self, name: str, runs: Takeable, text: str) -> None:
+    def _inform(self, name: str, place: Place, sources: Sequence[RunSource], text: str) -> None:
         """Say what was compared, and how."""
         model = self._study.models[name].model
-        lines = frozenset[str]().union(*(each.runs.results.files for each in runs.sources))
+        lines = frozenset[str]().union(*(each.runs.results.files for each in sources))
         same, uncompared = compared_names(model, lines, self._study.folder)
         others = f"not compared: {', '.join(uncompared)}" if uncompared else ""
         said = "; ".join(filter(None, [_same_text(same), text, others]))
-        self._journal.inform(f"{runs.place}: {name}: {said}" if name else f"{runs.place}: {said}")
+        self._journal.inform(f"{place.name}: {name}: {said}" if name else f"{place.name}: {said}")
 
 
 class _Comparison:
     """Comparison of chosen runs with those that are made in their place."""
 
     def __init__(
-        self, study: ValidatedStudy, model: Model, runs: Takeable, chosen: ChosenRuns, map: Map
+        self,
+        study: ValidatedStudy,
+        model: Model,
+        place: Place,
+        sources: Sequence[RunSource],
+        chosen: ChosenRuns,
+        map: Map,
     ) -> None:
-        self._model, self._runs, self._chosen = model, runs, chosen
+        self._model, self._place, self._sources, self._chosen = model, place, sources, chosen
         # The model itself is run: points that a constraint excludes since were admissible.
         self._evaluator = Evaluator(model)
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
         self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
-        self._kept = evaluate(
+        self._finished = evaluate(
             self._evaluator,
             _points(chosen.runs.inputs, chosen.runs.runs),
             {},
             EvaluationOptions(checkpoint=_Finished(chosen), progress=_NoReports()),
         )
         self.compared, self.total = 0, chosen.total
-        is_same = chosen.is_whole and not any(each.made_with for each in runs.sources)
+        is_same = chosen.is_whole and not any(each.made_with for each in sources)
         self._tolerance = 0.0 if is_same else TOLERANCE
         self._differs_at_all = False
         self._designs = ", ".join(filter(None, chosen.designs)) or "its runs"
@@ -331,8 +353,8 @@ class _Comparison:
 
     def _other_ending(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how a run has another status or reason now; empty if none has."""
-        before, statuses = self._kept[STATUS].values, again[STATUS].values
-        reasons_before, reasons = _reasons(self._kept), _reasons(again)
+        before, statuses = self._finished[STATUS].values, again[STATUS].values
+        reasons_before, reasons = _reasons(self._finished), _reasons(again)
         is_ok = (before[at[own]] == Status.OK) & (statuses[own] == Status.OK)
         for position in own[~is_ok].tolist():
             run = int(at[position])
@@ -345,8 +367,10 @@ class _Comparison:
 
     def _other_values(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
         """Return how the values of runs differ; empty if they are equal."""
-        words = (f"in {self._runs.place}", "now")
-        found = self._differences(self._kept.isel({RUN: at[own]}), again.isel({RUN: own}), words)
+        words = (f"in {self._place.name}", "now")
+        found = self._differences(
+            self._finished.isel({RUN: at[own]}), again.isel({RUN: own}), words
+        )
         self._differs_at_all |= bool(found)
         return found[0].what if found and found[0].relative > self._tolerance else ""
 
@@ -374,7 +398,7 @@ class _Comparison:
     def _scales(self) -> dict[str, float]:
         """Return the largest value of each output among all runs that would be taken."""
         largest: dict[str, float] = {}
-        for source in self._runs.sources:
+        for source in self._sources:
             is_ok = source.runs.results.status == Status.OK
             for name, values in source.runs.results.outputs.items():
                 finite = values[is_ok][np.isfinite(values[is_ok])]
@@ -478,3 +502,277 @@ def _same_text(names: Sequence[str]) -> str:
         return ""
     joined = " and ".join(filter(None, [", ".join(listed[:-1]), listed[-1]]))
     return f"{joined} {'are' if len(listed) > 1 else 'is'} the same"
+
+
+def is_as_made(study: ValidatedStudy, archive: ArchivePlace, recheck: Recheck) -> bool:
+    """Check that some runs of an archive of this very study are the same when made again."""
+    outcomes = []
+    for name in filter(recheck.applies, study.models):
+        found, _ = archived_sources(study, name, archive, first_blocks=True)
+        group = model_trees(archive.tree)[name]
+        designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
+        omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
+        outcomes.append(recheck.look(name, archive, found, omitted=omitted))
+    return not any(each.is_refused for each in outcomes)
+
+
+def runs_that_are_as_made(
+    study: ValidatedStudy,
+    sources: _Sources,
+    archives: Sequence[ArchivePlace],
+    finished: CheckpointFolder,
+    recheck: Recheck,
+    journal: Journal,
+    *,
+    has_parts: bool,
+) -> RunFinder:
+    """Return the finished runs that a study may take; of those in each place, some are made again.
+
+    They are made again only where one of a design's first points has a run.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    sources : mapping of str to sequence of RunSource
+        The sources of runs by the name of a model.
+    archives : sequence of ArchivePlace
+        The archives among their places.
+    finished : CheckpointFolder
+        The finished runs beside the archive.
+    recheck : Recheck
+        Makes runs again.
+    journal : Journal
+        Receives the numbers of runs that are taken.
+    has_parts : bool
+        Whether finished runs of the study's own designs are taken.
+
+    Raises
+    ------
+    CheckpointError
+        If runs of the folder, or of an archive that the user has named, differ.
+    """
+    parts = {name: finished.part_sources(name) for name in study.models if recheck.applies(name)}
+    parts = {name: found for name, found in parts.items() if found and has_parts}
+    planned = sum(study.design_runs(design) for design in study.designs)
+    left = {name: planned - _count(parts.get(name, ())) - _count(sources[name]) for name in sources}
+    log = finished.folder.with_suffix(".log")
+    folder, set_aside = (
+        Place(shown_path(each), log) for each in (finished.folder, finished.folder / SET_ASIDE)
+    )
+    unchecked = [
+        (name, source.design)
+        for name, own in parts.items()
+        if recheck.look(name, folder, own, left[name]).is_unchecked
+        for source in own
+    ]
+    places = {archive.name: archive for archive in archives}
+    while True:
+        finder = RunFinder(study, sources, journal)
+        refused = set()
+        for name, place in _taken(study, sources, finder):
+            own = [each for each in sources[name] if each.place == place]
+            outcome = recheck.look(name, places.get(place, set_aside), own, left[name])
+            if outcome.is_unchecked:
+                finder.mark_not_made_again(name, place)
+            if outcome.is_refused:
+                refused.add((name, place))
+        if not refused:
+            break
+        sources = {
+            name: [each for each in found if (name, each.place) not in refused]
+            for name, found in sources.items()
+        }
+    for name, design in unchecked:
+        finder.record_not_made_again(design, name)
+    return finder
+
+
+def _taken(
+    study: ValidatedStudy, sources: _Sources, finder: RunFinder
+) -> Iterator[tuple[str, str]]:
+    """Yield the models and the places from which runs at the first points of a design come."""
+    for name, found in sources.items():
+        points = (first_points(study, design, name) for design in study.designs if found)
+        used = set[str]().union(*(finder.used_places(name, each) for each in points))
+        places = dict.fromkeys(each.place for each in found)
+        yield from ((name, place) for place in places if place in used)
+
+
+def _count(sources: Sequence[RunSource]) -> int:
+    return sum(len(each.runs.runs) for each in sources)
+
+
+class ChosenRuns(NamedTuple):
+    """Finished runs that are made again, in this order.
+
+    Attributes
+    ----------
+    runs : FinishedRuns
+        The runs.
+    status : Status
+        The runs with this status are compared.
+    is_batch : bool
+        True if they have to be made together.
+    is_whole : bool
+        True if they are known to have been made as they will be now, in the same batch.
+    designs : tuple of str
+        The designs that they are of.
+    total : int
+        The number of runs from which they are chosen.
+    """
+
+    runs: FinishedRuns
+    status: Status
+    is_batch: bool
+    is_whole: bool
+    designs: tuple[str, ...]
+    total: int
+
+
+def choose_runs(
+    model: Model, sources: Sequence[RunSource], generator: np.random.Generator
+) -> ChosenRuns | None:
+    """Choose up to 1 024 runs, those that are ok; where none is, one that failed.
+
+    Of a model whose results may depend on the batch, it is a batch with many extremes. There are
+    none (None) among runs that are inadmissible, or that failed as it depends on the machine.
+
+    Parameters
+    ----------
+    model : Model
+        The model of the runs.
+    sources : sequence of RunSource
+        The runs that may be taken.
+    generator : numpy.random.Generator
+        Draws the runs that are no extremes.
+    """
+    alike = by_inputs(model, sources).values()
+    if not alike:
+        return None
+    # Models of one study may be given other inputs; most runs have the same ones.
+    of_one_kind = max(alike, key=_count_ok)
+    statuses = np.concatenate([each.runs.results.status for each in of_one_kind])
+    # A run that failed by its model has to fail again.
+    in_turn = (Status.OK, Status.FAILED, Status.NOT_FINITE)
+    status = next((each for each in in_turn if (statuses == each).any()), None)
+    if status is None:
+        return None
+    at = np.flatnonzero(statuses == status)
+    order = at[order_runs(_columns(of_one_kind, at), generator)]
+    if depends_on_batch(model):
+        return _chosen_batch(of_one_kind, order, status)
+    order = order if status is Status.OK else order[:1]
+    return _chosen(of_one_kind, order, status, is_batch=False, is_whole=True)
+
+
+def order_runs(columns: Arrays, generator: np.random.Generator) -> IntArray:
+    """Return positions of runs by turns: those at the ends of each input, and random ones.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (run,)
+        The inputs of runs.
+    generator : numpy.random.Generator
+        Draws the random ones.
+
+    Returns
+    -------
+    ndarray of int
+        At most 1 024, each once. The first few of them are a choice of fewer runs.
+    """
+    size = len(next(iter(columns.values())))
+    varied = [values for values in columns.values() if (values != values[0]).any()]
+    each = -(-_MOST // (4 * max(len(varied), 1)))
+    ends = [_lowest(sign * values, each) for values in varied for sign in (1.0, -1.0)]
+    drawn = generator.choice(size, min(_MOST, size), replace=False)
+    extremes = np.stack(ends, axis=1).ravel()[: len(drawn)] if ends else drawn
+    turns = np.concatenate(
+        [np.stack([extremes, drawn[: len(extremes)]], axis=1).ravel(), drawn[len(extremes) :]]
+    )
+    _, first = np.unique(turns, return_index=True)
+    return np.asarray(turns[np.sort(first)][:_MOST], dtype=np.int64)
+
+
+def _lowest(values: FloatArray, number: int) -> IntArray:
+    """Return the positions of the lowest values, in ascending order."""
+    number = min(number, len(values))
+    # A value of some of them bounds the lowest of all, which are then a few.
+    some = np.sort(values[:: len(values) // _SOME + 1])
+    at = np.flatnonzero(values <= some[min(number, len(some) - 1)])
+    return np.asarray(at[np.argsort(values[at], kind="stable")][:number], dtype=np.int64)
+
+
+def _count_ok(sources: Sequence[RunSource]) -> int:
+    return sum(int((each.runs.results.status == Status.OK).sum()) for each in sources)
+
+
+def _columns(sources: Sequence[RunSource], at: IntArray) -> Arrays:
+    parts = [each.runs.inputs for each in sources]
+    columns = {
+        name: np.concatenate([part[name] for part in parts]) if len(parts) > 1 else values
+        for name, values in parts[0].items()
+    }
+    return columns if len(at) == _count(sources) else {name: columns[name][at] for name in columns}
+
+
+def _chosen(
+    sources: Sequence[RunSource],
+    at: IntArray,
+    status: Status,
+    *,
+    is_batch: bool,
+    is_whole: bool,
+) -> ChosenRuns:
+    """Return the runs at positions among those of all sources, in this order."""
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
+    numbers = np.searchsorted(starts, at, side="right") - 1
+    by_source = np.argsort(numbers, kind="stable")
+    used = np.unique(numbers).tolist()
+    own = {each: at[by_source][numbers[by_source] == each] - starts[each] for each in used}
+    back = np.argsort(by_source)
+    inputs = {
+        name: np.concatenate([sources[each].runs.inputs[name][own[each]] for each in used])[back]
+        for name in sources[0].runs.inputs
+    }
+    results = join_results([select_results(sources[each].runs.results, own[each]) for each in used])
+    runs = np.concatenate([sources[each].runs.runs[own[each]] for each in used])[back]
+    return ChosenRuns(
+        FinishedRuns(runs, inputs, select_results(results, back)),
+        status,
+        is_batch,
+        is_whole,
+        tuple(dict.fromkeys(sources[each].design for each in used)),
+        int(starts[-1]),
+    )
+
+
+def _chosen_batch(
+    sources: Sequence[RunSource], order: IntArray, status: Status
+) -> ChosenRuns | None:
+    """Return the batch that has most of some runs, whole ones first."""
+    statuses = np.concatenate([each.runs.results.status for each in sources])
+    marks = np.zeros(len(statuses), dtype=np.int64)
+    marks[order] = 1
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
+    batches = [
+        (is_whole, int(marks[start + batch].sum()), start + batch)
+        for start, source in zip(starts, sources, strict=False)
+        for batch, is_whole in _batches(source)
+    ]
+    for is_whole, number, at in sorted(batches, key=lambda each: each[:2], reverse=True):
+        if number and not np.isin(statuses[at], BY_MACHINE).any():
+            # A model does not get the inadmissible points of a batch.
+            admissible = at[statuses[at] != Status.INADMISSIBLE]
+            return _chosen(sources, admissible, status, is_batch=True, is_whole=is_whole)
+    return None
+
+
+def _batches(source: RunSource) -> Iterator[tuple[IntArray, bool]]:
+    """Yield the positions of the runs of each batch, and whether it is known to be whole."""
+    whole = [*source.whole_batches()]
+    yield from ((batch, True) for batch in whole)
+    if not whole:
+        # The last batch of a round may have fewer, and so has one whose runs were discarded.
+        numbers = source.runs.runs // BATCH_SIZE
+        yield np.flatnonzero(numbers == numbers[-1]), False

@@ -58,7 +58,7 @@ def compare(
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
         from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
-        from uqpen.checkpoints.lock import lock_archive
+        from uqpen.checkpoints.folder import lock_archive
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
         from uqpen.cli.console import show_line
         from uqpen.execution.runs_in_file import runs_in_file

@@ -56,7 +56,6 @@ def rerun(
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the archive"), loading():
         from uqpen.archive.read import open_archive
-        from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.console import show_line
         from uqpen.verification.archived_study import (
             refuse_user_defined_names,
@@ -76,6 +75,8 @@ def rerun(
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
             study = with_kept_folders(study, here / copy.with_name(f"{copy.stem}_runs"))
+        from uqpen.checkpoints.make_archive import ResumeOptions
+
         options = ResumeOptions(**resume, reuse=None)
         code = make_and_show(study, here, copy, executor, resume=options)
     if code is not ExitCode.INTERRUPTED:

@@ -23,7 +23,7 @@ from uqpen.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqpen.checkpoints.resume_options import ResumeOptions
+    from uqpen.checkpoints.make_archive import ResumeOptions
     from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
@@ -91,11 +91,12 @@ def study(
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the study"), loading():
-        from uqpen.checkpoints.resume_options import ResumeOptions
         from uqpen.cli.screen import show_tables
         from uqpen.study.load import load_study
 
         loaded = load_study(file)
+        # It loads what makes runs, which a study with a mistake does not need.
+        from uqpen.checkpoints.make_archive import ResumeOptions
     for line in loaded.plan:
         show_message(f"planned: {line}")
     archive = archive or Path("archives") / f"{loaded.name}.nc"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.checkpoints.keep_runs import keep_runs
+from uqpen.checkpoints.folder import keep_runs
 from uqpen.cli.console import plain_table, show_line, standard_output
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.messages import wrapped_message

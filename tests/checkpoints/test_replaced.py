@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.checkpoints.replaced_designs import runs_not_kept
+from uqpen.checkpoints.replaced import runs_not_kept
 from uqpen.execution import Progress
 from uqpen.study.study import ValidatedStudy
 

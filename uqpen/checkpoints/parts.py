@@ -1,4 +1,4 @@
-"""File of finished runs, with a hash that detects damage."""
+"""Files of finished runs in the folders of a checkpoint: written, found, read and removed."""
 
 from __future__ import annotations
 
@@ -17,28 +17,43 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import Arrays, IntArray, raw_bytes
+from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
 from uqpen.core.model import Results
 from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 
 __all__ = [
-    "TEMPORARY",
+    "MADE_OF",
     "DamagedRunsError",
     "FinishedRuns",
+    "GrowingPart",
+    "block_files",
     "covered_count",
+    "has_runs",
+    "part_files",
+    "part_number",
+    "part_path",
     "read_runs",
+    "remove",
+    "remove_checkpoint",
+    "remove_empty",
+    "remove_temporary",
     "select_results",
+    "whole_blocks",
     "write_file",
     "write_runs",
 ]
 
+# Record of what the runs in a folder were made with.
+MADE_OF = "made_of.json"
 
 # Suffix of the names of unfinished files.
-TEMPORARY = ".tmp"
+_TEMPORARY = ".tmp"
+
+_NUMBER = "[0-9]" * 6
 
 _INPUT, _OUTPUT, _FAILED, _FILES, _DIGEST = "input_", "output_", "lost", "files", "sha256"
-
 
 # Errors of a part with damaged bytes: NumPy, the zip format and the decoding of names raise them.
 # A flag may call it encrypted (RuntimeError), and a header may ask for any memory.
@@ -53,6 +68,9 @@ _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
 )
+
+# A part grows and is written again each time, up to this number of times, of runs or of bytes.
+_MOST_WRITTEN, _MOST_RUNS, _MOST_BYTES = 64, 8192, 2**24
 
 
 class DamagedRunsError(Exception):
@@ -190,7 +208,7 @@ def write_file(path: Path, content: bytes) -> None:
     OSError
         If that cannot be done; nothing is left behind.
     """
-    temporary = path.with_name(path.name + TEMPORARY)
+    temporary = path.with_name(path.name + _TEMPORARY)
     try:
         with temporary.open("wb") as stream:
             stream.write(content)
@@ -261,3 +279,111 @@ def _digest(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
         digest.update(f"{name} {values.dtype.str} {values.shape} ".encode())
         digest.update(raw_bytes(values))
     return digest.hexdigest()
+
+
+def part_path(folder: Path, round_number: int, number: int) -> Path:
+    """Return the path of a file of runs: the number of the round, and its own."""
+    return folder / f"{round_number}_{number:06d}.npz"
+
+
+def part_number(file: Path) -> int:
+    """Return the number of a file of runs in its round."""
+    return int(file.stem.partition("_")[2])
+
+
+def remove_temporary(root: Path) -> None:
+    """Remove unfinished files below a folder."""
+    for name in (f"[0-9]*_{_NUMBER}.npz", "[0-9]*_blocks.nc", MADE_OF):
+        for file in root.rglob(f"{name}{_TEMPORARY}"):
+            remove(file)
+
+
+def part_files(folder: Path, number: str = "[0-9]*") -> list[Path]:
+    """List the files of runs in a folder: of one round, or of all."""
+    return [file for file in sorted(folder.glob(f"{number}_{_NUMBER}.npz")) if file.is_file()]
+
+
+def block_files(folder: Path, number: int | str = "[0-9]*") -> tuple[Path, Path]:
+    """Return the paths of the file of whole blocks of a round, and of the record of them."""
+    return folder / f"{number}_blocks.nc", folder / f"{number}_blocks.jsonl"
+
+
+def has_runs(folder: Path) -> bool:
+    """Return True if a folder has finished runs, in parts or in whole blocks."""
+    return bool(part_files(folder) or whole_blocks(folder))
+
+
+def whole_blocks(folder: Path) -> list[Path]:
+    """List the files of whole blocks in a folder."""
+    return [file for each in block_files(folder) for file in sorted(folder.glob(each.name))]
+
+
+def remove_checkpoint(root: Path) -> None:
+    """Remove the files of checkpoints below a folder, and folders that are then empty.
+
+    Other files may stand beside them, above all where the folder is a link.
+
+    Raises
+    ------
+    ArchiveError
+        If that cannot be done.
+    """
+    for folder in [root, *root.rglob("*/")]:
+        for file in [*part_files(folder), *whole_blocks(folder), folder / MADE_OF]:
+            remove(file)
+    remove_empty(root)
+
+
+def remove(file: Path) -> None:
+    """Remove a file if it exists.
+
+    Raises
+    ------
+    ArchiveError
+        If that cannot be done.
+    """
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise ArchiveError(f"{file}: cannot be removed: {error.strerror}") from None
+
+
+def remove_empty(root: Path) -> None:
+    """Remove a folder and its subfolders, as far as they are empty."""
+    for folder in sorted([root, *root.rglob("*/")], reverse=True):
+        with contextlib.suppress(OSError):  # it is not empty, or not there
+            folder.rmdir()
+
+
+class GrowingPart:
+    """Runs of a block that are in one file, or are to be written to it."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._batch_results: list[tuple[Arrays, BatchResult]] = []
+        self._runs = self._bytes = self._written = 0
+        self.unwritten = 0  # runs
+
+    def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        """Add the result of a batch with its inputs."""
+        self._batch_results.append((inputs, batch_result))
+        self._runs += len(batch_result)
+        self._bytes += sum(values.nbytes for values in batch_result.results.outputs.values())
+        self.unwritten += len(batch_result)
+
+    def write(self, path: Path) -> None:
+        """Write all its runs, where some are not written yet."""
+        if self.unwritten:
+            write_runs(path, FinishedRuns.from_batch_results(self._batch_results))
+            self._written += 1
+            self.unwritten = 0
+
+    @property
+    def is_full(self) -> bool:
+        """True if further runs of its block go to another file."""
+        return self.is_large or self._written == _MOST_WRITTEN or self._runs >= _MOST_RUNS
+
+    @property
+    def is_large(self) -> bool:
+        """True if it is to be written now for its size, as runs with fields often are."""
+        return self._bytes >= _MOST_BYTES
