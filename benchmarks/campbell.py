@@ -18,8 +18,8 @@ from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.rounds import run_rounds
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.campbell import Campbell
 

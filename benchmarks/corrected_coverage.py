@@ -38,7 +38,7 @@ from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
-from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator
 from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
@@ -54,9 +54,8 @@ from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMom
 from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
 from uqpen.study.load import load_study
-from uqpen.surrogates.basis import ProductBasis
-from uqpen.surrogates.regression import sparse_regression
-from uqpen.surrogates.univariate_basis import univariate_basis
+from uqpen.surrogates.chaos.basis import ProductBasis, univariate_basis
+from uqpen.surrogates.chaos.coefficients import sparse_regression
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

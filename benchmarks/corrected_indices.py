@@ -32,20 +32,23 @@ from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import Evaluator
-from uqpen.statistics.surrogate.conditional_draws import ConditionalDraws
 from uqpen.statistics.surrogate.correction.corrected_indices import (
     InputParts,
     corrected_event_indices,
     corrected_indices,
 )
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.corrected_statistics import FEWEST_ON_A_SIDE
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.output_correction import FEWEST_ON_A_SIDE
-from uqpen.statistics.surrogate.pick_freeze_pairs import PickFreezePairs, paired_outputs
+from uqpen.statistics.surrogate.surrogate_draws import (
+    ConditionalDraws,
+    PickFreezePairs,
+    paired_outputs,
+)
 from uqpen.study.load import load_study, parse_study
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.basis import ProductBasis
-from uqpen.surrogates.regression import sparse_regression
+from uqpen.surrogates.chaos.basis import ProductBasis
+from uqpen.surrogates.chaos.coefficients import sparse_regression
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -24,12 +24,12 @@ from interval_coverage import STUDIES
 from uqpen.core.labels import SAMPLING, STATUS
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.designs.stopping.doubling import doubling_looks
-from uqpen.designs.stopping.likelihood_ratio import decide
+from uqpen.designs.stopping.acceptance_claim import decide
+from uqpen.designs.stopping.stopping_rule import doubling_looks
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.decision import anytime_interval
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.stopped_runs import anytime_interval
 from uqpen.study.load import load_study
 from uqpen.workflow import run_design
 

@@ -16,12 +16,12 @@ import numpy.typing as npt
 
 from uqpen.core.model import Input, Output
 from uqpen.core.streams import Stream
-from uqpen.designs.morris import Morris
-from uqpen.distributions.continuous import Uniform
+from uqpen.designs.one_at_a_time import Morris
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics.sensitivity.elementary_effects import effects_by_input, mean_effect
+from uqpen.statistics.sensitivity.single_steps import effects_by_input, mean_effect
 from uqpen.study.load import load_study
 
 FloatArray = npt.NDArray[np.float64]

@@ -23,11 +23,11 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.distributions.continuous import Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 FRESH = 5_000
 # Six truncations, each with the order that cross-validation chooses and with two others.

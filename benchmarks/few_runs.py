@@ -30,9 +30,9 @@ from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMom
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.load import load_study
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.cross_fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 STUDY = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
 (VARIANT,) = STUDY.models.values()

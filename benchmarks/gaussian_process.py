@@ -20,9 +20,9 @@ import numpy.typing as npt
 from coverage_table import Place
 from scipy.stats import qmc
 
-from uqpen.distributions.continuous import Uniform
+from uqpen.distributions.univariate import Uniform
 from uqpen.surrogates.gaussian_process import GaussianProcess
-from uqpen.surrogates.standardised_inputs import StandardisedInputs
+from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
 
 FloatArray = npt.NDArray[np.float64]
 

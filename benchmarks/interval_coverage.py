@@ -46,8 +46,8 @@ from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.continuous import Distribution, Normal, Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Distribution, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.python_function import PythonFunction

@@ -23,8 +23,8 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample

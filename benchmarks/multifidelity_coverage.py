@@ -29,17 +29,16 @@ from uqpen.core.model import Model, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
-from uqpen.designs.drawn_points import Points, points_in_memory
+from uqpen.designs.drawn_points import Points, Round, points_in_memory, points_of
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.designs.multifidelity.multifidelity import Multifidelity
-from uqpen.designs.round import Round, points_of
+from uqpen.designs.multifidelity import Multifidelity
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import join_rounds
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.control_variates.control_variate_statistics import (
+from uqpen.statistics.control_variates import (
     control_variate_statistics,
 )
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold

@@ -33,15 +33,14 @@ from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.core.variables import Input
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.drawn_points import points_in_memory, points_of
 from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
 from uqpen.designs.rare_events.limit_state import parse_limit_state
-from uqpen.designs.rare_events.replicates import RunOutcomes
+from uqpen.designs.rare_events.rare_event_design import RunOutcomes
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
-from uqpen.designs.round import points_of
 from uqpen.designs.rounds import run_rounds
-from uqpen.distributions.continuous import Normal
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal
 from uqpen.execution import join_rounds
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.surrogates.active_learning.active_learning import ActiveLearning

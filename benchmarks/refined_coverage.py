@@ -29,8 +29,7 @@ from result_files import add_table_options, read_rows, result_file
 from scipy import special
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
-from uqpen.core.model import Output
-from uqpen.core.run_results import Results
+from uqpen.core.model import Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread

@@ -20,12 +20,16 @@ from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import STATED
 from uqpen.rehearsal.opening import open_rehearsed
-from uqpen.rehearsal.rehearsed_study import RehearsedStudy
-from uqpen.rehearsal.repeat_record import RepeatRecord
-from uqpen.rehearsal.repeats import RepeatWork, make_repeats
-from uqpen.rehearsal.sources import RehearsedSource, run_estimates, study_sources
-from uqpen.rehearsal.tail import tail_record
-from uqpen.rehearsal.truth import large_sample, surrogate_truth
+from uqpen.rehearsal.rehearse import RepeatRecord, RepeatWork, make_repeats
+from uqpen.rehearsal.rehearsed_study import (
+    RehearsedSource,
+    RehearsedStudy,
+    large_sample,
+    run_estimates,
+    study_sources,
+    surrogate_truth,
+    tail_record,
+)
 from uqpen.study.study import ValidatedStudy
 
 STATISTICS = ("mean", "std", "half_spread", "quantile", "exceedance")

@@ -27,16 +27,15 @@ from scipy import special
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.threads import one_blas_thread
-from uqpen.distributions.continuous import Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
-from uqpen.statistics.distribution_function.return_levels import return_levels
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.event_sensitivity.input_scores import InputScores
-from uqpen.statistics.event_sensitivity.sample_sensitivity import sample_sensitivities
+from uqpen.statistics.event_sensitivity.sample_sensitivity import InputScores, sample_sensitivities
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.tails import return_levels
 
 FloatArray = npt.NDArray[np.float64]
 TABLE = Place("statistics of a tail")

@@ -1,7 +1,7 @@
 """The distribution of Anderson and Darling's statistic of a fitted generalised Pareto distribution.
 
 Run it as ``python benchmarks/tail_fit_table.py --samples 40000``, with uqpen installed. It prints
-the table of `uqpen.statistics.tails.goodness_of_fit`: for each shape, the values that the statistic
+the table of `uqpen.statistics.tails`: for each shape, the values that the statistic
 exceeds with some probabilities. It depends on the shape alone; samples have 200 excesses.
 """
 
@@ -11,8 +11,7 @@ import argparse
 
 import numpy as np
 
-from uqpen.statistics.tails.generalised_pareto import fit_tails
-from uqpen.statistics.tails.goodness_of_fit import P_VALUES, SHAPES
+from uqpen.statistics.tails import P_VALUES, SHAPES, fit_tails
 
 EXCESSES, TOGETHER = 200, 500
 

@@ -23,7 +23,7 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.rare_events import RARE_EVENT_METHODS
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
-from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.execution import EXECUTORS
 from uqpen.models import MODELS

@@ -11,10 +11,9 @@ import pytest
 from uqpen.core.errors import SettingsError
 from uqpen.core.limits import Limits
 from uqpen.core.model import Output
-from uqpen.distributions.discrete import Discrete
-from uqpen.models.command.column_readings import CsvReader
+from uqpen.distributions.univariate import Discrete
 from uqpen.models.command.model import FolderPolicy
-from uqpen.models.command.readings import JsonReader, NetcdfReader
+from uqpen.models.command.output_readers import CsvReader, JsonReader, NetcdfReader
 from uqpen.statistics.published import Publication, PublishedEstimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 

@@ -20,10 +20,9 @@ import pytest
 from browsers import chromium
 
 import uqpen
-from uqpen.core.progress_broadcast import ProgressBroadcast
+from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
-from uqpen.server.watch_server import WatchServer, serve_watch_page
-from uqpen.server.watch_state import watch_state
+from uqpen.server.watch_server import WatchServer, serve_watch_page, watch_state
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.running_results import RunningResults
 

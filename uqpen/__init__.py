@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from uqpen.designs.full_factorial import FullFactorial as FullFactorial
     from uqpen.designs.latin_hypercube import LatinHypercube as LatinHypercube
     from uqpen.designs.monte_carlo import MonteCarlo as MonteCarlo
-    from uqpen.designs.morris import Morris as Morris
-    from uqpen.designs.multifidelity.multifidelity import Multifidelity as Multifidelity
+    from uqpen.designs.multifidelity import Multifidelity as Multifidelity
+    from uqpen.designs.one_at_a_time import Morris as Morris
     from uqpen.designs.one_at_a_time import OneAtATime as OneAtATime
     from uqpen.designs.quadrature import Quadrature as Quadrature
     from uqpen.designs.quasi_monte_carlo import Halton as Halton
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from uqpen.designs.saltelli import Saltelli as Saltelli
     from uqpen.designs.stopping.precision import Precision as Precision
     from uqpen.designs.table import TableDesign as TableDesign
-    from uqpen.distributions.continuous import *  # noqa: F403
     from uqpen.distributions.copulas import *  # noqa: F403
-    from uqpen.distributions.discrete import Discrete as Discrete
-    from uqpen.distributions.elliptical_copulas import GaussianCopula as GaussianCopula
-    from uqpen.distributions.elliptical_copulas import StudentCopula as StudentCopula
+    from uqpen.distributions.copulas import GaussianCopula as GaussianCopula
+    from uqpen.distributions.copulas import StudentCopula as StudentCopula
     from uqpen.distributions.frozen import FrozenDistribution as FrozenDistribution
     from uqpen.distributions.truncated import Truncated as Truncated
+    from uqpen.distributions.univariate import *  # noqa: F403
+    from uqpen.distributions.univariate import Discrete as Discrete
     from uqpen.execution.failures import FailurePolicy as FailurePolicy
     from uqpen.figures.page import figure as figure
     from uqpen.library import make_archive as make_archive
@@ -80,8 +80,8 @@ if TYPE_CHECKING:
     from uqpen.surrogates.archived_surrogate import ExtrapolationWarning as ExtrapolationWarning
     from uqpen.surrogates.archived_surrogate import RefutationWarning as RefutationWarning
     from uqpen.surrogates.best_surrogate import BestSurrogate as BestSurrogate
+    from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos as PolynomialChaos
     from uqpen.surrogates.gaussian_process import GaussianProcess as GaussianProcess
-    from uqpen.surrogates.polynomial_chaos import PolynomialChaos as PolynomialChaos
 
 __version__ = "0.1.0"
 

@@ -13,7 +13,7 @@ import uqpen
 from uqpen.archive.read import open_archive, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.archived_surrogate import restore_surrogate
 
 STUDY = """
 seed = 1

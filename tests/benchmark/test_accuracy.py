@@ -12,9 +12,11 @@ from uqpen.benchmark.accuracy import (
     Accuracy,
     convergence_slope,
     error_ratio,
+    find_verdict,
+    reference_remark,
     root_mean_square_errors,
+    verdict_sentence,
 )
-from uqpen.benchmark.verdicts import find_verdict, reference_remark, verdict_sentence
 
 
 def accuracies(logarithms: list[float], error: float = 0.1) -> Accuracy:

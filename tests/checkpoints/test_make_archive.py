@@ -25,7 +25,7 @@ from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.parts import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
-from uqpen.core.progress_broadcast import ProgressBroadcast
+from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes

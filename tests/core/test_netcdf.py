@@ -34,8 +34,7 @@ from uqpen.core.netcdf.opening import (
     read_variable,
     read_variables,
 )
-from uqpen.models.command.readings import NetcdfReader
-from uqpen.models.command.written import RunFiles, UnreadableError
+from uqpen.models.command.output_readers import NetcdfReader, RunFiles, UnreadableError
 from uqpen.models.data.data_file import read_data_file
 
 ROOT = Path(__file__).parents[2]

@@ -19,9 +19,13 @@ from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import QuantityError, SettingsError, StudyError
 from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.designs.stopping.acceptance_claim import parse_claim
-from uqpen.designs.stopping.deciding import deciding_looks
-from uqpen.designs.stopping.likelihood_ratio import ClaimVerdict, decide, log_evidence_below
+from uqpen.designs.stopping.acceptance_claim import (
+    ClaimVerdict,
+    decide,
+    deciding_looks,
+    log_evidence_below,
+    parse_claim,
+)
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.report.sections.sentences import decision_findings
@@ -29,8 +33,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import statistics_tables
-from uqpen.statistics.decision import anytime_interval, decision_attributes
-from uqpen.statistics.stopped_runs import mark_uncertified
+from uqpen.statistics.stopped_runs import anytime_interval, decision_attributes, mark_uncertified
 from uqpen.testing import check_design
 from uqpen.verification.verify import verify
 

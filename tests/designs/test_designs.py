@@ -24,13 +24,12 @@ from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.designs.morris import Morris
-from uqpen.designs.one_at_a_time import OneAtATime
+from uqpen.designs.one_at_a_time import Morris, OneAtATime
 from uqpen.designs.quadrature import Quadrature
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.table import TableDesign
-from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal, Uniform
 
 LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
 LAW = JointDistribution(

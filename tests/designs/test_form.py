@@ -14,7 +14,7 @@ from scipy import special
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.arrays import FloatArray
-from uqpen.designs.rare_events.curvature import (
+from uqpen.designs.rare_events.form import (
     curvature_offsets,
     principal_curvatures,
     tangent_basis,

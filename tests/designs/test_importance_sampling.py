@@ -25,7 +25,7 @@ from uqpen.core.labels import (
     SEARCH_START,
 )
 from uqpen.core.streams import Stream
-from uqpen.designs.rare_events.gaussian_mixture import (
+from uqpen.designs.rare_events.importance_sampling import (
     GaussianComponent,
     GaussianMixture,
     log_normal_density,

@@ -17,17 +17,16 @@ from uqpen.archive.write import write
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.morris import Morris
-from uqpen.designs.one_at_a_time import OneAtATime
-from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.designs.one_at_a_time import Morris, OneAtATime
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.elementary_effects import mean_effect
+from uqpen.statistics.sensitivity.single_steps import mean_effect
 from uqpen.study.load import parse_study
 
 STUDIES = Path(__file__).parents[2] / "studies"

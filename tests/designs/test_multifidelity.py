@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError
-from uqpen.designs.multifidelity.allocation import best_allocation
-from uqpen.designs.multifidelity.linear_unbiased import LinearEstimator
-from uqpen.designs.multifidelity.multifidelity import Multifidelity
+from uqpen.designs.multifidelity import LinearEstimator, Multifidelity, best_allocation
 
 
 def polynomials() -> tuple[FloatArray, FloatArray]:

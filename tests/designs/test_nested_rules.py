@@ -21,17 +21,17 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Input
 from uqpen.core.streams import Stream
-from uqpen.designs.quadrature import Quadrature
-from uqpen.designs.univariate_rules import (
+from uqpen.designs.quadrature import (
     NESTED_RULES,
+    Quadrature,
     _search_leja_nodes,
     node_counts,
     univariate_rules,
 )
-from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Triangular, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Triangular, Uniform
 from uqpen.study.load import parse_study
 from uqpen.verification.check_result import CheckOutcome
 

@@ -18,16 +18,16 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.designs.rare_events.chain_states import ChainStates
+from uqpen.designs.rare_events.subset_simulation import ChainStates
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.statistics.rare_events.replicate_interval import (
+from uqpen.statistics.rare_events.rare_event_probability import (
+    ReplicateProbability,
     half_width_of_logarithm,
     replicate_interval,
 )
-from uqpen.statistics.rare_events.replicate_probability import ReplicateProbability
 
 Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 COPULA = {

@@ -16,9 +16,13 @@ from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.full_factorial import FullFactorial
-from uqpen.designs.morris import Morris
+from uqpen.designs.one_at_a_time import Morris
 from uqpen.designs.quadrature import Quadrature
-from uqpen.distributions.continuous import (
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import (
     Beta,
     Gamma,
     Gumbel,
@@ -28,10 +32,6 @@ from uqpen.distributions.continuous import (
     Uniform,
     Weibull,
 )
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
-from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.analyze import OutputStatistics, analyze

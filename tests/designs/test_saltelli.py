@@ -16,11 +16,10 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.model import Input
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.designs.pick_freeze import BlockLayout
 from uqpen.designs.rounds import run_rounds
-from uqpen.designs.saltelli import MOST_ROUNDS, Saltelli
-from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.designs.saltelli import MOST_ROUNDS, BlockLayout, Saltelli
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import join_rounds
 
 FloatArray = npt.NDArray[np.float64]

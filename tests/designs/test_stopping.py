@@ -25,8 +25,8 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import no_estimates, run_rounds
 from uqpen.designs.stopping import STOPPING_RULES
-from uqpen.designs.stopping.doubling import doubling_looks
 from uqpen.designs.stopping.precision import Precision
+from uqpen.designs.stopping.stopping_rule import doubling_looks
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.report.blocks import Remarks

@@ -21,11 +21,18 @@ from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.distributions import COPULAS
-from uqpen.distributions.continuous import Lognormal, Normal, Uniform
-from uqpen.distributions.copulas import ClaytonCopula, FrankCopula, GumbelCopula, JoeCopula
-from uqpen.distributions.dependence import Dependence
-from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula, score_correlation
+from uqpen.distributions.copulas import (
+    ClaytonCopula,
+    Dependence,
+    FrankCopula,
+    GaussianCopula,
+    GumbelCopula,
+    JoeCopula,
+    StudentCopula,
+    score_correlation,
+)
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.ishigami import Ishigami
 

@@ -11,9 +11,9 @@ from scipy import stats
 
 import uqpen
 from uqpen.core.errors import SettingsError
-from uqpen.distributions.discrete import Discrete
 from uqpen.distributions.frozen import FrozenDistribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.univariate import Discrete
 from uqpen.testing import check_distribution
 
 DICE = Discrete((1.0, 2.0, 3.0, 4.0, 5.0, 6.0))

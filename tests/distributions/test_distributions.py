@@ -13,7 +13,9 @@ from scipy import stats
 
 from uqpen.core.errors import SettingsError
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.continuous import (
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import (
     Beta,
     Gamma,
     Gumbel,
@@ -24,8 +26,6 @@ from uqpen.distributions.continuous import (
     Uniform,
     Weibull,
 )
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.truncated import Truncated
 
 pytestmark = pytest.mark.processor
 

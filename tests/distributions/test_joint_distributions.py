@@ -14,8 +14,8 @@ import pytest
 import uqpen
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
+from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.distributions.sample_distribution import SampleDistribution
 from uqpen.results.output_tables import output_tables
 from uqpen.testing import check_joint, example_joint_distribution
 

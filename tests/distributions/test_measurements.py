@@ -17,13 +17,18 @@ from uqpen.core.errors import SettingsError, TableError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Bounds, Input
 from uqpen.core.streams import Stream
-from uqpen.distributions import DISTRIBUTIONS, fitting
-from uqpen.distributions.continuous import Gamma, Gumbel, Lognormal, Normal, Weibull
+from uqpen.distributions import DISTRIBUTIONS, measurements
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.empirical import Empirical
-from uqpen.distributions.fitting import fit_distribution, fitted_families
-from uqpen.distributions.measurements import Measurements, check_measurements, parameters_text
+from uqpen.distributions.measurements import (
+    Empirical,
+    Measurements,
+    check_measurements,
+    fit_distribution,
+    fitted_families,
+    parameters_text,
+)
 from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Gamma, Gumbel, Lognormal, Normal, Weibull
 
 VALUES = st.lists(st.integers(-50, 50), min_size=2, max_size=30).filter(lambda x: len(set(x)) > 1)
 
@@ -185,7 +190,7 @@ class TestFit:
     def test_very_many_measurements_take_fewer_samples(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(fitting, "_MOST_DRAWS", 200 * len(SAMPLE))
+        monkeypatch.setattr(measurements, "_MOST_DRAWS", 200 * len(SAMPLE))
         counted = fit_distribution("normal", SAMPLE, rng()).p_value * 201
         assert counted == pytest.approx(round(counted), abs=1e-9)
         assert fit_distribution("uniform", SAMPLE, rng()).p_value == pytest.approx(1 / 201)

@@ -12,8 +12,12 @@ from scipy import stats
 from uqpen.core.lookup import resolve
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions import orthogonal_polynomials as module
-from uqpen.distributions.continuous import (
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import (
     Beta,
+    Discrete,
     Gamma,
     Gumbel,
     Lognormal,
@@ -23,10 +27,6 @@ from uqpen.distributions.continuous import (
     Uniform,
     Weibull,
 )
-from uqpen.distributions.discrete import Discrete
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 
 LAWS: list[Distribution] = [
     Normal(2.0, 0.5),

@@ -20,8 +20,8 @@ from uqpen.core.model import POSITIVE, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import (
     EvaluationOptions,
     Evaluator,

@@ -23,7 +23,7 @@ from uqpen.archive.write import write
 from uqpen.core.errors import ClusterError
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK
-from uqpen.execution import Evaluator, Map, attendance
+from uqpen.execution import Evaluator, Map
 from uqpen.execution.batch import Batch
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
@@ -243,7 +243,7 @@ def test_a_worker_that_is_killed_in_mid_study_loses_nothing(
 def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(attendance, "_FIRST_REPORT", 0.5)
+    monkeypatch.setattr("uqpen.execution.cluster._FIRST_REPORT", 0.5)
     (tmp_path / "slow.py").write_text(COUNTED)
     (tmp_path / "hurry").touch()
     (tmp_path / "study.toml").write_text(SLOW)

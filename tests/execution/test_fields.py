@@ -17,7 +17,7 @@ from uqpen.execution import EvaluationOptions, Evaluator, evaluate
 from uqpen.execution.processes import processes
 from uqpen.models.python_function import PythonFunction
 from uqpen.reductions import REDUCTIONS
-from uqpen.reductions.occurrence import derived_outputs
+from uqpen.reductions.derived import derived_outputs
 
 DAY = 86_400.0
 TIME = Dimension("time", "s", "", "day", (0.0, DAY, 2 * DAY, 3 * DAY))

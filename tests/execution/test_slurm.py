@@ -19,9 +19,9 @@ import pytest
 
 import uqpen
 from uqpen.core.errors import ClusterError
+from uqpen.execution import cluster
 from uqpen.execution import slurm as slurm_module
-from uqpen.execution import walltime
-from uqpen.execution.attendance import Attendance
+from uqpen.execution.cluster import Attendance
 from uqpen.execution.slurm import JobArray, slurm
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "sinfo")
@@ -237,15 +237,15 @@ def test_a_worker_leaves_runs_that_would_outlast_its_job(monkeypatch: pytest.Mon
     loop = SimpleNamespace(add_callback=left.append)
     worker = SimpleNamespace(loop=loop, close_gracefully="closed")
     monkeypatch.setattr(distributed, "get_worker", lambda: worker)
-    monkeypatch.setattr(walltime, "_UNTIL_FETCHED", 0.0)
-    monkeypatch.setenv(walltime.ENDS_AT, "")
-    walltime.leave_if_late(1e9)
-    monkeypatch.setenv(walltime.ENDS_AT, str(time.time() + 1000))
-    walltime.leave_if_late(0.0)  # a worker that does not know how long a run takes
-    walltime.leave_if_late(700.0)
+    monkeypatch.setattr(cluster, "_UNTIL_FETCHED", 0.0)
+    monkeypatch.setenv(cluster.ENDS_AT, "")
+    cluster.leave_if_late(1e9)
+    monkeypatch.setenv(cluster.ENDS_AT, str(time.time() + 1000))
+    cluster.leave_if_late(0.0)  # a worker that does not know how long a run takes
+    cluster.leave_if_late(700.0)
     assert left == []
     with pytest.raises(distributed.Reschedule):
-        walltime.leave_if_late(900.0)  # it may take a fifth longer
+        cluster.leave_if_late(900.0)  # it may take a fifth longer
     assert left == ["closed"]
 
 

@@ -23,9 +23,9 @@ from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures import FIGURES
-from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
 from uqpen.figures.panel import Panel
+from uqpen.figures.style import FORMATS, figure_bytes
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text, typeset_unit
 from uqpen.results.texts import plain_text

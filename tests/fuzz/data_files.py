@@ -15,8 +15,7 @@ import numpy as np
 from uqpen.archive.read import open_archive
 from uqpen.core.columns import read_columns
 from uqpen.core.errors import QuantityError, SettingsError, TableError, UqpenError
-from uqpen.models.command.readings import NetcdfReader
-from uqpen.models.command.written import RunFiles, UnreadableError
+from uqpen.models.command.output_readers import NetcdfReader, RunFiles, UnreadableError
 from uqpen.models.data.data_file import read_data_file
 
 __all__ = ["DATA_KINDS", "READERS", "data_outcome", "fixture_content"]

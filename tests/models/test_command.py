@@ -24,13 +24,18 @@ from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
-from uqpen.models.command.column_readings import CsvReader
-from uqpen.models.command.output_reader import OutputReader
-from uqpen.models.command.placeholders import fill
-from uqpen.models.command.placeholders import find_mistakes as mistakes_in
-from uqpen.models.command.readings import JsonReader, NetcdfReader, TextReader
-from uqpen.models.command.reasons import remove_variable_parts
-from uqpen.models.command.written import RunFiles, UnreadableError
+from uqpen.models.command.model import remove_variable_parts
+from uqpen.models.command.output_readers import (
+    CsvReader,
+    JsonReader,
+    NetcdfReader,
+    OutputReader,
+    RunFiles,
+    TextReader,
+    UnreadableError,
+)
+from uqpen.models.command.program import fill
+from uqpen.models.command.program import find_mistakes as mistakes_in
 from uqpen.study.load import parse_study
 
 pytestmark = [
@@ -438,7 +443,7 @@ def test_what_a_good_run_leaves_running_is_ended(home: Path) -> None:
 JUST_STARTED = """\
 import shutil, subprocess, sys
 from pathlib import Path
-from uqpen.models.command.guard import guard_folder
+from uqpen.models.command.process import guard_folder
 
 folder = Path(sys.argv[1])
 try:

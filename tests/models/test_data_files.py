@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uqpen.core.errors import SettingsError
-from uqpen.models.data.columns import DataFile
-from uqpen.models.data.data_file import data_file, read_data_file
+from uqpen.models.data.data_file import DataFile, data_file, read_data_file
 
 RUNS = Path(__file__).parents[1] / "data" / "runs"
 

@@ -18,10 +18,8 @@ from uqpen.core.errors import StudyError
 from uqpen.core.limits import Limits
 from uqpen.core.model import RunWarning
 from uqpen.core.status import Status
-from uqpen.models.command.column_readings import ColumnReader
-from uqpen.models.command.placeholders import Delimiters, NotWholeError, fill, find_mistakes
-from uqpen.models.command.readings import TextReader
-from uqpen.models.command.written import RunFiles, UnreadableError
+from uqpen.models.command.output_readers import ColumnReader, RunFiles, TextReader, UnreadableError
+from uqpen.models.command.program import Delimiters, NotWholeError, fill, find_mistakes
 
 LOG = "step 1: s = 4\nstep 2: s = 9\nstep 3: s = 2.0D+00\nresult\nmax s = 8\n"
 TABLE = "# time  force\n0 1.5\n\n1 2.5\n# a comment\n2 3.5\nforces at the end\n 7 8 9\n 4 5 6\n"

@@ -19,7 +19,7 @@ import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.core.status import Status
 from uqpen.execution.processes import processes
-from uqpen.models import umbridge_client
+from uqpen.models import umbridge
 from uqpen.study import umbridge_section
 
 pytestmark = pytest.mark.slow
@@ -280,7 +280,7 @@ class TestLostRuns:
     def test_what_never_ends_is_not_received_for_ever(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(umbridge_client, "_MOST_RECEIVED", 2**17)
+        monkeypatch.setattr(umbridge, "_MOST_RECEIVED", 2**17)
         endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
         with dripping(*BEFORE, start=endless, drop=b"H", end=b"") as address:
             made = runs(study(address, "", ("runs = 20", "runs = 1")))

@@ -15,7 +15,7 @@ from uqpen.core.derived import Reduction
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension, Output
 from uqpen.reductions import REDUCTIONS
-from uqpen.reductions.occurrence import derived_outputs
+from uqpen.reductions.derived import derived_outputs
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from uqpen.cli.study import study
-from uqpen.rehearsal import rehearse, repeats
+from uqpen.rehearsal import rehearse
 
 STUDY = """\
 title = "Small [bold]study[/bold]"
@@ -114,14 +114,14 @@ def test_an_archive_without_a_surrogate_says_where_one_is_declared(uqpen: Comman
 
 
 def test_ctrl_c_shows_the_repeats_so_far(uqpen: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = repeats.RepeatWork.__call__
+    whole = rehearse.RepeatWork.__call__
 
     def interrupted(work: Any, batch: Any) -> Any:
         if batch.start == 3:
             signal.raise_signal(signal.SIGINT)
         return whole(work, batch)
 
-    monkeypatch.setattr(repeats.RepeatWork, "__call__", interrupted)
+    monkeypatch.setattr(rehearse.RepeatWork, "__call__", interrupted)
     done = uqpen("rehearse", "small.toml", "--repeats", "10")
     assert done.code == 130
     assert "repeated 3 times on chaos" in done.out

@@ -19,14 +19,21 @@ from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
-from uqpen.rehearsal.rehearse import rehearse, rehearsed_statistics
-from uqpen.rehearsal.rehearsed_study import RehearsedStudy
-from uqpen.rehearsal.repeat_record import RepeatRecord
-from uqpen.rehearsal.repeats import RepeatWork, make_repeats
+from uqpen.rehearsal.rehearse import (
+    RepeatRecord,
+    RepeatWork,
+    make_repeats,
+    rehearse,
+    rehearsed_statistics,
+)
+from uqpen.rehearsal.rehearsed_study import (
+    RehearsedStudy,
+    large_sample,
+    study_sources,
+    surrogate_truth,
+    tail_shares,
+)
 from uqpen.rehearsal.required_runs import sufficient_runs
-from uqpen.rehearsal.sources import study_sources
-from uqpen.rehearsal.tail import tail_shares
-from uqpen.rehearsal.truth import large_sample, surrogate_truth
 from uqpen.statistics.threshold import Threshold
 from uqpen.study.load import parse_study
 from uqpen.study.study import ValidatedStudy

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.core.arrays import FloatArray
-from uqpen.statistics.control_variates.group_runs import GroupRuns
-from uqpen.statistics.control_variates.linear_estimate import linear_estimate
-from uqpen.statistics.control_variates.matched_threshold import MatchedThresholds
+from uqpen.statistics.control_variates import GroupRuns, MatchedThresholds, linear_estimate
 
 BOTH, ONLY_STAND_IN = np.array([True, True]), np.array([False, True])
 

@@ -17,9 +17,9 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.cross_fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 MakeStudy = Callable[..., ValidatedStudy]
 

@@ -25,14 +25,19 @@ from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_mean import corrected_mean, spacing
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction.corrected_moments import (
+    CorrectedMoments,
+    corrected_mean,
+    spacing,
+)
 from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction.correction_runs import (
+    CorrectionRuns,
+    missing_run_predictions,
+)
 from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability, bonett_price
-from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 MakeStudy = Callable[..., ValidatedStudy]
 

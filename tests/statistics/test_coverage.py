@@ -28,8 +28,8 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import Constraint, parse_constraint
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.distribution_function.cdfs import cdf

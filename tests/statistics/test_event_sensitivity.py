@@ -9,15 +9,23 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.distributions.continuous import Beta, Gamma, Gumbel, Lognormal, Normal, Uniform, Weibull
-from uqpen.distributions.discrete import Discrete
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import (
+    Beta,
+    Discrete,
+    Gamma,
+    Gumbel,
+    Lognormal,
+    Normal,
+    Uniform,
+    Weibull,
+)
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.event_sensitivity.event_sensitivities import event_sensitivities
-from uqpen.statistics.event_sensitivity.input_scores import InputScores
+from uqpen.statistics.event_sensitivity.sample_sensitivity import InputScores
 
 NODES = np.linspace(-8.2, 8.2, 400_001)
 SHARES = np.exp(-(NODES**2) / 2) / np.exp(-(NODES**2) / 2).sum()

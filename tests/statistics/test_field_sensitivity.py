@@ -16,8 +16,7 @@ from uqpen.core.status import Status
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.designs.morris import Morris
-from uqpen.designs.one_at_a_time import OneAtATime
+from uqpen.designs.one_at_a_time import Morris, OneAtATime
 from uqpen.designs.saltelli import Saltelli
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze

@@ -12,7 +12,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import analyze
-from uqpen.statistics.model_differences import model_differences
+from uqpen.statistics.model_form import model_differences
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis

@@ -24,8 +24,8 @@ from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample

@@ -9,7 +9,7 @@ import pytest
 
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator
-from uqpen.statistics.surrogate.pick_freeze_pairs import (
+from uqpen.statistics.surrogate.surrogate_draws import (
     PickFreezePairs,
     VarianceShares,
     draw_pick_freeze_pairs,

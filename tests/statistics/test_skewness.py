@@ -18,7 +18,7 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.skewness import Margins, extreme_margins, skewness_margins
+from uqpen.statistics.standard_errors import Margins, extreme_margins, skewness_margins
 
 FloatArray = npt.NDArray[np.float64]
 

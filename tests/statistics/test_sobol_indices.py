@@ -24,9 +24,9 @@ from uqpen.core.streams import Stream
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.python_function import PythonFunction
 from uqpen.results.source_statistics import SourceStatistics

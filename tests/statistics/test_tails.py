@@ -23,13 +23,10 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
-from uqpen.statistics.distribution_function.return_levels import return_levels
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.tails.generalised_pareto import fit_tails
-from uqpen.statistics.tails.goodness_of_fit import p_value
-from uqpen.statistics.tails.threshold_choice import fitting_tails
+from uqpen.statistics.tails import fit_tails, fitting_tails, p_value, return_levels
 
 REQUESTS = QuantityOfInterest(
     Output("y", "m"), "m", expected_shortfall=(0.9, 0.99), return_periods=(5.0, 1e3, 1e5)

@@ -18,7 +18,7 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.replicated import ReplicatedDesign
 from uqpen.study.budget_section import PlannedTable, plan_runs
 from uqpen.study.load import parse_study
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 ISHIGAMI = """\
 seed = 1

@@ -18,12 +18,17 @@ from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.distributions import COPULAS
-from uqpen.distributions.continuous import Lognormal, Normal
-from uqpen.distributions.copulas import ClaytonCopula, FrankCopula
-from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula, score_correlation
-from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.copulas import (
+    ClaytonCopula,
+    FrankCopula,
+    GaussianCopula,
+    StudentCopula,
+    score_correlation,
+)
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.measurements import Empirical
 from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Lognormal, Normal
 from uqpen.study.load import parse_study
 from uqpen.workflow import run
 

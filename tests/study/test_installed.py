@@ -15,7 +15,7 @@ import uqpen
 from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.lookup import package_version
 from uqpen.study.fingerprint import run_fingerprint
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.verification.check_result import CheckOutcome
 
 PAGES = Path(__file__).parents[2] / "docs" / "extending"

@@ -6,7 +6,7 @@ import pytest
 
 from uqpen.core.errors import StudyError
 from uqpen.study.load import parse_study
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 STUDY = """\
 seed = 1

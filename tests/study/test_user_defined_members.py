@@ -17,7 +17,7 @@ import pytest
 import uqpen
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import CheckpointError, ModelError, StudyError
-from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.designs.design import UnloadedDesign
 from uqpen.execution import Progress
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.testing import check_design, check_distribution

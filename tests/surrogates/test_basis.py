@@ -11,8 +11,12 @@ import pytest
 
 from uqpen.core.lookup import resolve
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.continuous import (
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.measurements import Empirical
+from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import (
     Beta,
+    Discrete,
     Gamma,
     Gumbel,
     Lognormal,
@@ -22,12 +26,13 @@ from uqpen.distributions.continuous import (
     Uniform,
     Weibull,
 )
-from uqpen.distributions.discrete import Discrete
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.empirical import Empirical
-from uqpen.distributions.truncated import Truncated
-from uqpen.surrogates.basis import MOST_TERMS, ProductBasis, multi_indices, nested_sums
-from uqpen.surrogates.univariate_basis import univariate_basis
+from uqpen.surrogates.chaos.basis import (
+    MOST_TERMS,
+    ProductBasis,
+    multi_indices,
+    nested_sums,
+    univariate_basis,
+)
 
 DEGREE = 8
 

@@ -10,9 +10,8 @@ import pytest
 import uqpen
 from uqpen.results.surrogate_tables import fit_diagnostics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice
-from uqpen.surrogates.model_race import ModelRace
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.archived_surrogate import restore_surrogate
+from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice, ModelRace
 
 STUDY = """
 [designs.training]

@@ -18,9 +18,9 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator, evaluate
-from uqpen.surrogates import chaospy_engine
-from uqpen.surrogates.chaos_model import PolynomialChaosModel
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.archived_surrogate import restore_surrogate
+from uqpen.surrogates.chaos import chaospy_engine
+from uqpen.surrogates.chaos.expansion import PolynomialChaosModel
 from uqpen.testing import check_surrogate
 from uqpen.verification.verify import verify
 

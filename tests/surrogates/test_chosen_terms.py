@@ -12,15 +12,19 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
-from uqpen.surrogates.basis import ProductBasis
-from uqpen.surrogates.chaos_model import PolynomialChaosModel
-from uqpen.surrogates.chosen_terms import TRUNCATIONS, chosen_terms
-from uqpen.surrogates.forward_selection import forward_selection
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.term_selection import FitPoints, Terms
+from uqpen.surrogates.chaos.basis import ProductBasis
+from uqpen.surrogates.chaos.expansion import PolynomialChaosModel
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.term_selection import (
+    TRUNCATIONS,
+    FitPoints,
+    Terms,
+    chosen_terms,
+    forward_selection,
+)
 
 pytestmark = pytest.mark.processor
 

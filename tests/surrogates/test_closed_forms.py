@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from uqpen.surrogates.closed_forms import (
+from uqpen.surrogates.chaos.expansion import (
     mean,
     shapley_effects,
     sobol_indices,

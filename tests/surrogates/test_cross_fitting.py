@@ -16,8 +16,8 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.execution import Evaluator, evaluate
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.cross_fitting import FOLDS, CrossFit, cross_fit
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 STREAM = Stream(1, "surrogates", "pce")
 PCE = PolynomialChaos(design="training", order=2)

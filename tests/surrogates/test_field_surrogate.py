@@ -25,14 +25,17 @@ from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
-from uqpen.distributions.continuous import Normal
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.campbell import Campbell
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
+from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.best_surrogate import FixedChoice
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.field_fit import score_name
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate
@@ -40,10 +43,7 @@ from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.principal_components import PrincipalComponents
-from uqpen.surrogates.restoring import restore_surrogate
-from uqpen.surrogates.score_model import score_name
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.verification.check_result import CheckOutcome
 

@@ -15,16 +15,16 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.labels import RUN
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
-from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.results.json import archive_json
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.basis import ProductBasis
+from uqpen.surrogates.chaos.basis import ProductBasis
+from uqpen.surrogates.chaos.coefficients import cross_validation, sparse_regression
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.term_selection import FitPoints, Terms, regression_terms
 from uqpen.surrogates.diagnostics import shown_diagnostics
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.regression import cross_validation, sparse_regression
-from uqpen.surrogates.term_selection import FitPoints, Terms, regression_terms
 
 MakeStudy = Callable[..., ValidatedStudy]
 

@@ -10,24 +10,23 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
-from uqpen.distributions.continuous import Lognormal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Lognormal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.campbell import Campbell
+from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate
-from uqpen.surrogates.gaussian_process import GaussianProcess
-from uqpen.surrogates.left_out_errors import LeftOutErrors
-from uqpen.surrogates.process_likelihood import (
+from uqpen.surrogates.gaussian_process import GaussianProcess, LeftOutErrors
+from uqpen.surrogates.gaussian_process_fit import (
     ConditionedProcess,
     Parameters,
     ProcessData,
+    StandardisedInputs,
     negative_log_likelihood,
 )
-from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.separate_fits import SeparateFits
-from uqpen.surrogates.standardised_inputs import StandardisedInputs
 
 UNIT = Uniform(0.0, 1.0)
 

@@ -26,21 +26,21 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.continuous import Gamma, Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Gamma, Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.ishigami import Ishigami
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.chaos_model import PolynomialChaosModel
-from uqpen.surrogates.closed_forms import (
+from uqpen.surrogates.archived_surrogate import restore_surrogate
+from uqpen.surrogates.chaos.expansion import (
+    PolynomialChaosModel,
     mean,
     shapley_effects,
     sobol_indices,
     standard_deviation,
 )
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 pytestmark = pytest.mark.processor
 

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uqpen.surrogates.projection import is_exact, projection_coefficients
-from uqpen.surrogates.regression import FOLDS, cross_validation, least_squares, sparse_regression
+from uqpen.surrogates.chaos.coefficients import (
+    FOLDS,
+    cross_validation,
+    is_exact,
+    least_squares,
+    projection_coefficients,
+    sparse_regression,
+)
 
 pytestmark = pytest.mark.processor
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import xarray as xr
 
 from uqpen import execution
-from uqpen.benchmark.methods import study_methods
+from uqpen.benchmark.methods import BenchmarkRunner, study_methods
 from uqpen.benchmark.record import EstimateRecord
-from uqpen.benchmark.runner import BenchmarkRunner
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import benchmark_statistics
 from uqpen.core.errors import Problem, SettingsError

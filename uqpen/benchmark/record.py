@@ -10,11 +10,17 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack
-from uqpen.benchmark.accuracy import Accuracy, convergence_slope, root_mean_square_errors
+from uqpen.benchmark.accuracy import (
+    Accuracy,
+    convergence_slope,
+    find_verdict,
+    reference_remark,
+    root_mean_square_errors,
+    verdict_sentence,
+)
 from uqpen.benchmark.methods import BenchmarkMethod, MethodCost, SurrogateMethod
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
-from uqpen.benchmark.verdicts import find_verdict, reference_remark, verdict_sentence
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import COMPARISON_STATISTICS, METHOD_STATISTICS
 from uqpen.core.labels import (

@@ -22,8 +22,8 @@ from uqpen.results.digits import grouped_number, number_text
 from uqpen.results.surrogate_tables import fit_diagnostics, fitted_outputs
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_unit, unit_suffix
+from uqpen.surrogates.archived_surrogate import is_restorable, restore_surrogate
 from uqpen.surrogates.diagnostics import quality_text
-from uqpen.surrogates.restoring import is_restorable, restore_surrogate
 
 __all__ = ["prediction_charts", "surrogate_charts"]
 

@@ -18,7 +18,7 @@ import xarray as xr
 
 from uqpen.archive.provenance import provenance
 from uqpen.core.errors import ArchiveError
-from uqpen.core.progress_broadcast import ProgressBroadcast
+from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
 
 __all__ = ["Journal", "are_costly", "run_seconds", "seconds_at_last_pace"]

@@ -19,9 +19,7 @@ from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, RUNS, STATUS
 from uqpen.core.model import Model
 from uqpen.core.status import Status
-from uqpen.designs.design import Design
-from uqpen.designs.extension import Extension
-from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.designs.design import Design, Extension, UnloadedDesign
 from uqpen.study.designs_section import read_designs
 from uqpen.study.document import parse_document
 from uqpen.study.fingerprint import POINT_TABLES

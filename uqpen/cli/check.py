@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import ExitCode
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:

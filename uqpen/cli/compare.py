@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.messages import ExitCode
 from uqpen.cli.options import PATH
 
 __all__ = ["diff"]

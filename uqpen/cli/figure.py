@@ -38,9 +38,9 @@ def figure(
     with loading():
         from uqpen.archive.read import open_archive
         from uqpen.cli.printable import printable
-        from uqpen.figures.figure_file import figure_format
         from uqpen.figures.page import available
         from uqpen.figures.page import figure as drawn
+        from uqpen.figures.style import figure_format
 
     if is_list or not names:
         for known, shows in available(open_archive(archive)).items():

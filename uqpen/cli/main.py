@@ -10,8 +10,7 @@ from pathlib import Path
 import click
 
 from uqpen import __version__
-from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message
 from uqpen.cli.printable import SPELLED_OUT
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import interrupt_exit_code, record_interrupts

@@ -6,13 +6,14 @@ import os
 import re
 import sys
 import textwrap
+from enum import IntEnum
 from typing import TextIO
 
 import click
 
 from uqpen.cli.printable import printable
 
-__all__ = ["show_message", "wrapped_message"]
+__all__ = ["ExitCode", "show_message", "wrapped_message"]
 
 _WIDTH = 80
 _LEAST_WIDTH = 40
@@ -69,3 +70,16 @@ def _terminal_width(stream: TextIO) -> int:
         except (OSError, ValueError):
             width = 0
     return max(width or _WIDTH, _LEAST_WIDTH)
+
+
+# Exit codes of commands.
+
+
+class ExitCode(IntEnum):
+    """Exit codes; 1, a fault of uqpen's own, is Python's after a traceback."""
+
+    DONE = 0
+    MISTAKE = 2
+    TOO_MANY_FAILED = 3
+    DIFFERENT = 4
+    INTERRUPTED = 130

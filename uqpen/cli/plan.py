@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import ExitCode
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 
@@ -57,7 +57,7 @@ def plan(
     from uqpen.cli.progress import show_step
     from uqpen.cli.study import make_and_show
     from uqpen.core.progress_record import ProgressRecord
-    from uqpen.designs.keep import RUNS
+    from uqpen.designs.design import RUNS
 
     here = Path.cwd()
     with show_step("reading the study"), loading():

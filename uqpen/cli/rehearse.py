@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message
 from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
 from uqpen.cli.precision_argument import EXAMPLE, read_precision
 

@@ -8,9 +8,8 @@ from typing import Any
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,

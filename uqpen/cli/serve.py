@@ -195,8 +195,7 @@ def _archive_offers(
     from uqpen.core.errors import UnknownNameError
     from uqpen.core.labels import SURROGATES
     from uqpen.core.lookup import choices
-    from uqpen.surrogates.archived_surrogate import surrogate_paths
-    from uqpen.surrogates.restoring import restore_surrogate
+    from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
     from uqpen.surrogates.storage import refuted_outputs
     from uqpen.verification.archived_study import restored_study
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,
@@ -135,7 +134,7 @@ def make_and_show(
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_progress
-    from uqpen.core.progress_broadcast import ProgressBroadcast
+    from uqpen.core.progress import ProgressBroadcast
     from uqpen.results.failed_runs import has_failed_design
 
     try:
@@ -162,8 +161,7 @@ def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Sequence[Progr
     if port is None:
         yield ()
         return
-    from uqpen.server.watch_server import serve_watch_page
-    from uqpen.server.watch_state import watch_state
+    from uqpen.server.watch_server import serve_watch_page, watch_state
     from uqpen.workflow.running_results import RunningResults
 
     running = RunningResults(study)

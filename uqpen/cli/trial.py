@@ -10,8 +10,7 @@ import numpy as np
 
 from uqpen.checkpoints.folder import keep_runs
 from uqpen.cli.console import plain_table, show_line, standard_output
-from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.messages import wrapped_message
+from uqpen.cli.messages import ExitCode, wrapped_message
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Output
 from uqpen.core.status import STATUS_TEXT, Status

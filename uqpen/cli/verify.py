@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.loading import loading
+from uqpen.cli.messages import ExitCode
 from uqpen.cli.options import (
     PATH,
     ExecutorOptions,

@@ -97,7 +97,9 @@ __all__ = [
 _CDF = "uqpen.statistics.distribution_function"
 _MOMENTS = "uqpen.statistics.moments.sample_moments"
 _FIELDS = "uqpen.statistics.fields"
-_PLACES = f"{_FIELDS}.place_statistics"
+_PLACES = f"{_FIELDS}.field_sample"
+_RARE = "uqpen.statistics.rare_events.subset_probability"
+_TAILS = "uqpen.statistics.tails"
 _SENSITIVITY = "uqpen.statistics.sensitivity"
 
 
@@ -169,7 +171,7 @@ _OF_VALUES = [
             "sample": f"{_CDF}.quantiles:quantile_estimates",
             "part": f"{_CDF}.quantiles:requested_quantiles",
             "field": f"{_PLACES}:quantiles_at_places",
-            Sampling.TOWARDS_EVENT: "uqpen.statistics.rare_events.rare_quantiles:rare_quantiles",
+            Sampling.TOWARDS_EVENT: f"{_RARE}:rare_quantiles",
         },
         takes_weights=True,
         is_of_surrogates=True,
@@ -268,7 +270,7 @@ _OF_VALUES = [
             is_compared=True,
         ),
         group=TAILS,
-        by={"sample": f"{_CDF}.return_levels:return_levels"},
+        by={"sample": f"{_TAILS}:return_levels"},
     ),
     Statistic(
         "tail_threshold",
@@ -463,9 +465,9 @@ _INDICES = [
         Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
         {
             "sample": f"{_SENSITIVITY}.given_data:first_order",
-            "field": f"{_FIELDS}.given_data_at_places:first_order_at_places",
+            "field": f"{_FIELDS}.sensitivity:first_order_at_places",
             Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
-            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sobol_at_places:sobol_indices_at_places",
+            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sensitivity:sobol_indices_at_places",
         },
     ),
     _of_inputs(
@@ -558,8 +560,8 @@ _STATISTICS = [
         "mean elementary effect",
         Measure("mean effect", "effects", 21, ""),
         {
-            Sampling.TRAJECTORIES: f"{_SENSITIVITY}.elementary_effects:elementary_effects",
-            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.effects_at_places:effects_at_places",
+            Sampling.TRAJECTORIES: f"{_SENSITIVITY}.single_steps:elementary_effects",
+            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.sensitivity:effects_at_places",
         },
         UnitRule.DIFFERENCE,
     ),
@@ -594,8 +596,8 @@ _STATISTICS = [
             relative_to=("output", "input"),
         ),
         {
-            Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.responses:relative_responses",
-            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.effects_at_places:responses_at_places",
+            Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.single_steps:relative_responses",
+            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.sensitivity:responses_at_places",
         },
     ),
     _of_inputs(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
 
@@ -17,7 +18,6 @@ from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
-from uqpen.core.run_results import Results, RunWarning, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.variables import POSITIVE, Bounds, Category, Dimension, Input, Output, Variable
 
@@ -40,6 +40,59 @@ __all__ = [
     "Variable",
     "empty_outputs",
 ]
+
+# Results of a batch of runs, and warnings of a model about them.
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a batch of runs.
+
+    Parameters
+    ----------
+    outputs : mapping of str to ndarray, shape (run, *dims)
+        SI values, of shape (run,) for an output without dimensions; NaN where a run failed (any
+        value for a categorical output).
+    status : ndarray of int8, shape (run,)
+        See `uqpen.core.status.Status`.
+    reasons : mapping of int to str
+        The reason why each failed run failed, by its position in the batch.
+    files : set of str
+        Own modules with which the runs were made, and what was seen in a run that was observed;
+        each as `Dependency.line` (`uqpen.core.dependency`).
+    """
+
+    outputs: Arrays
+    status: npt.NDArray[np.int8]
+    reasons: Mapping[int, str] = field(default_factory=dict)
+    files: frozenset[str] = frozenset()
+
+    @classmethod
+    def all_ok(cls, outputs: Arrays) -> Results:
+        """Return the results of a batch in which no run failed."""
+        runs = len(next(iter(outputs.values())))
+        return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+class RunWarning(UserWarning):
+    """Warning of a model about its runs, in words that name no line of code.
+
+    Parameters
+    ----------
+    text : str
+        The same in all runs that it is true of, so that it is shown once.
+    of_one_run : str
+        The same with the numbers of one run.
+    """
+
+    def __init__(self, text: str, of_one_run: str = "") -> None:
+        super().__init__(text)
+        self.of_one_run = of_one_run or text
+
+
+def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]:
+    """Return an array of NaN for each output, of shape (run, *dims)."""
+    return {output.name: np.full((runs, *output.shape), np.nan) for output in outputs}
 
 
 class Model(ABC):

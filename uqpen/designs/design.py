@@ -1,26 +1,103 @@
-"""Interface of a design of experiments."""
+"""Interface of a design of experiments: its settings and its extension."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
-from typing import ClassVar, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, TypeAlias
 
-from uqpen.core.errors import Problem
+from uqpen.core.errors import ModelError, Problem, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Results
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import validate
+from uqpen.core.settings import choice, validate
 from uqpen.core.streams import Stream
-from uqpen.designs.drawn_points import Points
-from uqpen.designs.extension import Extension
+from uqpen.designs.drawn_points import Points, Round
 from uqpen.designs.feedback import Feedback
-from uqpen.designs.keep import RUNS
-from uqpen.designs.round import Round
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Design", "ModelRounds", "Rounds"]
+__all__ = [
+    "RUNS",
+    "STATISTICS",
+    "Design",
+    "Extension",
+    "ModelRounds",
+    "Rounds",
+    "UnloadedDesign",
+    "keep_problems",
+    "keep_setting",
+]
+
+# Extension of a design: which points of an earlier one it keeps.
+
+
+@dataclass(frozen=True)
+class Extension:
+    """Points of an earlier design that are among those of a new one.
+
+    Parameters
+    ----------
+    kept : int or None
+        Number of them; None where it is not known.
+    nearest : mapping of str to object
+        Settings of the new design, nearest to its own, with which it keeps all. Empty where none
+        are known.
+    reason : str
+        The property by which it does, such as ``"replicates of 20 points"``.
+    """
+
+    kept: int | None
+    nearest: Mapping[str, object] = field(default_factory=dict)
+    reason: str = ""
+
+    def text(self, earlier_runs: int, runs: int) -> str:
+        """Return what becomes of earlier runs that are not used; empty if all are.
+
+        Parameters
+        ----------
+        earlier_runs, runs : int
+            Number of runs of the earlier design, and of the new one.
+        """
+        if self.kept is None:
+            return f"it is not known how many of its {earlier_runs} earlier runs it uses"
+        if self.kept >= earlier_runs:
+            return ""
+        text = f"{earlier_runs - self.kept} of its {earlier_runs} earlier runs are not used"
+        if self.kept == runs or not self.nearest:
+            return text
+        settings = ", ".join(f"{name} = {toml_text(value)}" for name, value in self.nearest.items())
+        return f"{text}; to use all of them: {settings} ({self.reason})"
+
+
+# Setting ``keep``: whether the archive of a study has the runs of a design.
+
+# The runs with their statistics, or these alone.
+RUNS, STATISTICS = "runs", "statistics"
+
+
+def keep_setting() -> Any:
+    """Declare the setting ``keep`` of a design whose points do not depend on its runs."""
+    return choice(RUNS, STATISTICS, default=RUNS)
+
+
+def keep_problems(keep: str, rule: str) -> Iterator[Problem]:
+    """Yield the problem of keeping no runs that decide their own number.
+
+    Parameters
+    ----------
+    keep : str
+        The setting.
+    rule : str
+        The key of the rule that ends the design; empty where the number of its runs is fixed.
+    """
+    if keep == STATISTICS and rule:
+        expected = f'"{RUNS}" beside {rule}, as the end of such a design is verified by its runs'
+        yield Problem(("keep",), f'"{keep}"', expected)
+
+
+# Interface of a design of experiments.
 
 # It yields the points of a round, and is sent what became of them.
 Rounds: TypeAlias = "Generator[Points, Feedback, None]"
@@ -175,3 +252,31 @@ class Design(ABC):
             None where it has no scale, needs more runs, or has no replicates.
         """
         return None
+
+
+# Stand-in for a user-defined design whose code is not executed.
+
+
+@dataclass(frozen=True)
+class UnloadedDesign(Design):
+    """Design of an archive that has made its runs, but cannot draw its points here.
+
+    Parameters
+    ----------
+    name : str
+        The reference or the object that the study names.
+    sampling : Sampling
+        The sampling that the archive records with its runs.
+    runs : int
+        Number of archived runs.
+    """
+
+    name: str
+    sampling: Sampling = Sampling.GIVEN
+    runs: int = 0
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        raise ModelError(f"{self.name} is not loaded: it draws no points without --trust")
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.runs

@@ -1,4 +1,4 @@
-"""Points of a round that are drawn by blocks, when they are needed."""
+"""Points of a round: in memory, drawn by blocks when they are needed, or for some models alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from uqpen.core.labels import RUN
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DrawnPoints", "Points", "points_in_memory"]
+__all__ = ["DrawnPoints", "Points", "Round", "points_in_memory", "points_of"]
+
+# Points of a round that are drawn by blocks, when they are needed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,3 +66,29 @@ Points: TypeAlias = "xr.Dataset | DrawnPoints"
 def points_in_memory(points: Points) -> xr.Dataset:
     """Return the points of a round as one dataset."""
     return points.dataset() if isinstance(points, DrawnPoints) else points
+
+
+# Round of a design that only some of a study's models run.
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """Points of a round that only some of a study's models run.
+
+    All models run the first round of a design, and each other one that is bare points.
+
+    Parameters
+    ----------
+    points : Dataset or DrawnPoints
+        The points.
+    models : tuple of str
+        The names of the models.
+    """
+
+    points: Points
+    models: tuple[str, ...]
+
+
+def points_of(drawn: Points | Round) -> Points:
+    """Return the points of a round, whether all models run them or some."""
+    return drawn.points if isinstance(drawn, Round) else drawn

@@ -15,8 +15,8 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.grids import tensor_grid, too_many_nodes
 from uqpen.designs.quadrature import WEIGHT_ATTRIBUTES
+from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.distributions.sample_distribution import SampleDistribution
 
 __all__ = ["FullFactorial"]
 

@@ -13,10 +13,8 @@ from uqpen.core.labels import OPTIMIZED_BY
 from uqpen.core.limits import MOST_REPLICATES, MOST_RUNS
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
+from uqpen.designs.design import Design, Extension, keep_setting
 from uqpen.designs.drawn_points import DrawnPoints
-from uqpen.designs.extension import Extension
-from uqpen.designs.keep import keep_setting
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution

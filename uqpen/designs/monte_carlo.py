@@ -16,14 +16,16 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.setting_fields import Context
 from uqpen.core.settings import count, setting
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design, Extension, Rounds, keep_problems, keep_setting
 from uqpen.designs.drawn_points import DrawnPoints
-from uqpen.designs.extension import Extension
-from uqpen.designs.keep import keep_problems, keep_setting
-from uqpen.designs.stopping.acceptance_claim import CLAIM, is_claim, parse_claim
-from uqpen.designs.stopping.deciding import deciding_rounds
-from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
-from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
+from uqpen.designs.stopping.acceptance_claim import CLAIM, deciding_rounds, is_claim, parse_claim
+from uqpen.designs.stopping.stopping_rule import (
+    FIRST_LOOK,
+    RequestedOutput,
+    StoppingRule,
+    doubling_rounds,
+    stopping_rule,
+)
 from uqpen.distributions.joint_distribution import JointDistribution
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from uqpen.core.errors import Problem
 from uqpen.core.limits import MOST_REPLICATES, MOST_RUNS
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK
-from uqpen.designs.design import Design
-from uqpen.designs.keep import keep_setting
+from uqpen.designs.design import Design, keep_setting
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution

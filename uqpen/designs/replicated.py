@@ -17,12 +17,14 @@ from uqpen.core.labels import REPLICATE
 from uqpen.core.limits import MOST_REPLICATES, MOST_RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design, Extension, Rounds, keep_problems
 from uqpen.designs.drawn_points import DrawnPoints
-from uqpen.designs.extension import Extension
-from uqpen.designs.keep import keep_problems
-from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
-from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule
+from uqpen.designs.stopping.stopping_rule import (
+    FIRST_LOOK,
+    RequestedOutput,
+    StoppingRule,
+    doubling_rounds,
+)
 from uqpen.distributions.joint_distribution import JointDistribution
 
 if TYPE_CHECKING:

@@ -14,9 +14,8 @@ from uqpen.core.labels import RUN, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import DrawnPoints, Points
+from uqpen.designs.drawn_points import DrawnPoints, Points, Round, points_of
 from uqpen.designs.feedback import Estimates, Feedback
-from uqpen.designs.round import Round, points_of
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.user_code import error_text
 

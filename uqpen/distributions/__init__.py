@@ -5,21 +5,21 @@ from __future__ import annotations
 __all__ = ["COPULAS", "DISTRIBUTIONS"]
 
 DISTRIBUTIONS = {
-    "normal": "uqpen.distributions.continuous:Normal",
-    "lognormal": "uqpen.distributions.continuous:Lognormal",
-    "uniform": "uqpen.distributions.continuous:Uniform",
-    "log-uniform": "uqpen.distributions.continuous:LogUniform",
-    "triangular": "uqpen.distributions.continuous:Triangular",
-    "beta": "uqpen.distributions.continuous:Beta",
-    "gamma": "uqpen.distributions.continuous:Gamma",
-    "weibull": "uqpen.distributions.continuous:Weibull",
-    "gumbel": "uqpen.distributions.continuous:Gumbel",
-    "discrete": "uqpen.distributions.discrete:Discrete",
+    "normal": "uqpen.distributions.univariate:Normal",
+    "lognormal": "uqpen.distributions.univariate:Lognormal",
+    "uniform": "uqpen.distributions.univariate:Uniform",
+    "log-uniform": "uqpen.distributions.univariate:LogUniform",
+    "triangular": "uqpen.distributions.univariate:Triangular",
+    "beta": "uqpen.distributions.univariate:Beta",
+    "gamma": "uqpen.distributions.univariate:Gamma",
+    "weibull": "uqpen.distributions.univariate:Weibull",
+    "gumbel": "uqpen.distributions.univariate:Gumbel",
+    "discrete": "uqpen.distributions.univariate:Discrete",
 }
 
 COPULAS = {
-    "gaussian": "uqpen.distributions.elliptical_copulas:GaussianCopula",
-    "student": "uqpen.distributions.elliptical_copulas:StudentCopula",
+    "gaussian": "uqpen.distributions.copulas:GaussianCopula",
+    "student": "uqpen.distributions.copulas:StudentCopula",
     "clayton": "uqpen.distributions.copulas:ClaytonCopula",
     "gumbel": "uqpen.distributions.copulas:GumbelCopula",
     "frank": "uqpen.distributions.copulas:FrankCopula",

@@ -1,22 +1,23 @@
-"""Interface of the distribution of one input.
-
-Both tails have a function each, so that a distribution truncated far out keeps its accuracy.
-"""
+"""Interface of the distribution of one input, and its stand-in without code."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.errors import ModelError, Problem, SettingsError
 from uqpen.core.settings import validate
 
-__all__ = ["OPEN_INTERVAL", "Distribution", "order_problem"]
+__all__ = ["OPEN_INTERVAL", "Distribution", "UnloadedDistribution", "order_problem"]
 
+# Interface of the distribution of one input.
+#
+# Both tails have a function each, so that a distribution truncated far out keeps its accuracy.
 
 # A generator may return 0, and rounding may give 1, where a quantile may be infinite. So draws are
 # kept half a step of the generator inside.
@@ -128,3 +129,28 @@ def order_problem(lower: float, upper: float) -> Iterator[Problem]:
     """Yield a problem if two ends are in the wrong order."""
     if not lower < upper:
         yield Problem(("upper",), f"{upper:g}", "a value above lower")
+
+
+# Stand-in for a user-defined distribution whose code is not executed.
+
+
+@dataclass(frozen=True)
+class UnloadedDistribution(Distribution):
+    """Distribution known by its name only: a reference, or an object of a program."""
+
+    name: str
+
+    def ppf(self, probability: FloatArray) -> NoReturn:
+        self._refuse()
+
+    def isf(self, probability: FloatArray) -> NoReturn:
+        self._refuse()
+
+    def cdf(self, value: FloatArray) -> NoReturn:
+        self._refuse()
+
+    def sf(self, value: FloatArray) -> NoReturn:
+        self._refuse()
+
+    def _refuse(self) -> NoReturn:
+        raise ModelError(f"{self.name} is not loaded: it has no values without --trust")

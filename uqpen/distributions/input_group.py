@@ -1,18 +1,38 @@
-"""Interface of the joint distribution of several inputs, and its stand-in without code."""
+"""Joint distributions of several inputs: their interface, those of chaospy, and rows of a table."""
 
 from __future__ import annotations
 
+import ast
+import importlib
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
 
-from uqpen.core.arrays import FloatArray
+import numpy as np
+
+from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.unloaded import UnloadedDistribution
+from uqpen.core.units import scale
+from uqpen.distributions.distribution import Distribution, UnloadedDistribution
+from uqpen.distributions.frozen import is_chaospy
+from uqpen.distributions.univariate import Discrete
 
-__all__ = ["ImplicitMarginal", "InputGroup", "UnloadedGroup"]
+__all__ = [
+    "ChaospyJoint",
+    "ImplicitMarginal",
+    "InputGroup",
+    "SampleDistribution",
+    "UnloadedGroup",
+    "chaospy_joint",
+    "declare_joint",
+    "is_joint",
+]
+
+# Interface of the joint distribution of several inputs, and its stand-in without code.
 
 
 class InputGroup(ABC):
@@ -124,3 +144,173 @@ class UnloadedGroup(InputGroup):
 
     def nominal(self) -> tuple[float, ...]:
         raise ModelError(f"{self.name} is not loaded: it has no values without --trust")
+
+
+# Joint distributions of chaospy: independent, with dependent parameters, multivariate.
+#
+# The map from the unit cube is chaospy's inverse Rosenblatt transformation.
+
+# Of this many points at a time chaospy takes the same path, whatever the design; see `values`.
+_ROWS = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class ChaospyJoint(InputGroup):
+    """Joint distribution of chaospy.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        One for each of its dimensions.
+    joint : object
+        Such as ``chaospy.J(…)`` or ``chaospy.MvNormal(…)``.
+    units : tuple of str
+        Unit of the values of each input.
+    name : str
+        Its text.
+    """
+
+    conditional_reason = "chaospy draws its inputs in one order, each given those before"
+
+    inputs: tuple[str, ...]
+    joint: Any
+    units: tuple[str, ...]
+    name: str
+
+    @property
+    def description(self) -> str:
+        return f"chaospy {self.name}"
+
+    def values(self, unit: FloatArray) -> FloatArray:
+        # Blocks of one size: the last bits of a product of matrices depend on the number of rows.
+        blocks = [self._block(unit[start : start + _ROWS]) for start in range(0, len(unit), _ROWS)]
+        values = np.concatenate(blocks)
+        measures = [scale(each) for each in self.units]
+        factors = np.array([measure.factor for measure in measures])
+        return values * factors + np.array([measure.offset for measure in measures])
+
+    def nominal(self) -> tuple[float, ...]:
+        middle = self.values(np.full((1, len(self.inputs)), 0.5))
+        return tuple(middle[0].tolist())
+
+    def _block(self, unit: FloatArray) -> FloatArray:
+        whole = np.full((_ROWS, len(self.inputs)), 0.5)
+        whole[: len(unit)] = unit
+        found = np.asarray(self.joint.inv(whole.T), dtype=np.float64).T
+        return found[: len(unit)]
+
+
+def chaospy_joint(
+    name: str, parameters: Mapping[str, Any], inputs: tuple[str, ...], units: tuple[str, ...]
+) -> ChaospyJoint:
+    """Return a multivariate distribution of chaospy by its name and parameters.
+
+    Raises
+    ------
+    LookupError
+        If it has no such distribution.
+    ValueError
+        If it does not take these parameters, or is of another number of dimensions.
+    """
+    chaospy = importlib.import_module("chaospy")
+    family: Any = getattr(chaospy, name, None)
+    if not isinstance(family, type) or not issubclass(family, chaospy.Distribution):
+        raise LookupError(name)
+    try:
+        made = family(**parameters)
+        found = ChaospyJoint(inputs, made, units, name)
+        dimensions = len(made)
+        is_usable = dimensions == len(inputs) and all(map(math.isfinite, found.nominal()))
+    except Exception as error:  # a library can raise anything about parameters
+        raise ValueError(str(error) or type(error).__name__) from None
+    if dimensions != len(inputs):
+        raise ValueError(f"it has {dimensions} dimensions, for {len(inputs)} inputs")
+    if not is_usable:
+        raise ValueError("it is not defined for these parameters")
+    return found
+
+
+def is_joint(value: object) -> bool:
+    """Check for a distribution of chaospy of more than one dimension."""
+    return is_chaospy(value) and len(value) > 1  # type: ignore[arg-type]
+
+
+def declare_joint(joint: Any) -> dict[str, Any] | None:
+    """Return the name and the parameters of a distribution of chaospy as data.
+
+    Returns
+    -------
+    dict or None
+        None where they do not determine it: its parameters depend on others, say.
+    """
+    inputs = tuple(map(str, range(len(joint))))
+    units = ("1",) * len(joint)
+    try:
+        call = ast.parse(repr(joint), mode="eval").body
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
+            return None
+        parameters = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
+        again = chaospy_joint(call.func.id, parameters, inputs, units)
+        unit = np.random.default_rng(0).random((64, len(joint)))
+        here = ChaospyJoint(inputs, joint, units, "")
+        same = np.array_equal(again.values(unit), here.values(unit))
+    except (SyntaxError, TypeError, ValueError, LookupError):
+        return None
+    return {"name": call.func.id, **parameters} if same else None
+
+
+# Rows of a table as the joint distribution of its columns: a posterior sample, say.
+
+
+@dataclass(frozen=True, eq=False)
+class SampleDistribution(InputGroup):
+    """Weighted rows of values as the joint distribution of several inputs.
+
+    A draw is a row, so it keeps the dependence of the columns. The first coordinate of the unit
+    cube selects the row, each over an interval as long as its weight. So stratified points take the
+    rows evenly, as systematic resampling does; the other coordinates have no effect.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        The columns.
+    rows : ndarray, shape (row, input)
+        Values in SI units.
+    weights : ndarray, shape (row,)
+        Relative weights, at least two above 0.
+    source : str
+        The file, for a description.
+    file : FileSnapshot, optional
+        That file.
+
+    References
+    ----------
+    Kitagawa, G. (1996). J. Comput. Graph. Stat. 5, 1-25.
+    """
+
+    conditional_reason = "its draws are whole rows of a sample, of which no part is given the rest"
+
+    inputs: tuple[str, ...]
+    rows: FloatArray
+    weights: FloatArray
+    source: str = "a table"
+    file: FileSnapshot | None = field(default=None, repr=False)
+
+    @property
+    def description(self) -> str:
+        weighted = "weighted " if np.ptp(self.weights) > 0 else ""
+        return f"{len(self.rows)} {weighted}rows of {self.source}"
+
+    @property
+    def files(self) -> tuple[FileSnapshot, ...]:
+        return () if self.file is None else (self.file,)
+
+    @cached_property
+    def marginals(self) -> tuple[Distribution, ...]:
+        return tuple(Discrete.from_sample(column, self.weights) for column in self.rows.T)
+
+    def values(self, unit: FloatArray) -> FloatArray:
+        return self.rows[rows_by_weight(self.weights, unit[:, 0])]
+
+    def nominal(self) -> tuple[float, ...]:
+        return tuple(marginal.median for marginal in self.marginals)

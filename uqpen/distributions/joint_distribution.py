@@ -12,10 +12,9 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
-from uqpen.distributions.dependence import Dependence
-from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
+from uqpen.distributions.copulas import Dependence
+from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
 from uqpen.distributions.input_group import InputGroup
-from uqpen.distributions.unloaded import UnloadedDistribution
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,8 +19,8 @@ import numpy as np
 import scipy
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Uniform
 
 __all__ = ["Recurrence", "recurrence"]
 

@@ -118,7 +118,11 @@ EXECUTORS = {
 _HOMES = {
     "uqpen.core.progress": ("Progress",),
     "uqpen.execution.batch": ("Map",),
-    "uqpen.execution.evaluation": ("EvaluationOptions", "evaluate", "evaluate_blocks"),
+    "uqpen.execution.evaluation": (
+        "EvaluationOptions",
+        "evaluate",
+        "evaluate_blocks",
+    ),
     "uqpen.execution.evaluator": ("Evaluator",),
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.execution.joined_rounds": ("join_rounds",),

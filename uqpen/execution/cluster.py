@@ -4,26 +4,111 @@ from __future__ import annotations
 
 import functools
 import logging
+import math
+import os
 import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from uqpen.core.errors import ClusterError
 from uqpen.core.processors import use_one_thread
-from uqpen.execution.attendance import Attendance
 from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.child_process import run_in_child
+from uqpen.execution.processes import run_in_child
 from uqpen.execution.task_queue import Task, TaskQueue
-from uqpen.execution.walltime import leave_if_late
 
 if TYPE_CHECKING:
     from distributed import Client, Future, as_completed
 
-__all__ = ["Cluster", "cluster", "import_distributed"]
+__all__ = ["ENDS_AT", "Attendance", "Cluster", "cluster", "import_distributed", "leave_if_late"]
+
+# Workers of a cluster: reports on a study that has none.
+
+# Seconds without a worker before the first report; each later one waits twice as long.
+_FIRST_REPORT = 10.0
+
+
+class Attendance:
+    """Presence of workers, with reports on how long there has been none.
+
+    Parameters
+    ----------
+    report : callable
+        Receives the text of a report.
+    clock : callable
+        Returns the time in seconds.
+    """
+
+    def __init__(
+        self, report: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._report = report
+        self._clock = clock
+        self._absent_since: float | None = None
+        self._next_report = _FIRST_REPORT
+
+    def record(self, workers: int) -> None:
+        """Record the number of workers, and report where there have been none for a while."""
+        now = self._clock()
+        if self._absent_since is None:
+            self._absent_since = None if workers else now
+            return
+        absent = now - self._absent_since
+        duration = timedelta(seconds=round(absent))
+        if workers:
+            if self._next_report > _FIRST_REPORT:
+                self._report(f"the cluster has workers again, after {duration} without")
+            self._absent_since, self._next_report = None, _FIRST_REPORT
+        elif absent >= self._next_report:
+            self._report(f"the cluster has had no worker for {duration}; the study waits for one")
+            self._next_report = 2 * absent
+
+
+# Time that a batch system leaves to a worker, so that no run is begun that cannot end.
+
+# Environment variable of a worker: the end of its job, in seconds since 1970; empty if unknown.
+ENDS_AT = "UQPEN_ENDS_AT"
+
+# Seconds for the result of the run before to be fetched. It goes with this worker, and where no
+# other is there to keep it, its run is made again.
+_UNTIL_FETCHED = 2.0
+
+# A run may take a fifth longer than the longest before.
+_MARGIN = 1.2
+
+
+def leave_if_late(seconds: float) -> None:
+    """Give a task back to the scheduler and end this Dask worker, if its job ends too soon.
+
+    Parameters
+    ----------
+    seconds : float
+        The expected duration of the task; 0 for a worker that does not know it, and tries.
+
+    Raises
+    ------
+    Reschedule
+        If it is too late; Dask then gives the task to another worker.
+    """
+    if seconds and _MARGIN * seconds > _seconds_left():
+        from distributed import Reschedule, get_worker
+
+        time.sleep(_UNTIL_FETCHED)
+        worker = get_worker()
+        worker.loop.add_callback(worker.close_gracefully)
+        raise Reschedule
+
+
+def _seconds_left() -> float:
+    try:
+        return float(os.environ[ENDS_AT]) - time.time()
+    except (KeyError, ValueError):
+        return math.inf
+
 
 # Batches in progress for each thread of the cluster: one to work on, and others on their way.
 _AHEAD = 16

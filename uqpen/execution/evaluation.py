@@ -21,7 +21,7 @@ from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
-from uqpen.execution.run_dataset import runs_dataset
+from uqpen.execution.runs import runs_dataset
 
 __all__ = ["EvaluationOptions", "evaluate", "evaluate_blocks"]
 

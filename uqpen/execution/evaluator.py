@@ -17,9 +17,9 @@ from uqpen.core.model import Model, Results, RunWarning, empty_outputs, violated
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution.batch import Batch, BatchResult, join_results
-from uqpen.execution.child_process import run_in_child
 from uqpen.execution.invalid_values import invalid_runs
-from uqpen.execution.process_role import is_child_process
+from uqpen.execution.processes import run_in_child
+from uqpen.execution.worker_process import is_child_process
 
 __all__ = ["Evaluator", "EvaluatorWork"]
 

@@ -13,8 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from uqpen.core.errors import ClusterError
-from uqpen.execution.cluster import Cluster, import_distributed
-from uqpen.execution.walltime import ENDS_AT
+from uqpen.execution.cluster import ENDS_AT, Cluster, import_distributed
 
 __all__ = ["JobArray", "slurm"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.abc
 import multiprocessing
 import os
 import pickle
@@ -10,6 +11,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
@@ -21,11 +23,64 @@ from uqpen.core.output_streams import lasting_streams
 from uqpen.core.processors import use_one_thread
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.import_signal import ImportSignal
 from uqpen.execution.memory_limit import limit_memory
-from uqpen.execution.process_role import mark_as_child_process
 
-__all__ = ["IMPORTING", "run_batches"]
+__all__ = [
+    "IMPORTING",
+    "ImportSignal",
+    "is_child_process",
+    "mark_as_child_process",
+    "run_batches",
+]
+
+# Signal of a worker that its run imports a module, which takes time that is not the run's.
+
+
+class ImportSignal(importlib.abc.MetaPathFinder):
+    """Finder that finds nothing, but sends a signal when a run first looks for a module.
+
+    Python asks it for modules that are not loaded yet, and for no others.
+    """
+
+    def __init__(self, send: Callable[[], None]) -> None:
+        self._send = send
+        self._is_armed = False
+
+    @contextlib.contextmanager
+    def armed(self, *, armed: bool) -> Iterator[None]:
+        """Within this context, send the signal once, if it is armed."""
+        self._is_armed = armed
+        try:
+            yield
+        finally:
+            self._is_armed = False
+
+    def find_spec(self, *arguments: Any, **options: Any) -> None:
+        """Return None, as other finders are to find the module."""
+        # Another thread could send while this one does.
+        if self._is_armed and threading.current_thread() is threading.main_thread():
+            self._is_armed = False
+            self._send()
+
+
+# Limit on the memory of this process during a run.
+
+
+# The role of this process: whether another process can end it.
+
+_is_child_process = False
+
+
+def is_child_process() -> bool:
+    """Check that another process can end this one, should a run hang."""
+    return _is_child_process
+
+
+def mark_as_child_process() -> None:
+    """Record that another process can end this one."""
+    global _is_child_process
+    _is_child_process = True
+
 
 # Message of a worker: its run looks for a module that is not loaded yet.
 IMPORTING = "importing"

@@ -11,7 +11,7 @@ from matplotlib.transforms import Bbox
 
 from uqpen.core.errors import FigureError
 from uqpen.core.files import replace_file
-from uqpen.figures.figure_file import figure_bytes, figure_format
+from uqpen.figures.style import figure_bytes, figure_format
 
 __all__ = ["Drawing", "RoundedLayout"]
 

@@ -22,7 +22,7 @@ from uqpen.core.dependency import (
 )
 from uqpen.core.files import LARGEST, FileSnapshot
 from uqpen.models.observation import Observation
-from uqpen.models.reasons import changed_file_error, changed_variable_error
+from uqpen.models.user_code import changed_file_error, changed_variable_error
 
 __all__ = ["Dependencies", "current_sha256"]
 

@@ -9,8 +9,8 @@ from types import CodeType
 from typing import Any
 
 from uqpen.models.function_source import FunctionSource
-from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_code import one_line
 
 __all__ = ["line_in_folder", "line_in_function"]
 
@@ -18,7 +18,7 @@ __all__ = ["line_in_folder", "line_in_function"]
 _TRACEBACK = BaseException.__dict__["__traceback__"]
 
 # Characters of a line that are shown.
-_LONGEST = 80
+_LONGEST_LINE = 80
 
 
 def line_in_folder(error: BaseException, folder: ModelFolder) -> str:
@@ -71,5 +71,5 @@ def _line_text(name: str, number: int, source: bytes) -> str:
     # Python ends lines where bytes do. Texts end them also at a form feed, or inside a quotation.
     lines = source.splitlines()
     line = one_line(lines[number - 1].decode("utf-8", "replace")) if number <= len(lines) else ""
-    line = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
+    line = line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE - 1]}…"
     return f" ({name}, line {number}{f': {line}' if line else ''})"

@@ -26,13 +26,13 @@ from uqpen.models.failed_line import line_in_folder, line_in_function
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.observation import unseen_readers
-from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import FieldSources, UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
     check_signature,
     end_forked_child,
     error_text,
+    one_line,
     pickle_by_value,
     restore_streams,
 )

@@ -24,7 +24,7 @@ from uqpen.models.installed import (
     reachable_modules,
 )
 from uqpen.models.observation import relative_name
-from uqpen.models.reasons import changed_file_error
+from uqpen.models.user_code import changed_file_error
 
 __all__ = ["MODEL_MODULE", "ModelFolder"]
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from uqpen.core.errors import ModelError, UnknownNameError, UqpenError
 from uqpen.core.files import is_file
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
-from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_code import one_line
 from uqpen.models.user_module import load_module
 
 __all__ = ["FunctionFamily", "UserDefinedFunction", "failure_text"]

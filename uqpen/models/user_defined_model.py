@@ -28,12 +28,12 @@ from uqpen.models.failed_line import line_in_folder
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.observation import unseen_readers
-from uqpen.models.reasons import one_line
 from uqpen.models.run_grid import UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
     end_forked_child,
     error_text,
+    one_line,
     pickle_by_value,
     restore_streams,
 )

@@ -15,9 +15,8 @@ from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import is_file, is_folder
 from uqpen.models.failed_line import line_in_folder
-from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import MODEL_MODULE, ModelFolder
-from uqpen.models.user_code import error_text
+from uqpen.models.user_code import error_text, one_line
 
 __all__ = ["find_function", "load_function", "load_module", "module_coordinates"]
 

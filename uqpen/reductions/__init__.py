@@ -9,16 +9,16 @@ from __future__ import annotations
 __all__ = ["REDUCTIONS"]
 
 REDUCTIONS = {
-    "max": "uqpen.reductions.extremes:Maximum",
-    "min": "uqpen.reductions.extremes:Minimum",
-    "mean": "uqpen.reductions.integrals:Mean",
-    "integral": "uqpen.reductions.integrals:Integral",
-    "first": "uqpen.reductions.ends:First",
-    "last": "uqpen.reductions.ends:Last",
-    "at": "uqpen.reductions.interpolation:At",
-    "idxmax": "uqpen.reductions.extremes:PlaceOfMaximum",
-    "idxmin": "uqpen.reductions.extremes:PlaceOfMinimum",
-    "first_above": "uqpen.reductions.crossings:FirstAbove",
-    "first_below": "uqpen.reductions.crossings:FirstBelow",
-    "total_variation": "uqpen.reductions.variation:TotalVariation",
+    "max": "uqpen.reductions.of_fields:Maximum",
+    "min": "uqpen.reductions.of_fields:Minimum",
+    "mean": "uqpen.reductions.of_fields:Mean",
+    "integral": "uqpen.reductions.of_fields:Integral",
+    "first": "uqpen.reductions.of_curves:First",
+    "last": "uqpen.reductions.of_curves:Last",
+    "at": "uqpen.reductions.of_fields:At",
+    "idxmax": "uqpen.reductions.of_fields:PlaceOfMaximum",
+    "idxmin": "uqpen.reductions.of_fields:PlaceOfMinimum",
+    "first_above": "uqpen.reductions.of_curves:FirstAbove",
+    "first_below": "uqpen.reductions.of_curves:FirstBelow",
+    "total_variation": "uqpen.reductions.of_curves:TotalVariation",
 }

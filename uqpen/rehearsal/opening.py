@@ -15,8 +15,7 @@ from uqpen.core.lookup import choices
 from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.study.load import load_study
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.archived_surrogate import surrogate_paths
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
 from uqpen.surrogates.storage import refuted_outputs
 from uqpen.verification.archived_study import restored_study
 

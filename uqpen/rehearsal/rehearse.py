@@ -3,28 +3,317 @@
 from __future__ import annotations
 
 import time
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEASURES
+from uqpen.core.errors import WorkerError
 from uqpen.core.interrupts import is_user_interrupt
-from uqpen.core.labels import STATED
+from uqpen.core.labels import BOUND, BOUNDS, EQUAL, STATED
+from uqpen.core.limits import Limits
+from uqpen.core.model import Results
 from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.execution import Map, Progress
-from uqpen.rehearsal.findings import rehearsal_dataset
+from uqpen.execution.batch import Batch, BatchResult
 from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
-from uqpen.rehearsal.rehearsed_study import RehearsedStudy
-from uqpen.rehearsal.repeat_record import RepeatRecord
-from uqpen.rehearsal.repeats import Repeat, RepeatWork, make_repeats
-from uqpen.rehearsal.sources import RehearsedSource, study_sources
-from uqpen.rehearsal.tail import tail_record
-from uqpen.rehearsal.truth import large_sample, surrogate_truth
+from uqpen.rehearsal.rehearsed_study import (
+    RehearsedSource,
+    RehearsedStudy,
+    large_sample,
+    study_sources,
+    surrogate_truth,
+    tail_record,
+)
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text
+from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.intervals import clopper_pearson
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["rehearse", "rehearsed_statistics"]
+__all__ = [
+    "Repeat",
+    "RepeatRecord",
+    "RepeatWork",
+    "make_repeats",
+    "rehearsal_dataset",
+    "rehearse",
+    "rehearsed_statistics",
+]
+
+# Repeats of a study as work for an executor: a batch is made of numbers of repeats.
+
+_REPEAT, _RUNS, _ESTIMATES = "repeat", "runs", "estimates"
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Estimates of one repeat of a study.
+
+    Parameters
+    ----------
+    number : int
+        Its number, from 0.
+    runs : ndarray, shape (source,)
+        Number of runs of each source.
+    estimates : ndarray, shape (source, entry, bound)
+        In SI units, the entries of all statistics one after the other; NaN for none.
+    """
+
+    number: int
+    runs: FloatArray
+    estimates: FloatArray
+
+
+@dataclass(frozen=True)
+class RepeatWork:
+    """Work of an executor: repeats of a study by all its sources.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Of a single model, which costs next to nothing.
+    sources : tuple of RehearsedSource
+    statistics : tuple of BenchmarkStatistic
+    """
+
+    study: ValidatedStudy
+    sources: tuple[RehearsedSource, ...]
+    statistics: tuple[BenchmarkStatistic, ...]
+    limits: Limits = Limits()
+    is_untrusted: bool = False
+    retries: int = 0
+
+    @property
+    def is_object(self) -> bool:
+        """True if the model is an object of this process."""
+        return self.study.model.is_object
+
+    def __call__(self, batch: Batch) -> BatchResult:
+        """Return the result of a batch of repeats."""
+        made = [self._repeat(int(number)) for number in batch.inputs[_REPEAT]]
+        runs, estimates = (np.stack(each) for each in zip(*made, strict=True))
+        return BatchResult(batch.start, Results.all_ok({_RUNS: runs, _ESTIMATES: estimates}))
+
+    def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
+        """Raise an error: a repeat that kills its process says nothing of the intervals."""
+        raise WorkerError(f"repeat {batch.start} has ended its process: {reason}")
+
+    def _repeat(self, number: int) -> tuple[FloatArray, FloatArray]:
+        found = [source.estimates(self.study, number) for source in self.sources]
+        rows = [
+            np.concatenate([each.estimates(estimates) for each in self.statistics])
+            for _, estimates in found
+        ]
+        return np.array([runs for runs, _ in found], dtype=np.float64), np.stack(rows)
+
+
+def make_repeats(work: RepeatWork, numbers: range, map: Map) -> Iterator[Repeat]:
+    """Make repeats of a study; yield each as it is done, in any order."""
+    batches = (Batch(number, {_REPEAT: np.array([float(number)])}) for number in numbers)
+    for done in map(work, batches):
+        outputs = done.results.outputs
+        for position in range(len(done)):
+            estimates = outputs[_ESTIMATES][position]
+            assert estimates.shape[-1] == len(BOUNDS)
+            yield Repeat(done.start + position, outputs[_RUNS][position], estimates)
+
+
+# Record of a rehearsal: the estimates of all repeats, and how often their intervals hold.
+
+# An interval falls short where it holds less often than stated by more than this, beyond the noise.
+# It is what the project allows its own intervals without a note.
+_ALLOWED = 0.03
+
+
+@dataclass(frozen=True)
+class RepeatRecord:
+    """Estimates along repeat, source, entry and bound.
+
+    Parameters
+    ----------
+    estimates : ndarray, shape (repeat, source, entry, bound)
+        In SI units; NaN where there is none.
+    run_counts : ndarray, shape (repeat, source)
+        Number of runs.
+    truth : ndarray, shape (entry, bound)
+        The true values; their bounds are of a sample, and NaN where they are exact.
+    """
+
+    estimates: FloatArray
+    run_counts: FloatArray
+    truth: FloatArray
+
+    @classmethod
+    def of(cls, repeats: Sequence[Repeat], truth: Sequence[FloatArray]) -> RepeatRecord:
+        """Return the record of repeats in any order, with the truth of each statistic."""
+        ordered = sorted(repeats, key=lambda repeat: repeat.number)
+        estimates = np.stack([each.estimates for each in ordered])
+        return cls(estimates, np.stack([each.runs for each in ordered]), np.concatenate(truth))
+
+    @property
+    def repeats(self) -> int:
+        """Number of repeats."""
+        return len(self.estimates)
+
+    @property
+    def has_interval(self) -> BoolArray:
+        """True where an estimate has an interval, of shape (repeat, source, entry)."""
+        return np.asarray(~np.isnan(self.estimates[..., 1:]).any(axis=-1))
+
+    def coverage(self) -> FloatArray:
+        """Return the share of the intervals that hold the truth, of shape (source, entry, bound).
+
+        Its own interval is Clopper and Pearson's. NaN where no repeat has an interval.
+        """
+        lower, upper = np.moveaxis(self.estimates[..., 1:], -1, 0)
+        given = self.has_interval.sum(axis=0)
+        truth = self.truth[:, 0]
+        held = (self.has_interval & (lower <= truth) & (truth <= upper)).sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            found = np.stack([held / given, *clopper_pearson(held, given, LEVEL)], axis=-1)
+        found[given == 0] = np.nan
+        return found
+
+    def falls_short(self, levels: FloatArray) -> BoolArray:
+        """Return whether intervals hold less often than stated, of shape (source, entry).
+
+        Parameters
+        ----------
+        levels : ndarray, shape (entry,)
+            The stated confidence levels.
+        """
+        coverage = self.coverage()
+        return np.asarray((coverage[..., 0] < levels - _ALLOWED) & (coverage[..., 2] < levels))
+
+    def half_widths(self) -> FloatArray:
+        """Return the median half-widths, of shape (source, entry); NaN where there are none."""
+        halves = (self.estimates[..., 2] - self.estimates[..., 1]) / 2
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # where no repeat has an interval
+            return np.asarray(np.nanmedian(halves, axis=0))
+
+
+# Findings of a rehearsal as a labelled dataset.
+
+# An interval that few repeats have is that of the repeats that look harmless.
+_NEARLY_ALWAYS = 0.95
+
+# Where the tail beyond the training range has this share of a statistic's sampling variance, in the
+# surrogate or in the study's own runs, how often the interval holds depends on that tail.
+_MUCH = 0.5
+
+# Designs whose intervals are this close in width to the narrowest are level with it.
+_LEVEL = 1.05
+
+
+def rehearsal_dataset(
+    rehearsed: RehearsedStudy,
+    work: RepeatWork,
+    record: RepeatRecord,
+    tails: FloatArray,
+    wanted: int,
+) -> xr.Dataset:
+    """Return the findings of a rehearsal.
+
+    Parameters
+    ----------
+    rehearsed : RehearsedStudy
+    work : RepeatWork
+        Its sources and statistics.
+    record : RepeatRecord
+        The estimates of all repeats.
+    tails : ndarray, shape (2, entry)
+        As of `tail_record`.
+    wanted : int
+        The number of repeats that was wanted.
+
+    Returns
+    -------
+    Dataset
+        Along ``source`` (a design with its ``size``), ``entry`` (an ``output``, a ``statistic`` and
+        its ``label``) and ``bound``, in SI units: ``coverage``, ``given``, ``half_width``,
+        ``falls_short``, ``truth``, ``level``, ``tail_in_surrogate``, ``tail_in_runs``,
+        ``hangs_on_tail`` and ``best``.
+    """
+    coverage, half_width = record.coverage(), record.half_widths()
+    levels = np.array([each["level"] for each in _entries(work)])
+    falls_short = record.falls_short(levels)
+    given = record.has_interval.mean(axis=0)
+    is_candidate = ~falls_short & (given >= _NEARLY_ALWAYS)
+    sources, entries = ("source",), ("entry",)
+    return xr.Dataset(
+        {
+            "coverage": ((*sources, *entries, BOUND), coverage),
+            "given": ((*sources, *entries), given),
+            "half_width": ((*sources, *entries), half_width),
+            "falls_short": ((*sources, *entries), falls_short),
+            "truth": ((*entries, BOUND), record.truth),
+            "tail_in_surrogate": (entries, tails[0]),
+            "tail_in_runs": (entries, tails[1]),
+            "hangs_on_tail": (entries, (tails > _MUCH).any(axis=0)),
+            "best": (entries, _best(work, half_width, is_candidate)),
+        },
+        {**_source_coordinates(work, record), **_entry_coordinates(work), BOUND: list(BOUNDS)},
+        _attributes(rehearsed, record, wanted),
+    )
+
+
+def _attributes(rehearsed: RehearsedStudy, record: RepeatRecord, wanted: int) -> dict[str, Any]:
+    study = rehearsed.original
+    return {
+        "title": study.title,
+        "study_sha256": study.sha256,
+        "seed": str(study.seed),
+        "surrogate": rehearsed.surrogate.name,
+        "repeats": record.repeats,
+        "repeats_wanted": wanted,
+    }
+
+
+def _source_coordinates(work: RepeatWork, record: RepeatRecord) -> dict[str, Any]:
+    return {
+        "design": ("source", [each.name for each in work.sources]),
+        "size": ("source", [each.size for each in work.sources]),
+        "runs": ("source", np.median(record.run_counts, axis=0).astype(np.int64)),
+    }
+
+
+def _entry_coordinates(work: RepeatWork) -> dict[str, Any]:
+    entries = list(_entries(work))
+    return {name: ("entry", [each[name] for each in entries]) for name in entries[0]}
+
+
+def _entries(work: RepeatWork) -> Iterator[dict[str, Any]]:
+    """Yield what describes each entry of each statistic."""
+    for statistic in work.statistics:
+        for label in statistic.entries:
+            yield {
+                "output": statistic.output,
+                "statistic": statistic.name,
+                "label": str(label),
+                "level": statistic.quantity.confidence_level,
+                "units": statistic.units,
+                "display_units": statistic.display_units,
+            }
+
+
+def _best(work: RepeatWork, half_width: FloatArray, is_candidate: BoolArray) -> list[str]:
+    """Return the designs with the narrowest intervals at equal runs, of those that hold."""
+    equal = np.array([each.size == EQUAL for each in work.sources])
+    widths = np.where(is_candidate & equal[:, np.newaxis], half_width, np.inf)
+    least = widths.min(axis=0, initial=np.inf)
+    level = np.isfinite(widths) & (widths <= _LEVEL * least)
+    names = np.array([each.name for each in work.sources])
+    return [" ".join(names[column]) for column in level.T]
+
 
 # The statistics whose intervals are rehearsed: of samples those that runs correct in a surrogate,
 # and the indices of pick-freeze designs.

@@ -2,23 +2,159 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from statistics import median
 
 import numpy as np
 import xarray as xr
 
+from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.core.arrays import FloatArray
+from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import Problem, SettingsError
-from uqpen.core.labels import STATUS
+from uqpen.core.labels import (
+    EQUAL,
+    EXCEEDANCE,
+    INPUT,
+    MOMENTS,
+    QUANTILES,
+    RUN,
+    SAMPLING,
+    STATED,
+    STATUS,
+)
+from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.rehearsal.sources import is_drawn
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.designs.design import Design, UnloadedDesign
+from uqpen.designs.quasi_monte_carlo import SobolSequence
+from uqpen.execution import Progress
+from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import runs_with_value
+from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
+from uqpen.workflow import run_design
 
-__all__ = ["RehearsedStudy", "ok_values"]
+__all__ = [
+    "RehearsedSource",
+    "RehearsedStudy",
+    "equal_runs",
+    "is_drawn",
+    "large_sample",
+    "ok_values",
+    "run_estimates",
+    "run_once",
+    "study_sources",
+    "surrogate_truth",
+    "tail_record",
+    "tail_shares",
+]
+
+# Sources of a rehearsal: the designs of a study, as they stand and at equal numbers of runs.
+
+_DRAWN = (Sampling.INDEPENDENT, Sampling.STRATIFIED, Sampling.PICK_FREEZE)
+
+
+@dataclass(frozen=True)
+class RehearsedSource:
+    """Source of estimates that is repeated with fresh random numbers.
+
+    Parameters
+    ----------
+    name : str
+        The name of its design in the study.
+    size : str
+        `STATED` or `EQUAL`.
+    design : Design
+        The design of its runs.
+    """
+
+    name: str
+    size: str
+    design: Design
+
+    def estimates(self, study: ValidatedStudy, repeat: int) -> tuple[int, Estimates]:
+        """Return the number of runs and the estimates of one repeat.
+
+        Parameters
+        ----------
+        study : ValidatedStudy
+            Of a single model.
+        repeat : int
+            The number of the repeat, which is the key of its random numbers.
+        """
+        stream = Stream(study.seed, "rehearsal", self.name, self.size, repeat)
+        runs = run_once(study, self.design, stream)
+        return runs.sizes[RUN], run_estimates(runs, study.quantities_of_interest)
+
+
+def run_once(study: ValidatedStudy, design: Design, stream: Stream) -> xr.Dataset:
+    """Return new runs of a design by the only model of a study, made in this process."""
+    return run_design(study, design, stream, map=map, progress=Progress())[ONLY_MODEL]
+
+
+def run_estimates(runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]) -> Estimates:
+    """Return the estimates that a rehearsal is about, by output and statistic.
+
+    Parameters
+    ----------
+    runs : Dataset
+        Runs of a design.
+    quantities : sequence of QuantityOfInterest
+        Of scalar outputs.
+    """
+    found = analyze(runs, quantities, only=(MOMENTS, QUANTILES, EXCEEDANCE))
+    if Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE:
+        handle = LoadedDataset.of(runs)
+        with one_blas_thread():
+            for quantity in quantities:
+                name = quantity.output.name
+                found[name] |= sobol_indices(runs_with_value(handle, name), quantity)
+    return found
+
+
+def study_sources(study: ValidatedStudy, runs: int | None = None) -> tuple[RehearsedSource, ...]:
+    """Return the designs of a study whose points are drawn, and their forms of equal size.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Its other designs have the same points each time, or are no sample.
+    runs : int, optional
+        The largest number of runs of the forms of equal size; by default as `equal_runs`.
+    """
+    drawn = {name: each for name, each in study.designs.items() if is_drawn(each)}
+    stated = [RehearsedSource(name, STATED, design) for name, design in drawn.items()]
+    limit = runs or equal_runs(study)
+    return (*stated, *_equal_sources(study, drawn, limit))
+
+
+def equal_runs(study: ValidatedStudy) -> int:
+    """Return a number of runs to compare designs at: a power of two, which is fair to all."""
+    counts = [each.run_count(study.joint) for each in study.designs.values() if is_drawn(each)]
+    return 1 << (int(median(counts)).bit_length() - 1) if counts else 0
+
+
+def is_drawn(design: Design) -> bool:
+    """Check that a design draws other points each time, so that it can be repeated."""
+    return design.sampling in _DRAWN and not isinstance(design, UnloadedDesign)
+
+
+def _equal_sources(
+    study: ValidatedStudy, drawn: dict[str, Design], runs: int
+) -> Iterator[RehearsedSource]:
+    for name, design in drawn.items():
+        replicated = design.replicate_count > 1
+        scaled = design.scaled(study.joint, runs, replicated=replicated)
+        if scaled is not None:
+            yield RehearsedSource(name, EQUAL, scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +231,153 @@ def ok_values(runs: xr.Dataset, output: str) -> FloatArray:
     """Return the values of an output in the completed runs that have it."""
     values = runs[output].values[runs[STATUS].values == Status.OK].astype(np.float64)
     return np.asarray(values[~np.isnan(values)])
+
+
+# True statistics of the model that a study is rehearsed on.
+
+_REPLICATES = 16
+
+
+def surrogate_truth(
+    study: ValidatedStudy,
+    fitted: FittedSurrogate,
+    statistics: Sequence[BenchmarkStatistic],
+    sample: xr.Dataset,
+) -> list[FloatArray]:
+    """Return the true statistics of a surrogate: from its closed forms, else from a large sample.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        With the surrogate as its model.
+    fitted : FittedSurrogate
+    statistics : sequence of BenchmarkStatistic
+    sample : Dataset
+        Runs of `large_sample`.
+
+    Returns
+    -------
+    list of ndarray, shape (entry, bound)
+        In SI units; the bounds are those of the sample, and NaN where there is none.
+    """
+    stream = Stream(study.seed, "rehearsal", "truth")
+    quantities = study.quantities_of_interest
+    sampled = analyze(sample, quantities, only=(MOMENTS, QUANTILES, EXCEEDANCE))
+    given = study.models[ONLY_MODEL].given
+    draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
+    with_indices = {each.quantity for each in statistics if each.dimension == INPUT}
+    found = {
+        quantity.output.name: {
+            **sampled[quantity.output.name],
+            **dict(surrogate_indices(draws, quantity) if quantity in with_indices else ()),
+        }
+        for quantity in quantities
+    }
+    return [_exact_moment(draws, each, each.estimates(found)) for each in statistics]
+
+
+def large_sample(study: ValidatedStudy, draws: int) -> xr.Dataset:
+    """Return runs of the only model of a study at a large sample of its inputs."""
+    stream = Stream(study.seed, "rehearsal", "truth")
+    return run_once(study, SobolSequence(draws, _REPLICATES), stream)
+
+
+def _exact_moment(
+    draws: SurrogateDraws, statistic: BenchmarkStatistic, sampled: FloatArray
+) -> FloatArray:
+    """Return a mean or standard deviation from closed forms if there are any, else as sampled."""
+    forms = draws.closed_forms_of_output(statistic.output)
+    if forms is None or statistic.name not in ("mean", "std"):
+        return sampled
+    mean, std = forms.closed_form_moments(statistic.output)
+    value = mean if statistic.name == "mean" else std
+    return np.full(sampled.shape, value)
+
+
+# Tail of an output beyond the training range of its surrogate, and what hangs on it.
+#
+# Beyond the range a surrogate extrapolates. Where an interval hangs on values there, a rehearsal
+# shows how often it would hold for the surrogate, not for the model.
+
+# By statistic, the power of the deviation from the mean in the influence of a run on it. The others
+# are of the distribution function, on which all values beyond a limit have the same influence.
+_POWERS = {"mean": 1, "std": 2, "first_order": 2, "total_order": 2}
+
+
+def tail_record(
+    rehearsed: RehearsedStudy,
+    statistics: Sequence[BenchmarkStatistic],
+    truth: FloatArray,
+    sample: xr.Dataset,
+) -> FloatArray:
+    """Return the shares of all statistics, in draws of the surrogate and in the study's own runs.
+
+    Parameters
+    ----------
+    rehearsed : RehearsedStudy
+    statistics : sequence of BenchmarkStatistic
+    truth : ndarray, shape (entry,)
+        Their true values, one after the other.
+    sample : Dataset
+        Draws of the surrogate.
+
+    Returns
+    -------
+    ndarray, shape (2, entry)
+    """
+    columns, start = [], 0
+    for statistic in statistics:
+        stop = start + len(statistic.entries)
+        ends = rehearsed.fitted.training_range(statistic.output)
+        values = ok_values(sample, statistic.output), rehearsed.own_values(statistic.output)
+        columns.append([tail_shares(statistic, truth[start:stop], each, ends) for each in values])
+        start = stop
+    return np.concatenate(columns, axis=1)
+
+
+def tail_shares(
+    statistic: BenchmarkStatistic,
+    truth: FloatArray,
+    values: FloatArray,
+    ends: tuple[float, float],
+) -> FloatArray:
+    """Return the share of a statistic's sampling variance that comes from beyond a range.
+
+    Parameters
+    ----------
+    statistic : BenchmarkStatistic
+    truth : ndarray, shape (entry,)
+        Its true values.
+    values : ndarray, shape (run,)
+        A sample of its output.
+    ends : tuple of float
+        The smallest and the largest value of the training runs.
+
+    Returns
+    -------
+    ndarray, shape (entry,)
+        For a quantile or a probability 1 if its limit is beyond the range, else 0.
+    """
+    lowest, highest = ends
+    if statistic.name not in _POWERS:
+        limits = _limits(statistic, truth, values)
+        return ((limits < lowest) | (limits > highest)).astype(np.float64)
+    deviations = values - values.mean()
+    influence = deviations ** _POWERS[statistic.name]
+    squares = (influence - influence.mean()) ** 2
+    whole = squares.sum()
+    beyond = (values < lowest) | (values > highest)
+    share = squares[beyond].sum() / whole if whole > 0 else 0.0
+    return np.full(truth.shape, share)
+
+
+def _limits(statistic: BenchmarkStatistic, truth: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the values of the output at which a statistic reads its distribution function."""
+    if statistic.name == "quantile":
+        return truth
+    quantity = statistic.quantity
+    if statistic.name == "exceedance":
+        return np.array([threshold.value for threshold in quantity.thresholds])
+    if statistic.name == "below":
+        return np.array([threshold.value for threshold in quantity.lower_thresholds])
+    return np.full(truth.shape, np.median(values))

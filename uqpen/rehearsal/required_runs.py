@@ -10,9 +10,8 @@ import numpy as np
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.feedback import Feedback
-from uqpen.designs.stopping.precision import Precision
-from uqpen.designs.stopping.target import Target
-from uqpen.rehearsal.sources import is_drawn, run_once
+from uqpen.designs.stopping.precision import Precision, Target
+from uqpen.rehearsal.rehearsed_study import is_drawn, run_once
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 

@@ -1,19 +1,23 @@
-"""Head of a page: its subject, in a few words."""
+"""Head of a page: its title, the facts below it, and the reference that copied texts carry."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 
 import xarray as xr
 
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
-from uqpen.core.labels import RUNS
+from uqpen.core.labels import CONTENT, RUNS
 from uqpen.execution import run_count
 from uqpen.results.digits import count_text
 from uqpen.results.method_comparison import MethodComparison
+from uqpen.results.texts import plain_text
 from uqpen.study import SECTIONS
 
-__all__ = ["page_facts", "page_heading"]
+__all__ = ["page_facts", "page_heading", "page_reference"]
+
+# Head of a page: its subject, in a few words.
 
 # Most characters of a title, or of another text at the head.
 _LONGEST = 1000
@@ -64,3 +68,27 @@ def _methods(tree: xr.DataTree) -> Iterator[str]:
 def _cut_text(text: str) -> str:
     """Shorten a text; a browser would need minutes for a megabyte."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+
+
+# Reference to an archive, which goes along with what is copied from its page.
+
+# Digits of a hash: enough to tell archives apart.
+_DIGITS = 16
+
+
+def page_reference(tree: xr.DataTree) -> str:
+    """Title, study, hash of the archive, and version of uqpen.
+
+    The hash is the SHA-256 of the record ``content_sha256``, which has the hash of every group.
+    """
+    return plain_text("; ".join(_parts(tree)), 400)
+
+
+def _parts(tree: xr.DataTree) -> Iterator[str]:
+    yield page_heading(tree)
+    if name := str(tree.attrs.get("study_name", "")):
+        yield f"study {name}"
+    if record := tree.attrs.get(CONTENT):
+        yield f"archive sha256 {hashlib.sha256(str(record).encode()).hexdigest()[:_DIGITS]}"
+    if version := str(tree.attrs.get("version_uqpen", "")):
+        yield f"uqpen {version}"

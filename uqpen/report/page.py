@@ -20,11 +20,17 @@ from uqpen.figures.page import check_archive
 from uqpen.report import SECTIONS, ReportSection
 from uqpen.report.anchors import block_anchors
 from uqpen.report.blocks import Fold, Heading, find_charts, find_explorers
-from uqpen.report.legend import OUTLINES, STROKES, colour_name
-from uqpen.report.masthead import page_facts, page_heading
-from uqpen.report.page_assets import page_library, page_script, page_style, script_hash
+from uqpen.report.masthead import page_facts, page_heading, page_reference
+from uqpen.report.page_assets import (
+    OUTLINES,
+    STROKES,
+    colour_name,
+    page_library,
+    page_script,
+    page_style,
+    script_hash,
+)
 from uqpen.report.plotly import charts_json
-from uqpen.report.reference import page_reference
 from uqpen.report.user_defined_sections import SectionFunction, UserDefinedSection, find_sections
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text

@@ -1,11 +1,25 @@
-"""Progress of a study in words: on a terminal, in a notebook, on the page of a running study."""
+"""Texts on how far a study is, and on designs that stop by themselves."""
 
 from __future__ import annotations
 
+from uqpen.core.labels import (
+    DECISION,
+    DECISION_CLAIM,
+    DECISION_LOWER,
+    DECISION_PROBABILITY,
+    DECISION_RUNS,
+    DECISION_UPPER,
+)
 from uqpen.core.progress_record import StudyProgress
 from uqpen.results.digits import grouped_number
 
-__all__ = ["duration_text", "runs_text", "step_text"]
+__all__ = [
+    "duration_text",
+    "runs_text",
+    "step_text",
+]
+
+# Progress of a study in words: on a terminal, in a notebook, on the page of a running study.
 
 # Of a design's name on a line of 80 characters, which is to tell more.
 _LONGEST_NAME = 24
@@ -56,3 +70,17 @@ def duration_text(seconds: float) -> str:
         if seconds < most * length:
             return f"{max(1, round(seconds / length))} {unit}"
     return f"{round(seconds / 86_400)} days"
+
+
+# Texts on designs whose runs decided their own number: the rule, its limits, the decision.
+
+
+# The attributes with the fields of a decision, in their order, and the types of these.
+_FIELDS: dict[str, type] = {
+    DECISION_CLAIM: str,
+    DECISION: str,
+    DECISION_RUNS: int,
+    DECISION_PROBABILITY: float,
+    DECISION_LOWER: float,
+    DECISION_UPPER: float,
+}

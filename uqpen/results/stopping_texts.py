@@ -25,8 +25,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
-from uqpen.designs.stopping.acceptance_claim import parse_claim
-from uqpen.designs.stopping.likelihood_ratio import ERROR
+from uqpen.designs.stopping.acceptance_claim import ERROR, parse_claim
 from uqpen.execution import status_counts
 from uqpen.results.digits import estimate_text, grouped_number, percent_text
 

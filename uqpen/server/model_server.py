@@ -10,18 +10,59 @@ import ipaddress
 import json
 import re
 import socket
+import socketserver
+import sys
 import threading
 from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from typing import Any, Protocol
 
-from uqpen.models.umbridge_client import PROTOCOL
-from uqpen.server.connections import LimitsConnections
-from uqpen.server.run_budget import RunBudget
-from uqpen.server.served_model import RefusedError, only_vector
+from uqpen.models.umbridge import PROTOCOL
+from uqpen.server.served_model import RefusedError, RunBudget, only_vector
 
-__all__ = ["ModelServer", "Offer"]
+__all__ = ["LimitsConnections", "ModelServer", "Offer"]
+
+# Connections of clients to a server: their number, and errors while it answers one.
+
+
+class LimitsConnections(socketserver.ThreadingTCPServer):
+    """Server with a limited number of connections, which a client may leave at any time.
+
+    A connection beyond `most_connections` is closed at once, so that clients cannot use up the
+    files and threads of this process.
+    """
+
+    most_connections: int
+    daemon_threads = True
+
+    def __init__(self, *arguments: Any) -> None:
+        self._count_lock = threading.Lock()
+        self.connections = 0
+        """Number of open connections."""
+        super().__init__(*arguments)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, if there are not too many."""
+        with self._count_lock:
+            self.connections += 1
+            is_refused = self.connections > self.most_connections
+        if is_refused:
+            self.shutdown_request(request)
+        else:
+            super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._count_lock:
+            self.connections -= 1
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error in uqpen with its traceback; ignore a client that disconnects."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
 
 # A request holds a few numbers; whoever sends more has something else in mind.
 _LARGEST = 1024 * 1024

@@ -25,17 +25,19 @@ from uqpen.statistics import (
     WEIGHTED_ANALYSES,
     texts,
 )
-from uqpen.statistics.absent_values import (
-    absent_condition,
-    condition_of_absent,
-    runs_with_value,
-)
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.run_samples import each_sample, input_sample, sample_of
+from uqpen.statistics.run_samples import (
+    absent_condition,
+    condition_of_absent,
+    each_sample,
+    input_sample,
+    runs_with_value,
+    sample_of,
+)
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined import user_defined_statistics
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis

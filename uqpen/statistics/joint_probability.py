@@ -20,17 +20,15 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import EVENT
 from uqpen.core.status import Status
 from uqpen.statistics import texts
-from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.analyze import OutputStatistics, drawn_runs, goes_by_blocks, run_counts
 from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
 from uqpen.statistics.estimate_vector import EstimateVector
-from uqpen.statistics.event_sample import event_sample
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, rare_event
-from uqpen.statistics.run_samples import samples_of
+from uqpen.statistics.run_samples import absent_runs, event_sample, samples_of
 from uqpen.statistics.sample import Sample
 
 __all__ = ["joint_probabilities"]

@@ -11,24 +11,23 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import MODEL_FORM_STATISTICS
-from uqpen.core.labels import OF_EXCEEDANCE, SAMPLING, STATUS
+from uqpen.core.labels import MOMENTS, OF_EXCEEDANCE, QUANTILES, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.status import Status
 from uqpen.execution import common_runs, worst_status_runs
 from uqpen.statistics import texts
-from uqpen.statistics.analyze import OutputStatistics, run_counts
+from uqpen.statistics.analyze import OutputStatistics, analyze, run_counts
 from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
-from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sample import ErrorModel, Sample, SampleShape
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["model_form_shares"]
+__all__ = ["model_differences", "model_form_shares"]
 
 # A smaller share is 0 but for rounding.
 _ROUNDING = 1e-12
@@ -234,3 +233,47 @@ class _Parts:
         # of errors bounds their covariance.
         squared = np.sqrt(2) * noise_of_form / total * np.array([1.0, 0.0, 0.0])
         self.errors: FloatArray = np.sqrt(linear**2 + squared**2)
+
+
+# Differences between models at common points, where the random draw affects all alike.
+
+_GROUPS = (MOMENTS, QUANTILES)
+
+
+def model_differences(
+    first: xr.Dataset, other: xr.Dataset, quantities: Sequence[QuantityOfInterest]
+) -> dict[str, OutputStatistics]:
+    """Statistics of the differences between another model's outputs and those of the first.
+
+    Two models at the same points differ far less than their runs scatter, so the difference has a
+    smaller error than either.
+
+    Parameters
+    ----------
+    first, other : Dataset
+        Runs of the two models in one design. Those of the rounds that both have run are compared.
+    quantities : sequence of QuantityOfInterest
+        One for each output of the other model.
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        By output, moments and quantiles of other minus first over the runs that both models
+        completed. Empty where the design is no sample of the inputs.
+    """
+    if not Sampling(first.attrs[SAMPLING]).is_sample:
+        return {}
+    requested = [
+        replace(quantity, thresholds=(), lower_thresholds=(), tolerance_contents=())
+        for quantity in quantities
+        if quantity.output.name in first and not quantity.output.categories
+    ]
+    first, other = common_runs([first, other])
+    runs = worst_status_runs([first, other])
+    came_back = runs[STATUS].values == Status.OK
+    for quantity in requested:
+        name = quantity.output.name
+        difference = other[name].values - first[name].values
+        difference[~came_back] = np.nan
+        runs[name] = other[name].copy(data=difference)
+    return analyze(runs, requested, only=_GROUPS)

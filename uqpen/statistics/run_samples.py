@@ -2,36 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import (
+    ABSENT,
+    CONDITIONAL,
     DEPENDENCE,
     MATRIX,
     OPTIMIZED_BY,
     REPLICATE,
     ROUND,
     RUN,
+    RUNS_ABSENT,
     SAMPLING,
     STATUS,
     WEIGHT,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
-from uqpen.statistics.absent_values import absent_runs
+from uqpen.designs.saltelli import MATRIX_A, MATRIX_B
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
-__all__ = ["each_sample", "input_sample", "sample_of", "sample_of_statuses", "samples_of"]
+__all__ = [
+    "absent_condition",
+    "absent_runs",
+    "condition_of_absent",
+    "each_sample",
+    "event_sample",
+    "input_sample",
+    "runs_with_value",
+    "sample_of",
+    "sample_of_statuses",
+    "samples_of",
+]
+
+# Runs in which a derived output has no value, such as the time of an event that never comes.
+#
+# They are neither used nor missing: a statistic of the output is one of the other runs, and says
+# so.
+
+
+def absent_runs(runs: BlockedRuns, name: str) -> BoolArray | None:
+    """Return a mask of the completed runs without a value of an output; None where all have one."""
+    if ABSENT not in runs.template[name].attrs:
+        return None
+    mask: BoolArray = np.isnan(runs.column(name)) & (runs.column(STATUS) == Status.OK)
+    return mask if mask.any() else None
+
+
+def absent_condition(runs: BlockedRuns, name: str) -> dict[str, int | str]:
+    """Return what the statistics of an output are conditional on, as attributes.
+
+    Returns
+    -------
+    dict
+        ``runs_absent``, the number of runs without a value, and ``conditional_on``. Empty where
+        all completed runs have one.
+    """
+    mask = absent_runs(runs, name)
+    return {} if mask is None else condition_of_absent(runs, name, int(mask.sum()))
+
+
+def condition_of_absent(runs: BlockedRuns, name: str, count: int) -> dict[str, int | str]:
+    """Return the same from the number of completed runs without a value."""
+    if not count:
+        return {}
+    status, absent = runs.column(STATUS), runs.template[name].attrs[ABSENT]
+    share = count / (status == Status.OK).sum()
+    condition = texts.VALUE_EXISTS.format(absent=absent, share=100 * share)
+    if (status == Status.INADMISSIBLE).any():
+        condition = f"{texts.ADMISSIBLE_INPUTS} and {condition}"
+    return {RUNS_ABSENT: count, CONDITIONAL: condition}
+
+
+def runs_with_value(runs: BlockedRuns, name: str) -> xr.Dataset:
+    """Return all runs of a design, those without a value of an output marked as inadmissible.
+
+    So an analysis of blocks, nodes or trajectories leaves them out as it leaves out those, and
+    takes them for no failure. The attribute ``conditional_on`` says what they have in common.
+    """
+    whole, mask = runs.dataset(), absent_runs(runs, name)
+    if mask is None:
+        return whole
+    status = np.where(mask, Status.INADMISSIBLE, whole[STATUS].values).astype(np.int8)
+    condition = {CONDITIONAL: absent_condition(runs, name)[CONDITIONAL]}
+    return whole.assign({STATUS: whole[STATUS].copy(data=status)}).assign_attrs(condition)
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
@@ -118,3 +186,42 @@ def _values_at(column: npt.NDArray[Any], used: IntArray) -> FloatArray:
     view = np.asarray(column, dtype=np.float64).view()
     view.flags.writeable = False
     return view
+
+
+# Runs of a sample in which an event is known, and whether it occurs in them.
+
+
+def event_sample(
+    event: JointEvent, samples: Mapping[str, Sample], level: float
+) -> tuple[Sample, BoolArray]:
+    """Return the runs that decide on an event, and in which of them it occurs.
+
+    Some runs may lack a derived output; those that have all outputs of the event are used. Of a
+    conditional event, those are used that meet the condition. A missing run may meet it or not.
+
+    Parameters
+    ----------
+    event : JointEvent
+    samples : mapping of str to Sample
+        Of its outputs at least, over the same design.
+    level : float
+        Confidence level of intervals of the sample.
+
+    Returns
+    -------
+    sample : Sample
+        Its values are 1 where the event occurs, else 0.
+    occurs : ndarray of bool, shape (run,)
+    """
+    used = reduce(np.intersect1d, (samples[name].used for name in sorted(event.outputs)))
+    columns = {name: _at(samples[name], used) for name in event.outputs}
+    occurs, counts = event.occurs(columns), event.counts(columns)
+    if counts is not None:
+        used, occurs = used[counts], occurs[counts]
+    values = occurs.astype(np.float64)
+    return replace(samples[event.limits[0].output], used=used, values=values, level=level), occurs
+
+
+def _at(sample: Sample, used: IntArray) -> FloatArray:
+    """Return the values of a sample in some of its runs."""
+    return sample.values[np.isin(sample.used, used, assume_unique=True)]

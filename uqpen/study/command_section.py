@@ -9,13 +9,25 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from uqpen.core.errors import ModelError, toml_text
-from uqpen.models.command.column_readings import ColumnReader, CsvReader
 from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, RECORD, Command, FolderPolicy
-from uqpen.models.command.output_reader import OutputReader
-from uqpen.models.command.placeholders import BRACES, Delimiters, find_mistakes, names_in
+from uqpen.models.command.output_readers import (
+    ColumnReader,
+    CsvReader,
+    JsonReader,
+    NetcdfReader,
+    OutputReader,
+    TextReader,
+)
 from uqpen.models.command.process import STDERR, STDOUT
-from uqpen.models.command.program import Program, lies_in_study, locate_program
-from uqpen.models.command.readings import JsonReader, NetcdfReader, TextReader
+from uqpen.models.command.program import (
+    BRACES,
+    Delimiters,
+    Program,
+    find_mistakes,
+    lies_in_study,
+    locate_program,
+    names_in,
+)
 from uqpen.study.model_section import read_limits
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables

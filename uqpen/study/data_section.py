@@ -15,10 +15,15 @@ from uqpen.core.units import DIMENSIONLESS, si_unit
 from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.models.data.columns import DataFile
-from uqpen.models.data.data_file import data_file, read_data_file
-from uqpen.models.data.data_model import DataModel
-from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_points, data_results
+from uqpen.models.data.data_file import DataFile, data_file, read_data_file
+from uqpen.models.data.data_model import (
+    REASON,
+    STATUS,
+    DataModel,
+    data_coordinates,
+    data_points,
+    data_results,
+)
 from uqpen.study.table_reader import TableReader
 
 __all__ = [

@@ -10,8 +10,7 @@ from uqpen.core.errors import QuantityError, SettingsError, toml_text
 from uqpen.core.list_reading import as_float, read_each, read_list
 from uqpen.core.lookup import choices
 from uqpen.core.settings import number
-from uqpen.distributions.dependence import Dependence
-from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
+from uqpen.distributions.copulas import MEASURES, Dependence, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.inputs_section import Inputs
 from uqpen.study.table_reader import TableReader

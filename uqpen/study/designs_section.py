@@ -8,9 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.data import DataDesign
-from uqpen.designs.design import Design
+from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.designs.table import TableDesign
-from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.named_object import OBJECT, read_named_object

@@ -11,7 +11,7 @@ from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.core.dependency import Dependency
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
-from uqpen.designs.keep import RUNS, STATISTICS
+from uqpen.designs.design import RUNS, STATISTICS
 from uqpen.distributions.truncated import Truncated
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.user_defined_model import UserDefinedModel

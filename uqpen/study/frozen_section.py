@@ -8,7 +8,7 @@ from uqpen.core.errors import QuantityError
 from uqpen.core.lookup import nearest
 from uqpen.core.model import Input
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
-from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.distribution import Distribution, UnloadedDistribution
 from uqpen.distributions.frozen import (
     LIBRARIES,
     FrozenDistribution,
@@ -16,7 +16,6 @@ from uqpen.distributions.frozen import (
     frozen_names,
 )
 from uqpen.distributions.joint_distribution import RandomInput
-from uqpen.distributions.unloaded import UnloadedDistribution
 from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.table_reader import TableReader
 

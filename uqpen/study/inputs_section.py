@@ -23,21 +23,20 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.constraints import Constraint, parse_constraint
-from uqpen.distributions.continuous import Normal
-from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.distribution import Distribution, UnloadedDistribution
 from uqpen.distributions.frozen import LIBRARIES
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.measurements import (
     FEWEST,
     FEWEST_FOR_A_FAMILY,
+    Empirical,
     Measurements,
     check_measurements,
     parameters_text,
     value_text,
 )
 from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.unloaded import UnloadedDistribution
+from uqpen.distributions.univariate import Normal
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.joint_section import Groups
@@ -51,7 +50,7 @@ from uqpen.study.user_defined_members import (
 )
 
 if TYPE_CHECKING:
-    from uqpen.distributions.fitting import DistributionFit
+    from uqpen.distributions.measurements import DistributionFit
 
 __all__ = [
     "MEASURED",
@@ -125,7 +124,7 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
 
 
 def _check_family(table: TableReader, family: str) -> None:
-    from uqpen.distributions.fitting import fitted_families
+    from uqpen.distributions.measurements import fitted_families
 
     if family not in DISTRIBUTIONS:
         table.add_wrong("family", family, f"a distribution; {choices(family, fitted_families())}")
@@ -159,7 +158,7 @@ def _read_column(
 def _fit(
     table: TableReader, family: str, values: FloatArray, source: str, stream: Stream
 ) -> DistributionFit | None:
-    from uqpen.distributions.fitting import fit_distribution
+    from uqpen.distributions.measurements import fit_distribution
 
     try:
         return fit_distribution(family, values, stream.generator("fit"))

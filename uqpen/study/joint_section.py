@@ -17,10 +17,15 @@ from uqpen.core.labels import WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Model
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
-from uqpen.distributions.chaospy_joint import ChaospyJoint, chaospy_joint
-from uqpen.distributions.input_group import ImplicitMarginal, InputGroup, UnloadedGroup
+from uqpen.distributions.input_group import (
+    ChaospyJoint,
+    ImplicitMarginal,
+    InputGroup,
+    SampleDistribution,
+    UnloadedGroup,
+    chaospy_joint,
+)
 from uqpen.distributions.joint_distribution import RandomInput
-from uqpen.distributions.sample_distribution import SampleDistribution
 from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.table_reader import TableReader
 

@@ -15,9 +15,8 @@ from uqpen.core.model import Model, Output
 from uqpen.core.setting_fields import declared_settings
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.reductions import REDUCTIONS
-from uqpen.reductions.extremes import Maximum
-from uqpen.reductions.interpolation import At
-from uqpen.reductions.occurrence import derived_outputs
+from uqpen.reductions.derived import derived_outputs
+from uqpen.reductions.of_fields import At, Maximum
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant

@@ -23,11 +23,10 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.stopping.precision import Precision
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
-from uqpen.distributions.chaospy_joint import declare_joint, is_joint
-from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.copulas import Dependence, EllipticalCopula
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.elliptical_copulas import EllipticalCopula
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
+from uqpen.distributions.input_group import declare_joint, is_joint
 from uqpen.distributions.truncated import Truncated
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source

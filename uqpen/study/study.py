@@ -11,8 +11,7 @@ from typing import NamedTuple
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Model
 from uqpen.core.settings import name, number
-from uqpen.designs.design import Design
-from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy

@@ -10,7 +10,7 @@ from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name, resolve
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
-from uqpen.designs.keep import RUNS
+from uqpen.designs.design import RUNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

@@ -9,10 +9,8 @@ from uqpen.core.lookup import choices, family_name
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
 from uqpen.designs import DESIGNS
-from uqpen.designs.design import Design
-from uqpen.designs.keep import RUNS
+from uqpen.designs.design import RUNS, Design, UnloadedDesign
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

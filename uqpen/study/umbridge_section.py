@@ -16,8 +16,15 @@ from uqpen.core.list_reading import read_each
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output, Variable
 from uqpen.core.settings import setting, text
-from uqpen.models.umbridge import UmbridgeModel, VectorSizes, request_sizes
-from uqpen.models.umbridge_client import PROTOCOL, Address, NoAnswerError, UmbridgeClient
+from uqpen.models.umbridge import (
+    PROTOCOL,
+    Address,
+    NoAnswerError,
+    UmbridgeClient,
+    UmbridgeModel,
+    VectorSizes,
+    request_sizes,
+)
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 

@@ -22,7 +22,7 @@ from uqpen.core.setting_fields import declared_settings
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
-from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.models import MODELS
 from uqpen.models.surroundings import ModelFolder

@@ -27,9 +27,7 @@ from uqpen.core.settings import choice, count, file, flag, number, setting, text
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
 from uqpen.distributions.measurements import Measurements
-from uqpen.models.command.output_reader import parse_number
-from uqpen.models.command.tables import blank_column
-from uqpen.models.command.written import UnreadableError
+from uqpen.models.command.output_readers import UnreadableError, blank_column, parse_number
 from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
 from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader

@@ -8,7 +8,7 @@ from __future__ import annotations
 __all__ = ["ENTRY_POINTS", "SURROGATES"]
 
 SURROGATES = {
-    "polynomial-chaos": "uqpen.surrogates.polynomial_chaos:PolynomialChaos",
+    "polynomial-chaos": "uqpen.surrogates.chaos.polynomial_chaos:PolynomialChaos",
     "gaussian-process": "uqpen.surrogates.gaussian_process:GaussianProcess",
     "best": "uqpen.surrogates.best_surrogate:BestSurrogate",
 }

@@ -13,15 +13,17 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.coordinates import field_coordinates
-from uqpen.core.errors import ArchiveError, ModelError, UnknownNameError
-from uqpen.core.labels import INPUT, RUNS, STATUS, SURROGATES
-from uqpen.core.lookup import choices
-from uqpen.core.model import Input, Output, find_variable
+from uqpen.core.errors import ArchiveError, ModelError, QuantityError, UnknownNameError, UqpenError
+from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
+from uqpen.core.labels import SURROGATES as GROUP
+from uqpen.core.lookup import choices, installed_members, load_installed, resolve_name
+from uqpen.core.model import Input, Model, Output, find_variable
+from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
-from uqpen.core.units import scale
+from uqpen.core.units import are_convertible, describe, scale
+from uqpen.surrogates import ENTRY_POINTS, SURROGATES
+from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
-from uqpen.surrogates.prediction_points import broadcast_inputs, input_array
-from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.surrogates.storage import refuted_outputs
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -31,9 +33,136 @@ __all__ = [
     "ExtrapolationWarning",
     "RefutationWarning",
     "archived_surrogate",
+    "broadcast_inputs",
+    "input_array",
+    "is_restorable",
+    "restore_surrogate",
     "std_name",
     "surrogate_paths",
 ]
+
+# Points to predict at, as a caller gives them: quantities, numbers, arrays of either.
+
+
+def input_array(variable: Input, given: Any) -> xr.DataArray:
+    """Return values of an input in SI units, as an array with its dimensions.
+
+    Raises
+    ------
+    QuantityError
+        If one is no finite quantity of its dimension, or nested sequences lack dimensions.
+    """
+    try:
+        if isinstance(given, xr.DataArray):
+            values = given.copy(data=_from_unit(given, variable))
+        else:
+            numbers = _numbers(given, variable)
+            if numbers.ndim > 1:
+                shape = f"an array of shape {numbers.shape}"
+                raise QuantityError(shape, "one value for each point, or a DataArray")
+            values = xr.DataArray(numbers, dims=(RUN,) * numbers.ndim)
+    except QuantityError as error:
+        raise QuantityError(f"{variable.name} = {error.found}", error.expected) from None
+    if not np.isfinite(values.values).all():
+        raise QuantityError(f"{variable.name} with values that are not finite", "finite numbers")
+    attributes = {"units": variable.unit, "display_units": variable.preferred_unit}
+    return values.drop_attrs().assign_attrs(long_name=variable.title, **attributes)
+
+
+def _from_unit(given: xr.DataArray, variable: Input) -> FloatArray:
+    unit = str(given.attrs.get("units", variable.unit))
+    if not are_convertible(unit, variable.unit):
+        raise QuantityError(f'an array in "{unit}"', describe(variable.unit))
+    converted: FloatArray = scale(unit).array_to_si(_numbers(given.values, variable))
+    return converted
+
+
+def _numbers(given: Any, variable: Input) -> FloatArray:
+    """Return numbers as they are, and quantities in SI units."""
+    values = np.asarray(given)
+    if values.dtype.kind in "iuf":
+        return values.astype(np.float64)
+    flat = [
+        each if type(each) in (int, float) else parse_quantity(each, variable.unit).value
+        for each in np.asarray(given, dtype=object).ravel().tolist()
+    ]
+    return np.array(flat, dtype=np.float64).reshape(values.shape)
+
+
+def broadcast_inputs(given: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+    """Return the inputs along all dimensions of any; a ModelError says that they do not fit."""
+    try:
+        aligned = xr.align(*given.values(), join="exact")
+    except ValueError:
+        sizes = ", ".join(f"{name} {dict(array.sizes)}" for name, array in given.items())
+        raise ModelError(f"the inputs differ in their points: {sizes}") from None
+    return dict(zip(given, xr.broadcast(*aligned), strict=True))
+
+
+# Restore a fitted surrogate from an archive; nothing in it is executed.
+
+
+def restore_surrogate(
+    tree: xr.DataTree,
+    name: str,
+    original: Model | None = None,
+    *,
+    loaded: type[Surrogate] | None = None,
+) -> FittedSurrogate:
+    """Restore a fitted surrogate of the kind that its group names.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The result of `FittedSurrogate.to_tree`, or the group read from an archive.
+    name : str
+        Its name in the study.
+    original : Model, optional
+        The original model; without it, every finite input counts as admissible.
+    loaded : type, optional
+        The class of a user-defined surrogate, if the archive's code may be executed.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such kind.
+    ArchiveError
+        If its group lacks what its kind needs, or contradicts itself.
+    ModelError
+        If it is a class that only the archive's code defines, and that is not loaded; or if its
+        installed package cannot be imported.
+    """
+    kind = loaded or _known_class(str(tree.attrs["kind"]), name)
+    try:
+        if has_fields(tree):
+            return FieldSurrogate.from_tree(tree, name, original, kind)
+        return kind.restore(tree, name, original)
+    except UqpenError:
+        raise
+    except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ArchiveError(f"/{GROUP}/{name}: is damaged: {reason}") from None
+
+
+def is_restorable(tree: xr.DataTree) -> bool:
+    """Check that the kind of a surrogate is built in or installed, so it can be evaluated."""
+    kind = str(tree.attrs["kind"])
+    return kind in SURROGATES or kind in installed_members(ENTRY_POINTS)
+
+
+def _known_class(kind: str, name: str) -> type[Surrogate]:
+    installed = {} if kind in SURROGATES else installed_members(ENTRY_POINTS)
+    if kind in installed:
+        found: type[Surrogate] = load_installed(ENTRY_POINTS, kind)
+        return found
+    if ":" in kind:
+        raise ModelError(
+            f"the surrogate {name} follows from code that the archive names ({kind})\n"
+            "  if you trust whoever made it, say --trust"
+        )
+    built_in: type[Surrogate] = resolve_name(SURROGATES, kind, "kind of surrogate")
+    return built_in
+
 
 EXTRAPOLATED = "extrapolated"
 
@@ -208,7 +337,7 @@ def surrogate_paths(tree: xr.DataTree) -> dict[str, tuple[str, str]]:
     return {
         f"{model}/{name}" if model else name: (model, name)
         for model, model_tree in model_trees(tree).items()
-        for name in group_names(model_tree, SURROGATES)
+        for name in group_names(model_tree, GROUP)
     }
 
 
@@ -240,7 +369,7 @@ def archived_surrogate(
         raise UnknownNameError(f'no surrogate "{label}"; {choices(label, paths)}')
     model, name = paths[label]
     model_tree = model_trees(tree)[model]
-    group = model_tree.children[SURROGATES].children[name]
+    group = model_tree.children[GROUP].children[name]
     fitted = restore_surrogate(group, label, loaded=kind)
     if not fitted.outputs:
         reasons = "; ".join(f"{output}: {reason}" for output, reason in fitted.reasons.items())
@@ -316,3 +445,6 @@ def _like(
         (*some.dims, *along),
         attrs=attributes,
     )
+
+
+# Stand-in for a user-defined surrogate whose code is not executed.

@@ -2,35 +2,325 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self, cast
 
 import numpy as np
+import xarray as xr
 
-from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import RUN, STATUS
+from uqpen.archive.groups import read_group
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.labels import NOT_FITTED, RUN, STATUS
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Model
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.settings import name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.chosen_surrogates import ChosenSurrogates
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.cross_fitting import CrossFit, cross_fit
-from uqpen.surrogates.fitted_surrogate import FittedSurrogate
-from uqpen.surrogates.model_race import ModelRace
+from uqpen.surrogates.diagnostics import (
+    DIAGNOSTICS,
+    Diagnostic,
+    diagnostics_dataset,
+    quality_text,
+    shown_diagnostics,
+)
+from uqpen.surrogates.field_fit import FIT_TEXT
+from uqpen.surrogates.fitted_surrogate import (
+    ClosedForms,
+    FittedSurrogate,
+    InputShares,
+    Prediction,
+)
 from uqpen.surrogates.output_surrogate import training_record
-from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS, components_setting
+from uqpen.surrogates.storage import unfitted_outputs
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
+from uqpen.surrogates.training_record import TrainingRecord
 
-if TYPE_CHECKING:
-    import xarray as xr
+__all__ = ["BestSurrogate", "ChosenSurrogates", "FixedChoice", "ModelRace"]
 
-__all__ = ["BestSurrogate", "FixedChoice"]
+# A race of several surrogates by cross-validation: how far the best one leads.
+
+# A lead is beyond the noise above this number of its standard errors.
+_STANDARD_ERRORS = 2
+
+
+@dataclass(frozen=True)
+class ModelRace:
+    """Errors of several surrogates of one output at the same runs, which none of them has seen.
+
+    Parameters
+    ----------
+    winner : str
+        The candidate with the least mean square error.
+    q2 : mapping of str to float
+        Share of the variance that each candidate predicts, the best one first.
+    lead : float
+        Q² of the winner minus that of the next one; NaN without a second.
+    lead_error : float
+        Standard error of the lead, over the runs; NaN without a second.
+    """
+
+    winner: str
+    q2: Mapping[str, float]
+    lead: float = math.nan
+    lead_error: float = math.nan
+
+    @classmethod
+    def of_predictions(cls, values: FloatArray, predictions: Mapping[str, FloatArray]) -> ModelRace:
+        """Compare predictions with an output.
+
+        Parameters
+        ----------
+        values : ndarray, shape (run,)
+            Not all the same.
+        predictions : mapping of str to ndarray, shape (run,)
+            By candidate, one at least.
+        """
+        variance = float(np.var(values))
+        squares = {name: (values - found) ** 2 for name, found in predictions.items()}
+        order = sorted(squares, key=lambda name: float(squares[name].mean()))
+        q2 = {name: 1 - float(squares[name].mean()) / variance for name in order}
+        winner, *others = order
+        if not others:
+            return cls(winner, q2)
+        # Paired, as a run that is hard to predict is so for every candidate.
+        more = (squares[others[0]] - squares[winner]) / variance
+        error = float(more.std(ddof=1)) / math.sqrt(len(more))
+        return cls(winner, q2, float(more.mean()), error)
+
+    @property
+    def is_decided(self) -> bool:
+        """True if the lead is beyond the noise of the runs."""
+        return self.lead > _STANDARD_ERRORS * self.lead_error
+
+    @property
+    def text(self) -> str:
+        """Sentence on the winner, on the next one and on its lead."""
+        (winner, best), *others = self.q2.items()
+        start = f"{winner} predicts the runs left out (Q² {quality_text(best)})"
+        if not others:
+            return f"{start}; no other kind could be fitted"
+        name, next_best = others[0]
+        lead = f"the lead of {self.lead:.2g} ± {_STANDARD_ERRORS * self.lead_error:.2g}"
+        noise = "is beyond the noise" if self.is_decided else "is within the noise"
+        return f"{start} better than {name} ({quality_text(next_best)}); {lead} {noise}"
+
+    def diagnostics(self) -> Iterator[Diagnostic]:
+        """Yield the Q² of each candidate, and the lead of the winner."""
+        for kind, value in self.q2.items():
+            title = f"Q² of {kind}, runs left out"
+            yield Diagnostic(f"race_q2_{kind.replace('-', '_')}", value, title)
+        yield Diagnostic("race_lead", self.lead, "lead in Q²")
+        yield Diagnostic("race_lead_error", self.lead_error, "standard error of the lead")
+
+    @classmethod
+    def from_diagnostics(cls, winner: str, values: Mapping[str, float]) -> ModelRace:
+        """Restore it from its `diagnostics`; `values` are in their order."""
+        prefix = "race_q2_"
+        q2 = {
+            name.removeprefix(prefix).replace("_", "-"): value
+            for name, value in values.items()
+            if name.startswith(prefix)
+        }
+        return cls(winner, q2, values["race_lead"], values["race_lead_error"])
+
+
+# Fitted surrogate whose outputs are predicted by surrogates of several sorts.
+
+KIND = "best"
+_CHOSEN = "chosen_kind"
+
+_NO_CLOSED_FORM = "its kind, {kind}, has no closed forms"
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenSurrogates(FittedSurrogate, ClosedForms):
+    """Surrogates of several sorts; each predicts some outputs.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the study.
+    inputs : tuple of Input
+        Those of the model that it stands for.
+    outputs : tuple of Output
+        Those that could be fitted.
+    members : mapping of str to FittedSurrogate
+        By kind. They may predict other outputs as well.
+    choice : mapping of str to str
+        The kind of each output.
+    reasons, fixed, original
+        As in `FittedSurrogate`.
+    training : TrainingRecord
+        The runs that it was fitted to.
+    races : mapping of str to ModelRace
+        By output, why that kind.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    members: Mapping[str, FittedSurrogate]
+    choice: Mapping[str, str]
+    reasons: Mapping[str, str]
+    fixed: Mapping[str, float]
+    training: TrainingRecord
+    original: Model | None = None
+    races: Mapping[str, ModelRace] = field(default_factory=dict)
+
+    @property
+    def random_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs that varied in the training runs."""
+        return self.training.random_inputs
+
+    @property
+    def logarithms(self) -> frozenset[str]:
+        """Outputs that were fitted as their logarithm."""
+        return frozenset(each for each in self.choice if each in self._member(each).logarithms)
+
+    def _member(self, output: str) -> FittedSurrogate:
+        return self.members[self.choice[output]]
+
+    def predict(self, inputs: Arrays) -> dict[str, Prediction]:
+        """Predict its outputs; see `FittedSurrogate.predict`."""
+        found = {kind: self.members[kind].predict(inputs) for kind in set(self.choice.values())}
+        return {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Return the predicted values without their deviations; see `Model.evaluate`."""
+        kinds, runs = set(self.choice.values()), len(inputs[self.random_inputs[0]])
+        found = {kind: self.members[kind].evaluate(inputs).outputs for kind in kinds}
+        values = {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
+        return Results(values, np.full(runs, Status.OK, dtype=np.int8))
+
+    def training_range(self, output: str) -> tuple[float, float]:
+        """Return the smallest and the largest value of an output in the training runs."""
+        return self._member(output).training_range(output)
+
+    def with_check(self, runs: xr.Dataset) -> Self:
+        """Return a copy with its prediction errors at runs that it was not fitted to."""
+        members = {kind: each.with_check(runs) for kind, each in self.members.items()}
+        return replace(self, members=members)
+
+    def identity(self) -> dict[str, str]:
+        """Return the identity of each member."""
+        return {
+            f"{kind}_{key}": text
+            for kind, each in self.members.items()
+            for key, text in each.identity().items()
+        } | {"name": self.name}
+
+    def to_tree(self) -> xr.DataTree:
+        """Return the group of an archive; see `FittedSurrogate.to_tree`.
+
+        Each member has the group of its kind. That is no name of an output, as it has a hyphen.
+        """
+        groups = {
+            "/": xr.Dataset(
+                attrs={
+                    "kind": KIND,
+                    "design": self.training.design,
+                    "outputs": " ".join(self.choice),
+                    **self.training.attributes(),
+                }
+            ),
+            "/input": self.training.input_dataset(self.inputs, self.fixed),
+        }
+        for kind, member in self.members.items():
+            tree = member.to_tree()
+            for node in tree.subtree:
+                groups[f"/{kind}{node.path}".rstrip("/")] = node.to_dataset(inherit=False)
+            for output in (each for each, chosen in self.choice.items() if chosen == kind):
+                own = shown_diagnostics(tree.children[output])
+                race = self.races.get(output)
+                text = {FIT_TEXT: race.text} if race else {}
+                groups[f"/{output}"] = xr.Dataset(attrs={_CHOSEN: kind, **text})
+                every = [*own, *(race.diagnostics() if race else ())]
+                groups[f"/{output}/{DIAGNOSTICS}"] = diagnostics_dataset(every)
+        for output, reason in self.reasons.items():
+            groups[f"/{output}"] = xr.Dataset(attrs={NOT_FITTED: reason})
+        return xr.DataTree.from_dict(groups)
+
+    @classmethod
+    def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
+        """Restore it from `to_tree`."""
+        group = read_group(tree, "input")
+        inputs, fixed = TrainingRecord.read_inputs(group)
+        members = {
+            str(kind): resolve(SURROGATES[str(each.attrs["kind"])]).restore(each, name, original)
+            for kind, each in tree.children.items()
+            if "-" in str(kind)
+        }
+        names = str(tree.attrs["outputs"]).split()
+        choice = {output: str(tree.children[output].attrs[_CHOSEN]) for output in names}
+        known = {key: {each.name: each for each in m.outputs} for key, m in members.items()}
+        races = {}
+        for output in names:
+            found = shown_diagnostics(tree.children[output])
+            if FIT_TEXT in tree.children[output].attrs:
+                values = {each.name: each.value for each in found}
+                races[output] = ModelRace.from_diagnostics(choice[output], values)
+        return cls(
+            name=name,
+            inputs=original.inputs if original else inputs,
+            outputs=tuple(known[choice[output]][output] for output in names),
+            members=members,
+            choice=choice,
+            reasons=unfitted_outputs(tree),
+            fixed=fixed,
+            training=TrainingRecord.from_attributes(tree.attrs, group),
+            original=original,
+            races=races,
+        )
+
+    # Closed forms are those of the member of an output, where it has any.
+
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator."""
+        members = (each for each in self.members.values() if isinstance(each, ClosedForms))
+        return next((each.estimator for each in members), "")
+
+    def closed_form_problem(self, output: str) -> str:
+        """Return why an output's moments and indices cannot follow; empty if they can."""
+        member = self._member(output)
+        if isinstance(member, ClosedForms):
+            return member.closed_form_problem(output)
+        return _NO_CLOSED_FORM.format(kind=self.choice[output])
+
+    def closed_form_moments(self, output: str) -> tuple[float, float]:
+        """Return mean and standard deviation of the variable that was fitted."""
+        return self._closed_forms(output).closed_form_moments(output)
+
+    def closed_form_indices(self, output: str) -> InputShares:
+        """Return the indices of the variable that was fitted."""
+        return self._closed_forms(output).closed_form_indices(output)
+
+    def closed_form_terms(self, outputs: Sequence[str]) -> tuple[IntArray, FloatArray] | None:
+        """Return the terms of outputs of one kind; None for others."""
+        members = {self.choice[output] for output in outputs}
+        if len(members) > 1 or any(map(self.closed_form_problem, outputs)):
+            return None
+        return self._closed_forms(outputs[0]).closed_form_terms(outputs)
+
+    def closed_form_parts(
+        self, output: str, inputs: Arrays
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return what each input adds to an output; see `ClosedForms.closed_form_parts`."""
+        if self.closed_form_problem(output):
+            return None
+        return self._closed_forms(output).closed_form_parts(output, inputs)
+
+    def _closed_forms(self, output: str) -> ClosedForms:
+        return cast(ClosedForms, self._member(output))
+
 
 _EXPANSION, _LOGARITHM, _PROCESS = "polynomial-chaos", "polynomial-chaos-log", "gaussian-process"
 

@@ -14,10 +14,15 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, shown_diagnostics
-from uqpen.surrogates.field_fit import FieldFit
+from uqpen.surrogates.field_fit import (
+    FieldFit,
+    ScoreModel,
+    field_components,
+    score_name,
+    scored_runs,
+)
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.principal_components import PrincipalComponents
-from uqpen.surrogates.score_model import ScoreModel, field_components, score_name, scored_runs
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["FieldSurrogate", "fit_fields", "has_fields"]

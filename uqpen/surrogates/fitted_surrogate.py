@@ -94,7 +94,7 @@ class FittedSurrogate(Model):
     @classmethod
     @abstractmethod
     def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
-        """Restore it from `to_tree`; see `uqpen.surrogates.restoring.restore_surrogate`."""
+        """Restore it from `to_tree`; see `archived_surrogate.restore_surrogate`."""
 
     @property
     def without_fields(self) -> FittedSurrogate:

@@ -24,7 +24,18 @@ from uqpen.surrogates.prediction_error import predictive_q2
 from uqpen.surrogates.storage import describe, description, unfitted_outputs
 from uqpen.surrogates.training_record import TrainingRecord
 
-__all__ = ["FittedOutput", "SeparateFits", "predict_mean", "predict_output"]
+__all__ = [
+    "FittedOutput",
+    "SeparateFits",
+    "predict_mean",
+    "predict_output",
+]
+
+# Interface of a fit to one output, for surrogates that fit each output by itself.
+
+
+# Errors of predictions at runs that a surrogate was not fitted to.
+
 
 # Points predicted at a time, so that memory suffices for a matrix of them and the training runs.
 _ROWS = 4096

@@ -131,3 +131,6 @@ def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
     taken = {variable.name for variable in model.inputs}
     others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
     return (*model.inputs, *others)
+
+
+# Record of the runs that a surrogate was fitted to, for its group of an archive.

@@ -10,14 +10,11 @@ Each function raises an `AssertionError` that names the broken rule. A test of y
 from __future__ import annotations
 
 from uqpen.testing.chart_contracts import check_figure, check_section
-from uqpen.testing.design_contract import check_design
-from uqpen.testing.distribution_contract import check_distribution
+from uqpen.testing.design_contract import check_design, check_extension, check_stopping_rule
+from uqpen.testing.distribution_contract import check_distribution, check_joint
 from uqpen.testing.example import example_joint_distribution
-from uqpen.testing.extension_contract import check_extension
-from uqpen.testing.joint_contract import check_joint
 from uqpen.testing.model_contract import check_model
 from uqpen.testing.statistic_contract import check_statistic, example_samples
-from uqpen.testing.stopping_contract import check_stopping_rule
 from uqpen.testing.surrogate_contract import check_surrogate
 
 __all__ = [

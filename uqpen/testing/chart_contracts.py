@@ -8,8 +8,8 @@ from typing import TypeVar
 import xarray as xr
 
 from uqpen.core.errors import UqpenError
-from uqpen.figures.figure_file import figure_bytes
 from uqpen.figures.page import figure
+from uqpen.figures.style import figure_bytes
 from uqpen.figures.user_defined_figures import FigureFunction
 from uqpen.report.page import report_page
 from uqpen.report.user_defined_sections import SectionFunction

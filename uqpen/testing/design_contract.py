@@ -1,6 +1,11 @@
-"""Contract test of a design."""
+"""Contract tests of a design, of its extension and of a stopping rule."""
 
 from __future__ import annotations
+
+import pickle
+from collections import Counter
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,15 +16,20 @@ from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import points_in_memory
-from uqpen.designs.round import points_of
-from uqpen.designs.rounds import run_rounds
+from uqpen.designs.drawn_points import points_in_memory, points_of
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import first_round, run_rounds
+from uqpen.designs.stopping.stopping_rule import StoppingRule
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.statistics.weights import effective_size
 from uqpen.testing.example import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
 
-__all__ = ["check_design"]
+__all__ = ["check_design", "check_extension", "check_stopping_rule"]
+
+# Contract test of a design.
 
 # Number of standard errors within which a mean of draws is expected: 1 of 16 000 is outside.
 _ERRORS = 4.0
@@ -118,3 +128,90 @@ def _weights(points: xr.Dataset) -> FloatArray:
     if WEIGHT not in points.coords:
         return np.ones(points.sizes[RUN])
     return points[WEIGHT].values.astype(np.float64)
+
+
+# Contract test of the extension of a design.
+
+
+def check_extension(
+    design: Design, earlier: Design, joint: JointDistribution | None = None
+) -> None:
+    """Check what `Design.extension` says of a design and an earlier one.
+
+    As many of the earlier points as it says are among the new ones, to the bit. With the settings
+    that it names as nearest, all of them are. The first round is looked at, of the same stream.
+
+    Parameters
+    ----------
+    design, earlier : Design
+        With any settings. Of one that decides its own number of runs, nothing is checked.
+    joint : JointDistribution, optional
+        The inputs; by default `example_joint_distribution`.
+
+    Raises
+    ------
+    AssertionError
+        If one of these is broken.
+    """
+    if design.ends_early or earlier.ends_early:
+        return
+    joint = joint or example_joint_distribution()
+    found = design.extension(earlier, joint)
+    before = _extended_points(earlier, joint)
+    if found.kept is not None:
+        common = (before & _extended_points(design, joint)).total()
+        assert common >= found.kept, f"{found.kept} points are kept, found {common}"
+    if found.nearest:
+        new: Any = design  # a dataclass, as each design with settings is
+        nearest = replace(new, **found.nearest)
+        assert nearest.extension(earlier, joint).kept == before.total(), "the nearest keeps all"
+        assert before <= _extended_points(nearest, joint), "the nearest has all points"
+
+
+def _extended_points(design: Design, joint: JointDistribution) -> Counter[bytes]:
+    """Return how often each point is in the first round of a design."""
+    points = points_in_memory(first_round(design, joint, Stream(1, "designs", "one")))
+    columns = [points[entry.variable.name].values for entry in joint.random]
+    return Counter(row.tobytes() for row in np.column_stack(columns))
+
+
+# Contract test of a stopping rule.
+
+
+def check_stopping_rule(rule: StoppingRule, requested: QuantityOfInterest | None = None) -> None:
+    """Check the contract of a stopping rule.
+
+    It describes itself in one line, takes the output, decides the same at the same estimates, as a
+    pickled copy does, and is never satisfied where there is no interval.
+
+    Parameters
+    ----------
+    rule : StoppingRule
+        With any settings.
+    requested : QuantityOfInterest, optional
+        The output that it looks at, here the sum of the inputs of `example_joint_distribution`; by
+        default ``y``, a plain number.
+
+    Raises
+    ------
+    AssertionError
+        If one of these is broken.
+    """
+    requested = requested or EXAMPLE_OUTPUT
+    assert len(str(rule).splitlines()) == 1, "str of a rule is one line"
+    assert not list(rule.check_outputs([requested])), "the rule takes this output"
+    again = pickle.loads(pickle.dumps(rule))
+    for runs in (1, 512, 2048):
+        feedback = _sum_feedback(runs, requested)
+        decisions = [each.is_satisfied(feedback) for each in (rule, rule, again)]
+        assert all(type(each) is bool for each in decisions), "a decision is True or False"
+        assert len(set(decisions)) == 1, "the same estimates give the same decision"
+        assert runs > 1 or not decisions[0], "an estimate without an interval is not precise"
+
+
+def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
+    """Return the feedback of a round of independent draws."""
+    joint = example_joint_distribution()
+    points = first_round(MonteCarlo(runs), joint, Stream(1, "designs", "one"))
+    made = {"": sum_runs(points_in_memory(points), joint, requested.output.name)}
+    return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))

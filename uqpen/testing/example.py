@@ -8,8 +8,8 @@ import xarray as xr
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Input, Output
 from uqpen.core.status import Status
-from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["EXAMPLE_OUTPUT", "example_joint_distribution", "sum_runs"]

@@ -20,7 +20,7 @@ from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyErro
 from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
-from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.designs.design import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA

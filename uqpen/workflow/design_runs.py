@@ -10,8 +10,7 @@ from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import Points
-from uqpen.designs.round import Round, points_of
+from uqpen.designs.drawn_points import Points, Round, points_of
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import EvaluationOptions, Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint

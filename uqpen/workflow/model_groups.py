@@ -27,8 +27,8 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
+from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.designs.design import Design
-from uqpen.designs.keep import RUNS as KEPT_RUNS
 from uqpen.execution.omitted_runs import omit_runs
 from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
@@ -37,12 +37,10 @@ from uqpen.statistics.analyze import (
     analyze,
     analyze_failures,
 )
-from uqpen.statistics.decision import decision_attributes
-from uqpen.statistics.model_differences import model_differences
-from uqpen.statistics.model_form import model_form_shares
+from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.stopped_runs import mark_uncertified
+from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs

@@ -36,7 +36,7 @@ def use_stand_ins(
     family = {name: runs[name][design] for name in study.family_costs}
     if model != next(iter(family)) or len(family) < 2:
         return found
-    from uqpen.statistics.control_variates.control_variate_statistics import (
+    from uqpen.statistics.control_variates import (
         control_variate_statistics,
     )
 

@@ -12,7 +12,7 @@ from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
 from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
-from uqpen.statistics.surrogate.correction.missing_runs import missing_run_predictions
+from uqpen.statistics.surrogate.correction.correction_runs import missing_run_predictions
 from uqpen.statistics.surrogate.refutation import (
     contradiction,
     refutations,

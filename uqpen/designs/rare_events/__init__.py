@@ -58,7 +58,7 @@ RARE_EVENT_METHODS = {
         "uqpen.designs.rare_events.subset_simulation:SubsetSimulation",
         (REPLICATE, SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD),
         "uqpen.statistics.rare_events.subset_probability:subset_probability",
-        "uqpen.statistics.rare_events.tail_function:TailFunction.of",
+        "uqpen.statistics.rare_events.subset_probability:TailFunction.of",
         "uqpen.statistics.event_sensitivity.subset_sensitivity:SubsetScores.of",
     ),
     "active-learning": RareEventMethod(

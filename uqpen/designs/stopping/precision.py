@@ -2,18 +2,192 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from uqpen.core.errors import Problem
+from uqpen.core.errors import Problem, QuantityError, toml_text
+from uqpen.core.labels import EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.lookup import choices
+from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
+from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StatisticName, StoppingRule
-from uqpen.designs.stopping.target import Target, read_targets
 
-__all__ = ["Precision"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Precision", "Target", "read_targets"]
+
+# Target of a stopping rule: the wanted half-width of the interval of one statistic.
+
+_MEAN, _STD, _EXCEEDS, _BELOW = "mean", "standard_deviation", "exceeds", "below"
+_KEYS = (_MEAN, _STD, "quantile_95", _EXCEEDS, _BELOW)
+
+# Probabilities of an output, by their keys: the statistic, and its dimension.
+_PROBABILITIES = {_EXCEEDS: ("exceedance", THRESHOLD), _BELOW: ("below", LOWER_THRESHOLD)}
+
+# Of one digit, 5 could be taken for 5 % as well as for 50 %.
+_QUANTILE = re.compile(r"quantile_([0-9]{2,12})\Z", re.ASCII)
+_SHARE = re.compile(r"\s*(?P<share>\S.*?%)\s*(?P<of_sd>of\s+sd)?\s*\Z", re.DOTALL)
+
+_HALF_WIDTH = (
+    'a half-width above 0: a quantity, a share of the estimate such as "1 %", or of the standard '
+    'deviation such as "5 % of sd"'
+)
+_HALF_WIDTH_OF_PROBABILITY = "the half-width of a probability, above 0 and below 1"
+
+
+class Target(NamedTuple):
+    """Wanted half-width of an interval.
+
+    Parameters
+    ----------
+    output : str
+        Name of the output.
+    key : str
+        Key in the table of the output, which names the statistic.
+    half_width : object
+        As its author wrote it.
+    threshold : str
+        The value whose probability it concerns, as its author wrote it; empty for none.
+    """
+
+    output: str
+    key: str
+    half_width: Any
+    threshold: str = ""
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """Keys that lead to it in the table of targets."""
+        return (self.output, self.key, self.threshold)[: 3 if self.threshold else 2]
+
+    @property
+    def statistic(self) -> str:
+        """Name of the statistic in the catalogue."""
+        if self.threshold:
+            return _PROBABILITIES[self.key][0]
+        return {_MEAN: "mean", _STD: "std"}.get(self.key, "quantile")
+
+    @property
+    def label(self) -> str | float:
+        """Coordinate of the estimate along the statistic's dimension; empty without one."""
+        return self.threshold or self._probability or ""
+
+    def excess(self, feedback: Feedback, model: str) -> float:
+        """Return the half-width of the interval in parts of the wanted one; NaN without any."""
+        value, lower, upper = self._estimate(feedback, model).values.tolist()
+        half, wanted = (upper - lower) / 2, self._wanted(value, feedback, model)
+        return half / wanted if wanted else math.inf if half else 0.0
+
+    def problems(self, requested: RequestedOutput) -> Iterator[Problem]:
+        """Yield what is wrong with it for an output and what a study requests of it."""
+        if self.threshold:
+            asked = requested.thresholds if self.key == _EXCEEDS else requested.lower_thresholds
+            thresholds = [each.text for each in asked]
+            if self.threshold not in thresholds:
+                expected = f"a value that {self.key} of [outputs.{self.output}] has; "
+                expected += choices(self.threshold, thresholds)
+                yield Problem(self.path, toml_text(self.threshold), expected)
+                return
+        elif self._probability and self._probability not in requested.quantiles:
+            expected = f"a quantile that quantiles of [outputs.{self.output}] has; "
+            expected += f"known: {', '.join(map(str, requested.quantiles))}"
+            yield Problem(self.path, str(self._probability), expected)
+            return
+        yield from self._half_width_problems(requested.output.unit)
+
+    def __str__(self) -> str:
+        names = {_MEAN: "the mean", _STD: "the standard deviation"}
+        of = f"P({'>' if self.key == _EXCEEDS else '<'} {self.threshold})"
+        if not self.threshold:
+            of = names.get(self.key, f"the {self._probability} quantile")
+        of_it = " of it" if self._share and not self._share["of_sd"] else ""
+        return f"{of} of {self.output} within {self.half_width}{of_it}"
+
+    def _estimate(self, feedback: Feedback, model: str) -> xr.DataArray:
+        if self.threshold:
+            name, dimension = _PROBABILITIES[self.key]
+            found = feedback.estimates(model, self.output, only=[EXCEEDANCE])[name]
+            return found.sel({dimension: self.threshold})
+        if self._probability:
+            found = feedback.estimates(model, self.output, only=[QUANTILES])["quantile"]
+            return found.sel({PROBABILITY: self._probability})
+        return feedback.estimates(model, self.output, only=[MOMENTS])[self.statistic]
+
+    def _wanted(self, value: float, feedback: Feedback, model: str) -> float:
+        """Return the wanted half-width in SI units, given the estimate."""
+        if self._share is None:
+            unit = str(self._estimate(feedback, model).attrs["units"])
+            return parse_quantity(self.half_width, unit, difference=True).value
+        if self._share["of_sd"]:
+            value = Target(self.output, _STD, "")._estimate(feedback, model).values.tolist()[0]
+        return self._part(self._share) * abs(value)
+
+    def _half_width_problems(self, unit: str) -> Iterator[Problem]:
+        expected = _HALF_WIDTH_OF_PROBABILITY if self.threshold else _HALF_WIDTH
+        try:
+            wanted = (
+                self._part(self._share)
+                if self._share
+                else parse_quantity(
+                    self.half_width, DIMENSIONLESS if self.threshold else unit, difference=True
+                ).value
+            )
+        except QuantityError as error:
+            is_of_sd = str(self.half_width).endswith("sd")
+            yield Problem(self.path, error.found, expected if is_of_sd else error.expected)
+            return
+        if not wanted > 0 or (self.threshold and wanted >= 1):
+            yield Problem(self.path, toml_text(self.half_width), expected)
+
+    @property
+    def _share(self) -> re.Match[str] | None:
+        """Match of a share of something; a probability has none, as its per cent are absolute."""
+        is_text = isinstance(self.half_width, str) and not self.threshold
+        return _SHARE.match(self.half_width) if is_text else None
+
+    @staticmethod
+    def _part(share: re.Match[str]) -> float:
+        return parse_quantity(share["share"], DIMENSIONLESS).value
+
+    @property
+    def _probability(self) -> float:
+        """Probability of a quantile; 0 for another statistic."""
+        match = _QUANTILE.match(self.key)
+        return float(f"0.{match[1]}") if match else 0.0
+
+
+def read_targets(output: str, wanted: Any) -> tuple[list[Target], list[Problem]]:
+    """Read the targets of an output, and what is wrong with its table.
+
+    `Target.problems` checks what needs the unit of the output.
+    """
+    if not isinstance(wanted, Mapping) or not wanted:
+        problem = Problem((output,), toml_text(wanted), 'a table such as { mean = "1 %" }')
+        return [], [problem]
+    targets, problems = list[Target](), list[Problem]()
+    for key, half_width in wanted.items():
+        if key in _PROBABILITIES:
+            if isinstance(half_width, Mapping) and half_width:
+                targets += [Target(output, key, each, str(t)) for t, each in half_width.items()]
+            else:
+                expected = 'a table of thresholds, such as { "60 cm" = 0.01 }'
+                problems.append(Problem((output, key), toml_text(half_width), expected))
+        elif key in (_MEAN, _STD) or _QUANTILE.match(str(key)):
+            targets.append(Target(output, key, half_width))
+        else:
+            expected = choices(str(key), _KEYS)
+            if str(key).startswith("quantile"):
+                expected = "the digits behind the point, two at least, such as quantile_05"
+            problems.append(Problem((output, str(key)), "an unknown key", expected))
+    return targets, problems
+
 
 _TARGETS = 'a table of outputs, each with mean = "1 %" or exceeds = { "60 cm" = 0.01 }, say'
 

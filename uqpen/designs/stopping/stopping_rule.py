@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from uqpen.core.errors import Problem, QuantityError, toml_text
+from uqpen.core.labels import (
+    STOPPING_AT_MOST,
+    STOPPING_NOTE,
+    STOPPING_RULE,
+    STOPPING_STATISTICS,
+)
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.setting_fields import Context
 from uqpen.core.settings import setting
 from uqpen.core.variables import Output
+from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
 
 __all__ = [
+    "FIRST_LOOK",
     "RequestedOutput",
     "RequestedThreshold",
     "StatisticName",
     "StoppingRule",
+    "doubling_looks",
+    "doubling_rounds",
     "output_value_problems",
     "stopping_rule",
 ]
@@ -136,3 +147,72 @@ def stopping_rule(key: str) -> Any:
     expected = 'a table of outputs, such as { depth = { mean = "1 %" } }'
     accepts = lambda value: isinstance(value, StoppingRule)  # noqa: E731
     return setting("stopping rule", expected, accepts, read, default=None)
+
+
+# Rounds of a design that doubles its runs until a stopping rule is satisfied.
+
+# Number of runs before the first look. In 4 000 trials of an exponential output, intervals of
+# nominal 95 % covered in 94.5 % at the worst target, in 92.9 % from 64 runs and 85.5 % from 8
+# (benchmarks/stopping_coverage.py).
+FIRST_LOOK = 512
+
+_NOTE = (
+    "the runs decided their own number; as looks double from {first} runs, intervals {of} "
+    "cover about as they do after a number that was fixed; no rule can know of a "
+    "part of the output that none of the runs has met"
+)
+
+
+def doubling_looks(at_most: int, first: int = FIRST_LOOK) -> Iterator[int]:
+    """Yield the numbers of runs at which a rule looks.
+
+    >>> list(doubling_looks(3_000))
+    [512, 1024, 2048, 3000]
+    """
+    look = first
+    while look < at_most:
+        yield look
+        look *= 2
+    yield at_most
+
+
+def doubling_rounds(
+    rule: StoppingRule,
+    at_most: int,
+    draw: Callable[[int, int], Points],
+    *,
+    first: int = FIRST_LOOK,
+    intervals: str = "of independent draws",
+) -> Generator[Points, Feedback, None]:
+    """Yield rounds of points, as a design does, until a rule is satisfied.
+
+    The rule looks at the first runs, then whenever their number has doubled. The points say so in
+    attributes, which the archive keeps with the runs.
+
+    Parameters
+    ----------
+    rule : StoppingRule
+        The rule.
+    at_most : int
+        Number of runs at which the design ends in any case.
+    draw : callable
+        Returns the points from one number to another, the last excluded, as a design may yield
+        them.
+    first : int
+        Number of runs at the first look.
+    intervals : str
+        Which intervals are certified, for a reader: those of independent draws, or over enough
+        replicates. Of fewer replicates, the smallest standard errors end a design too soon.
+    """
+    attributes = {
+        STOPPING_RULE: f"{rule}; at most {at_most} runs",
+        STOPPING_NOTE: _NOTE.format(first=first, of=intervals),
+        STOPPING_AT_MOST: at_most,
+        STOPPING_STATISTICS: json.dumps(list(rule.statistics())),
+    }
+    start = 0
+    for look in doubling_looks(at_most, first):
+        feedback = yield draw(start, look).assign_attrs(attributes)
+        if look < at_most and rule.is_satisfied(feedback):
+            return
+        start = look

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import json
+import math
+import re
 import shlex
 import shutil
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -22,20 +26,228 @@ from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
-from uqpen.models.command.folders import folder_name, keep_folder, working_folder
-from uqpen.models.command.guard import guard_folder
-from uqpen.models.command.output_reader import OutputReader
-from uqpen.models.command.outputs import read_outputs
-from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
-from uqpen.models.command.process import STDERR, ProcessEnd, run_process
-from uqpen.models.command.program import Program
-from uqpen.models.command.readings import TextReader
-from uqpen.models.command.reasons import last_line, remove_variable_parts
-from uqpen.models.command.record import RECORD, RunRecord
-from uqpen.models.command.written import RunFiles, UnreadableError
-from uqpen.models.run_grid import FieldSources, UnusableOutputError
+from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
+from uqpen.models.command.process import STDERR, ProcessEnd, guard_folder, run_process
+from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
+from uqpen.models.function_outputs import dimension_names
+from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError
+from uqpen.models.user_code import one_line
 
-__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "RECORD", "Command", "FolderPolicy"]
+__all__ = [
+    "INPUTS",
+    "OUTCOME",
+    "OUTPUTS",
+    "RECORD",
+    "Command",
+    "FolderPolicy",
+    "RunRecord",
+    "folder_name",
+    "keep_folder",
+    "last_line",
+    "read_outputs",
+    "remove_variable_parts",
+    "working_folder",
+]
+
+# Folders of runs: a new one for each run, kept or removed at its end.
+
+_SHORT = 12
+
+
+@contextlib.contextmanager
+def working_folder() -> Iterator[Path]:
+    """Make a new folder; remove it at the end of the context unless it has been moved."""
+    folder = Path(tempfile.mkdtemp(prefix="uqpen-")).resolve()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def folder_name(inputs: Mapping[str, float]) -> str:
+    """Return the name of the folder of a run, a hash of the bits of its inputs.
+
+    >>> one, same, other = (folder_name({"a": a}) for a in (1.0, 1.0, 1.0 + 1e-15))
+    >>> one == same != other
+    True
+    """
+    text = "\n".join(f"{name} {value.hex()}" for name, value in sorted(inputs.items()))
+    return hashlib.sha256(text.encode()).hexdigest()[:_SHORT]
+
+
+def keep_folder(folder: Path, destination: Path, notes: Mapping[str, str]) -> None:
+    """Move a run's folder, with notes, to the kept ones; replace an older one of this name.
+
+    If that fails (because a disk is full, say), the run still has its reason.
+    """
+    with contextlib.suppress(OSError):
+        for name, text in notes.items():
+            (folder / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        # Under a name of its own first: another worker may keep a run with the same inputs.
+        staged = Path(tempfile.mkdtemp(prefix=".", dir=destination.parent))
+        try:
+            shutil.move(folder, staged / destination.name)
+            shutil.rmtree(destination, ignore_errors=True)
+            (staged / destination.name).rename(destination)
+        finally:
+            shutil.rmtree(staged, ignore_errors=True)
+
+
+# Outputs of a program's run: single numbers, and fields along their dimensions.
+
+
+def read_outputs(
+    outputs: Sequence[Output],
+    readings: Mapping[str, OutputReader],
+    grids: Mapping[str, RunGrid],
+    written: RunFiles,
+) -> dict[str, FloatArray]:
+    """Read the outputs of a run.
+
+    Parameters
+    ----------
+    outputs : sequence of Output
+        The outputs.
+    readings : mapping of str to OutputReader
+        The reader of each output, and of the coordinates that a run has of its own.
+    grids : mapping of str to RunGrid
+        By output, the grid on which a run writes it.
+    written : RunFiles
+        What the run has written.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (*dims)
+        In the units of the program.
+
+    Raises
+    ------
+    UnreadableError, UnusableOutputError
+        If an output is not there, or is not what is declared; the message names the place.
+    """
+    found = {}
+    for output in outputs:
+        reader, grid = readings[output.name], grids.get(output.name)
+        if not output.dims:
+            found[output.name] = np.array(reader.value(written))
+        elif grid is None:
+            found[output.name] = _read_field(output, reader, written)
+        else:
+            own = {name: readings[key].values(written) for name, key in grid.names.items()}
+            sizes = [len(np.atleast_1d(own.get(dim.name, dim.values))) for dim in output.dims]
+            values = _arranged(output, reader, reader.values(written), tuple(sizes))
+            found[output.name] = grid.interpolate(output, values, own)
+    return found
+
+
+def _read_field(output: Output, reader: OutputReader, written: RunFiles) -> FloatArray:
+    """Read a field at its declared coordinates."""
+    try:
+        values = reader.values(written)
+    except UnreadableError as error:
+        if error.position is None or error.position >= math.prod(output.shape):
+            raise
+        place = np.unravel_index(error.position, output.shape)
+        coordinates = output.place_text([int(each) for each in place])
+        raise UnreadableError(f"{error} ({coordinates})") from None
+    if output.may_end and values.ndim == 1 and 0 < len(values) < output.shape[0]:
+        rest = np.full(output.shape[0] - len(values), np.nan)
+        values = np.append(values, rest)
+    return _arranged(output, reader, values, output.shape)
+
+
+def _arranged(
+    output: Output, reader: OutputReader, values: FloatArray, shape: tuple[int, ...]
+) -> FloatArray:
+    """Return values in their shape; in a list, those along the last dimension follow each other."""
+    if values.shape != shape and (values.ndim != 1 or values.size != math.prod(shape)):
+        if values.ndim == len(shape) == 1:
+            found = f"{reader.place} has {len(values)} numbers, not {shape[0]}"
+        else:
+            found = f"{reader.place} is of shape {values.shape}, not {shape}"
+        raise UnreadableError(found + dimension_names(output))
+    return values.reshape(shape)
+
+
+# Reason of a failed run, in words that are the same for the same cause.
+
+# Bytes at the end of a file in which its last line is searched.
+_TAIL = 8192
+
+# Parts of printed texts that differ between runs, and their replacements.
+_UNSTEADY = (
+    (re.compile(r"\b0[xX][0-9a-fA-F]+\b"), "0x…"),  # addresses
+    (re.compile(r"\b[0-9]{4}-[0-9]{2}-[0-9]{2}\b"), "…"),  # dates
+    (re.compile(r"\b[0-9]{1,2}:[0-9]{2}(:[0-9]{2}([.,][0-9]+)?)?\b"), "…"),  # times of day
+    (re.compile(r"(?i)\b((?:pid|process|thread)\W{0,3})[0-9]+\b"), r"\1…"),
+    (re.compile(r"\[[0-9]+\]|==[0-9]+=="), "…"),  # process numbers before a message
+    (re.compile(r"(?<![\w./])(?:/[^\s/:;,'\"()<>]+)+/"), ""),  # folders before the name of a file
+)
+
+
+def last_line(path: Path) -> str:
+    """Return the last non-blank line of a file; empty if there is none."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(0, 2)
+            stream.seek(max(0, stream.tell() - _TAIL))
+            lines = stream.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        return ""
+    return next((line for line in reversed(lines) if line.strip()), "")
+
+
+def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
+    """Remove the parts of a line that differ between runs or machines.
+
+    The folders are those that may occur in it; names of files in them are kept.
+
+    >>> line = "[812] /usr/lib/solver.so: overflow at 0x7f3a at 12:31:07"
+    >>> remove_variable_parts(line, [])
+    '… solver.so: overflow at 0x… at …'
+    """
+    for folder in folders:
+        if folder.name:  # not the root of all
+            text = text.replace(f"{folder}/", "").replace(str(folder), ".")
+    for pattern, instead in _UNSTEADY:
+        text = pattern.sub(instead, text)
+    return one_line("".join(each if each.isprintable() else " " for each in text))
+
+
+# Record of a run in its kept folder, by which its outputs can be read again.
+
+RECORD = "run.json"
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Record of the runs of one program; `made_by` is all that decides what a run writes."""
+
+    made_by: str
+
+    def text(self, ending: ProcessEnd) -> str:
+        """Return the content of the file of a run that has ended."""
+        code = None if ending.is_late else ending.code
+        return json.dumps({"made_by": self._sha256, "exit_code": code}) + "\n"
+
+    def read(self, folder: Path) -> ProcessEnd | None:
+        """Return how a kept run ended; None if there is none, or this program did not make it.
+
+        A run that was ended for its time has written only a part, so it is not read again.
+        """
+        try:
+            found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+            is_own = found["made_by"] == self._sha256
+            code = found["exit_code"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return ProcessEnd(code) if is_own and type(code) is int else None
+
+    @property
+    def _sha256(self) -> str:
+        return hashlib.sha256(self.made_by.encode()).hexdigest()
+
 
 # Files in the folder of a run: its inputs, the default file for its outputs, and,
 # in a folder that is kept, its outcome, and the record by which it can be read again.

@@ -11,7 +11,7 @@ from uqpen.core.labels import SURROGATES
 from uqpen.report.blocks import Heading, Table, Text
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
-from uqpen.surrogates.restoring import is_restorable
+from uqpen.surrogates.archived_surrogate import is_restorable
 
 __all__ = ["surrogates"]
 

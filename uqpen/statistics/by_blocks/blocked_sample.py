@@ -15,8 +15,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics.by_blocks.cells import CellCounts, OrderedValues
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import SampleShape, shape_of
+from uqpen.statistics.sample import ErrorModel, Sample, SampleShape, shape_of
 from uqpen.statistics.tally import Tally
 
 __all__ = ["BlockedSample", "BlockedShape", "PowerSums"]

@@ -13,11 +13,9 @@ from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
-from uqpen.statistics.mean_margins import mean_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import ENOUGH_RUNS_FOR_MEANS
-from uqpen.statistics.skewness import extreme_margins
+from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample
+from uqpen.statistics.standard_errors import extreme_margins, mean_margins
 from uqpen.statistics.weights import effective_sizes
 
 __all__ = ["expected_shortfalls"]

@@ -13,8 +13,8 @@ from uqpen.core.labels import REPLICATE
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.event_sensitivity.input_scores import InputScores
-from uqpen.statistics.event_sensitivity.sensitivity_estimates import (
+from uqpen.statistics.event_sensitivity.sample_sensitivity import (
+    InputScores,
     PairOfEstimates,
     SensitivityEstimates,
 )

@@ -1,20 +1,51 @@
-"""A field over runs, as samples of its values at each place."""
+"""A field over runs as samples of its values at each place, and the statistics there."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.coordinates import field_coordinates
+from uqpen.core.labels import BOUND, CONDITIONAL, INPUT, INTERVAL_LEVEL
 from uqpen.core.model import Dimension, Output
-from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import shape_of
+from uqpen.statistics import texts
+from uqpen.statistics.distribution_function.probabilities import (
+    below_probabilities,
+    event_probability,
+    exceedance_probabilities,
+)
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.estimate_vector import PLACE, EstimateVector
+from uqpen.statistics.moments.sample_moments import sample_moments
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample, shape_of
+from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
-__all__ = ["FieldSample", "PlaceSamples", "equal_columns"]
+__all__ = [
+    "FieldSample",
+    "PlaceSamples",
+    "ScalarAnalysis",
+    "along_field",
+    "at_each_place",
+    "equal_columns",
+    "input_place_array",
+    "joined_places",
+    "moments_at_places",
+    "probabilities_at_places",
+    "quantiles_at_places",
+    "reached",
+]
+
+# A field over runs, as samples of its values at each place.
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.
 _MOST_VALUES = 2**20
@@ -113,3 +144,181 @@ def equal_columns(mask: BoolArray) -> Iterator[IntArray]:
     for position, column in enumerate(packed):
         found.setdefault(column.tobytes(), []).append(position)
     yield from (np.array(positions) for positions in found.values())
+
+
+# Statistics at each place of a field, by the analysis of a scalar output.
+
+
+ScalarAnalysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
+
+
+def at_each_place(
+    analysis: ScalarAnalysis,
+    field: FieldSample,
+    quantity: QuantityOfInterest,
+    most: int | None = None,
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Apply the analysis of a scalar output to the values of a field at each place.
+
+    Parameters
+    ----------
+    analysis : callable
+        Takes samples of several places, too.
+    field : FieldSample
+        The runs of the field.
+    quantity : QuantityOfInterest
+        What is requested of it.
+    most : int, optional
+        Number of the statistics that are wanted, the first of the analysis.
+
+    Yields
+    ------
+    name : str
+        A statistic of the analysis.
+    estimate : DataArray
+        Along the dimensions of the field, then as of a scalar output.
+    """
+    scalar = replace(quantity, output=replace(quantity.output, dims=(), may_end=False))
+    found: dict[str, list[tuple[IntArray, xr.DataArray]]] = {}
+    for group in field.samples():
+        for name, array in islice(analysis(group.runs, scalar), most):
+            found.setdefault(name, []).append((group.places, array))
+    for name, parts in found.items():
+        yield name, _joined(parts, field.output, field.runs.level)
+
+
+def along_field(array: xr.DataArray, output: Output, level: float) -> xr.DataArray:
+    """Return an estimate array along all places as one along the dimensions of the field."""
+    return _joined([(np.arange(array.sizes[PLACE]), array)], output, level)
+
+
+def _joined(
+    parts: list[tuple[IntArray, xr.DataArray]], output: Output, level: float
+) -> xr.DataArray:
+    """Return the arrays of all groups of places as one along the dimensions of the field."""
+    order = np.argsort(np.concatenate([places for places, _ in parts]))
+    arrays = [array for _, array in parts]
+    own = {str(dim): size for dim, size in arrays[0].sizes.items() if dim not in (PLACE, BOUND)}
+    coordinates = {
+        str(name): each.variable
+        for name, each in arrays[0].coords.items()
+        if name not in (*INTERVAL_TEXTS, BOUND)
+    }
+    attributes: dict[str, Any] = {INTERVAL_LEVEL: level}
+    if output.may_end:
+        attributes[CONDITIONAL] = texts.REACHED
+    return estimate_array(
+        np.concatenate([array.values for array in arrays])[order],
+        {**output.sizes, **own},
+        {
+            text: np.concatenate([array.coords[text].values for array in arrays])[order]
+            for text in INTERVAL_TEXTS
+        },
+        units=arrays[0].attrs["units"],
+        long_name=arrays[0].attrs["long_name"],
+        attributes=attributes,
+        coordinates={**field_coordinates(output.dims), **coordinates},
+    )
+
+
+# Estimates at all places of a field, as estimate arrays.
+
+
+def input_place_array(
+    estimates: EstimateVector,
+    output: Output,
+    inputs: Sequence[str],
+    long_name: str,
+    level: float,
+) -> xr.DataArray:
+    """Return estimates as an estimate array along the dimensions of a field and ``input``.
+
+    Parameters
+    ----------
+    estimates : EstimateVector
+        Of shape (place, input).
+    output : Output
+        The field.
+    inputs : sequence of str
+        Names of the inputs.
+    long_name : str
+        Meaning of the estimates.
+    level : float
+        Confidence level of their intervals.
+    """
+    along = input_coordinate(inputs)
+    array = estimates.to_array(
+        INPUT, units="1", long_name=long_name, coordinates=along, level=level
+    )
+    return along_field(array, output, level)
+
+
+def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArray:
+    """Return the estimate arrays at all places of a field as one, along its dimensions first."""
+    first = arrays[0]
+    own = {str(dim): size for dim, size in first.sizes.items() if dim != BOUND}
+    attributes = {key: value for each in arrays for key, value in each.attrs.items()}
+    array = estimate_array(
+        np.stack([each.values for each in arrays]),
+        {**output.sizes, **own},
+        {text: np.stack([each.coords[text].values for each in arrays]) for text in INTERVAL_TEXTS},
+        units=attributes.pop("units"),
+        long_name=attributes.pop("long_name"),
+        attributes=attributes,
+        coordinates={
+            **field_coordinates(output.dims),
+            **{dim: first.coords[dim].variable for dim in own},
+        },
+    )
+    return array.assign_attrs(_condition(output))
+
+
+def _condition(output: Output) -> dict[str, str]:
+    return {CONDITIONAL: texts.REACHED} if output.may_end else {}
+
+
+# Statistics at each place of a field: moments, quantiles, probabilities, shares of runs.
+
+
+Arrays = Iterator[tuple[str, xr.DataArray]]
+
+
+def moments_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+    """Mean and standard deviation at each place of a field."""
+    # The others are diagnostics of one distribution.
+    yield from at_each_place(sample_moments, field, quantity, most=2)
+
+
+def quantiles_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+    """Estimate the requested quantiles at each place of a field."""
+    yield from at_each_place(quantile_estimates, field, quantity)
+
+
+def probabilities_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+    """Probabilities of lying beyond each of the requested thresholds, at each place of a field."""
+    yield from at_each_place(exceedance_probabilities, field, quantity)
+    yield from at_each_place(below_probabilities, field, quantity)
+
+
+def reached(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+    """Probability that a curve reaches each place, where curves may end before.
+
+    Yields
+    ------
+    name : str
+        ``reached``.
+    estimate : DataArray
+        Along the dimension of the curve and ``bound``.
+    """
+    if not quantity.output.may_end:
+        return
+    events = replace(field.runs, values=field.exists.astype(np.float64))
+    always = replace(field.output, may_end=False)
+    yield from at_each_place(_reached, FieldSample(events, always), quantity)
+
+
+def _reached(sample: Sample, quantity: QuantityOfInterest) -> Arrays:
+    """Probability that a value is 1."""
+    long_name = f"probability that {quantity.output.title} reaches a place"
+    found = event_probability(sample, sample.values > 0)
+    yield "reached", found.to_array(units="1", long_name=long_name, level=sample.level)

@@ -15,11 +15,14 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import student_quantile
-from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import ENOUGH_RUNS_FOR_MEANS, SampleShape, shape_of
-from uqpen.statistics.standard_errors import cdf_error, standard_error
+from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample, SampleShape, shape_of
+from uqpen.statistics.standard_errors import (
+    cdf_error,
+    mean_margins,
+    standard_error,
+    student_margins,
+)
 from uqpen.statistics.weights import effective_sizes
 
 __all__ = ["mean_estimate", "sample_moments"]

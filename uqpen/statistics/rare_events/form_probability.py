@@ -22,8 +22,12 @@ from uqpen.core.labels import (
 )
 from uqpen.core.statistic_dimensions import DESIGN_POINT
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.designs.rare_events.curvature import CURVATURE_AXIS, principal_curvatures
-from uqpen.designs.rare_events.design_point_search import DIFFERENCE, distinct_points
+from uqpen.designs.rare_events.form import (
+    CURVATURE_AXIS,
+    DIFFERENCE,
+    distinct_points,
+    principal_curvatures,
+)
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate

@@ -20,14 +20,15 @@ from uqpen.core.labels import (
     RUN,
     SAMPLING_STAGE,
 )
-from uqpen.designs.rare_events.event_components import effective_size
-from uqpen.designs.rare_events.gaussian_mixture import INFLATED, inflation
+from uqpen.designs.rare_events.importance_sampling import INFLATED, effective_size, inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
-from uqpen.statistics.rare_events.replicate_interval import replicate_interval
-from uqpen.statistics.rare_events.replicate_probability import ReplicateProbability
+from uqpen.statistics.rare_events.rare_event_probability import (
+    RareEventProbability,
+    ReplicateProbability,
+    replicate_interval,
+)
 
 __all__ = ["importance_probability"]
 

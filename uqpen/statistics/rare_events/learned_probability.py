@@ -24,8 +24,7 @@ from uqpen.core.labels import (
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
-from uqpen.statistics.rare_events.weighted_count import WeightedCount
+from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, WeightedCount
 
 __all__ = ["learned_probability"]
 

@@ -31,7 +31,7 @@ from uqpen.core.labels import (
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
-from uqpen.statistics.surrogate.correction.fold_fit import FoldFit
+from uqpen.statistics.surrogate.correction.correction_runs import FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.diagnostics import shown_diagnostics

@@ -16,8 +16,7 @@ from uqpen.statistics.distribution_function.probabilities import threshold_coord
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
-from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
-from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import MOST_INPUTS_FOR_ALL_SETS, SurrogateDraws
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 
 __all__ = ["surrogate_indices"]

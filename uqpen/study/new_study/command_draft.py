@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uqpen.core.errors import ModelError
-from uqpen.models.command.placeholders import names_in
+from uqpen.models.command.program import names_in
 from uqpen.study.new_study.draft import Draft, DraftInput, check_names
 
 __all__ = ["command_draft"]

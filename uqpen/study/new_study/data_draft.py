@@ -11,9 +11,8 @@ import numpy as np
 from uqpen.core.errors import ModelError, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
 from uqpen.core.units import DIMENSIONLESS, si_unit
-from uqpen.models.data.columns import DataColumn, DataFile
-from uqpen.models.data.data_file import read_data_file
-from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_results
+from uqpen.models.data.data_file import DataColumn, DataFile, read_data_file
+from uqpen.models.data.data_model import REASON, STATUS, data_coordinates, data_results
 from uqpen.study.data_section import OTHER_COLUMNS
 from uqpen.study.new_study.draft import FILL_IN, head_lines, line, surrogate_lines
 

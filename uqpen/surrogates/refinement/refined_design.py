@@ -14,9 +14,8 @@ from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design, Extension, Rounds
 from uqpen.designs.drawn_points import points_in_memory
-from uqpen.designs.extension import Extension
 from uqpen.designs.monte_carlo import MonteCarlo, independent_points
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution

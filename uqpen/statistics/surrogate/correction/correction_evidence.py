@@ -25,12 +25,11 @@ from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.fold_fit import FoldFit
-from uqpen.statistics.surrogate.correction.indexed_variables import (
+from uqpen.statistics.surrogate.correction.corrected_indices import (
     IndexedVariable,
     IndexedVariables,
 )
+from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns, FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate

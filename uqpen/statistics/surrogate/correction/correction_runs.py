@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.labels import (
+    MISSING_BEYOND,
+    MISSING_HIGHEST,
+    MISSING_LOWEST,
+    MISSING_PREDICTED,
+    MISSING_SHARES,
+    RUN,
+    STATUS,
+)
+from uqpen.core.status import Status
 from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.surrogates.field_surrogate import FieldSurrogate
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = ["CorrectionRuns"]
+__all__ = ["CorrectionRuns", "FoldFit", "MissingRunPredictions", "missing_run_predictions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +123,135 @@ class CorrectionRuns:
         """Share of the variance that the predictions explain; 0 where there is none."""
         errors, variance = self.values - self.predictions, float(self.values.var())
         return 1 - float((errors**2).mean()) / variance if variance > 0 else 0.0
+
+
+# Predictions of a surrogate at the inputs of failed runs: results that they may have given.
+
+
+@dataclass(frozen=True)
+class MissingRunPredictions:
+    """Predictions of an output at the inputs of missing runs, in its SI unit.
+
+    Parameters
+    ----------
+    count : int
+        Number of missing runs with a prediction.
+    lowest, highest : float
+        The range of the predictions.
+    exceedance, below : mapping of str to float
+        Share of the predictions above and below each requested threshold, by its text.
+    """
+
+    count: int
+    lowest: float
+    highest: float
+    exceedance: Mapping[str, float]
+    below: Mapping[str, float]
+
+    def attributes(self) -> dict[str, int | float]:
+        """Return the count and the range, for an archive."""
+        return {
+            MISSING_PREDICTED: self.count,
+            MISSING_LOWEST: self.lowest,
+            MISSING_HIGHEST: self.highest,
+        }
+
+    def share_attributes(self) -> dict[str, list[str] | list[float]]:
+        """Return the shares beyond thresholds, for an archive; the texts start with ``>`` or ``<``.
+
+        Empty without thresholds.
+        """
+        shares = {f"> {text}": share for text, share in self.exceedance.items()}
+        shares |= {f"< {text}": share for text, share in self.below.items()}
+        if not shares:
+            return {}
+        return {MISSING_BEYOND: list(shares), MISSING_SHARES: list(shares.values())}
+
+
+def missing_run_predictions(
+    model: FittedSurrogate, runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
+) -> dict[str, MissingRunPredictions]:
+    """Summarise what a surrogate predicts at the inputs of missing runs, by scalar output.
+
+    Parameters
+    ----------
+    model : FittedSurrogate
+    runs : Dataset
+        Runs of a design; inadmissible ones are not missing.
+    quantities : sequence of QuantityOfInterest
+    """
+    status = runs[STATUS].values
+    is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)
+    missing = runs.isel({RUN: np.flatnonzero(is_missing)})
+    count = missing.sizes[RUN]
+    if not count or not model.outputs:
+        return {}
+    names = model.random_inputs
+    inputs = {name: np.broadcast_to(missing[name].values, count) for name in names}
+    predicted = model.predict(inputs)
+    found = {}
+    for quantity in quantities:
+        name = quantity.output.name
+        if name not in predicted or quantity.output.dims:
+            continue
+        values = predicted[name].mean[np.isfinite(predicted[name].mean)]
+        if values.size:
+            found[name] = MissingRunPredictions(
+                values.size,
+                float(values.min()),
+                float(values.max()),
+                {each.text: float((values > each.value).mean()) for each in quantity.thresholds},
+                {
+                    each.text: float((values < each.value).mean())
+                    for each in quantity.lower_thresholds
+                },
+            )
+    return found
+
+
+# Fit of a surrogate with the runs that it has not seen.
+
+
+@dataclass(frozen=True, eq=False)
+class FoldFit:
+    """Fit, and the completed and the missing runs that it has not seen.
+
+    Parameters
+    ----------
+    model : FittedSurrogate
+        Of scalar outputs.
+    completed, missing : Dataset
+        Inadmissible runs are neither.
+    """
+
+    model: FittedSurrogate
+    completed: xr.Dataset
+    missing: xr.Dataset
+
+    @classmethod
+    def of(cls, model: FittedSurrogate, runs: xr.Dataset) -> FoldFit:
+        """Divide runs into completed and missing ones."""
+        status = runs[STATUS].values
+        is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)
+        return cls(
+            model.scalars if isinstance(model, FieldSurrogate) else model,
+            runs.isel({RUN: np.flatnonzero(status == Status.OK)}),
+            runs.isel({RUN: np.flatnonzero(is_missing)}),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of completed runs."""
+        return int(self.completed.sizes[RUN])
+
+    def inputs(self, runs: xr.Dataset) -> dict[str, FloatArray]:
+        """Return the random inputs of some runs."""
+        size, names = runs.sizes[RUN], self.model.random_inputs
+        return {name: np.broadcast_to(runs[name].values, size) for name in names}
+
+    def predictions(self, runs: xr.Dataset) -> Mapping[str, FloatArray]:
+        """Return predictions at some runs, by output."""
+        if not self.model.outputs:
+            return {}
+        found = self.model.evaluate(self.inputs(runs)).outputs
+        return {name: np.asarray(each, dtype=np.float64) for name, each in found.items()}

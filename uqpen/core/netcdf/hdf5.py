@@ -1,0 +1,942 @@
+"""Metadata of an HDF5 file, read without the HDF5 library."""
+
+from __future__ import annotations
+
+import functools
+import math
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from uqpen.core.netcdf.content import (
+    UNDEFINED,
+    Content,
+    ContentLimits,
+    RefusedContentError,
+    check_count,
+    has_signature,
+    limit_width,
+    uint,
+)
+
+__all__ = [
+    "SIGNATURE",
+    "STORE_NUMBERS",
+    "VARIABLE_MESSAGES",
+    "Attribute",
+    "Datatype",
+    "GlobalHeap",
+    "Link",
+    "Message",
+    "MessageKind",
+    "StoredVariable",
+    "ValueKind",
+    "check_attribute",
+    "check_hdf5",
+    "heap_objects",
+    "read_attribute",
+    "read_datatype",
+    "read_extent",
+    "read_link",
+    "read_messages",
+    "read_variable",
+    "root_address",
+]
+
+# Superblock of a file, with which it begins.
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+# Bytes of an address and of a length.
+_OFFSET_WIDTHS = b"\x08\x08"
+
+
+def root_address(content: Content) -> int:
+    """Return the address of the root group.
+
+    Raises
+    ------
+    RefusedContentError
+        If the file is of parts, or in a form that NetCDF does not write.
+    IndexError
+        If the file ends before the superblock does.
+    """
+    version = content[8]
+    if version == 0:
+        widths, base, elsewhere, root = content[13:15], 24, 48, 64
+    elif version in (2, 3):
+        widths, base, elsewhere, root = content[9:11], 12, 20, 36
+    else:
+        raise _unknown()
+    # Elsewhere stand, by version, a driver for files of parts and settings of the library.
+    if (
+        widths != _OFFSET_WIDTHS
+        or uint(content, base, 8)
+        or uint(content, elsewhere, 8) != UNDEFINED
+    ):
+        raise _unknown()
+    return uint(content, root, 8)
+
+
+def _unknown() -> RefusedContentError:
+    return RefusedContentError("it begins in a form that NetCDF does not write")
+
+
+# Global heap of a file: texts of any length, and lists of references.
+
+# How a variable or an attribute refers to an entry of the heap.
+_HEAP_REFERENCE = np.dtype([("length", "<u4"), ("address", "<u8"), ("index", "<u4")])
+
+# How a collection of entries begins, and the index and the size of an entry before its bytes.
+_COLLECTION = b"GCOL\x01"
+_ENTRY = struct.Struct("<H6xQ")
+
+
+@dataclass
+class GlobalHeap:
+    """Heap of a file. It counts the bytes of texts that were asked for."""
+
+    content: Content
+    text_bytes: int = 0
+    _count: int = 0
+    _collections: dict[int, dict[int, tuple[int, int]]] = field(default_factory=dict)
+
+    def count_texts(self, address: int, count: int) -> None:
+        """Add the lengths of `count` texts whose references stand at an address.
+
+        Texts that share an entry take memory each.
+        """
+        stored = self.content[address : address + count * _HEAP_REFERENCE.itemsize]
+        if len(stored) != count * _HEAP_REFERENCE.itemsize:
+            raise IndexError("the file ends before")
+        references = np.frombuffer(stored, _HEAP_REFERENCE)
+        self.text_bytes += int(references["length"].sum(dtype=np.uint64))
+        for place in np.unique(references["address"]).tolist():
+            if place:  # or the text is empty
+                self._collection(place)
+
+    def object_references(self, address: int, count: int) -> list[int]:
+        """Return the addresses to which `count` lists refer, each a list of one."""
+        found = []
+        for at in range(
+            address, address + count * _HEAP_REFERENCE.itemsize, _HEAP_REFERENCE.itemsize
+        ):
+            length, place = uint(self.content, at, 4), uint(self.content, at + 4, 8)
+            entries = self._collection(place)
+            start, size = entries.get(uint(self.content, at + 12, 4), (0, 0))
+            if length != 1 or size != 8:
+                raise RefusedContentError("it has dimensions that are none")
+            found.append(uint(self.content, start, 8))
+        return found
+
+    def _collection(self, at: int) -> dict[int, tuple[int, int]]:
+        """Return where the entries of a collection stand, and their sizes.
+
+        It is refused if the library could not go through it.
+        """
+        if at not in self._collections:
+            if self.content[at : at + len(_COLLECTION)] != _COLLECTION:
+                raise RefusedContentError("it has texts or dimensions that are none")
+            self._collections[at] = found = {}
+            for index, place in self._entries(at):
+                found[index] = place
+                self._count += 1
+                if self._count > len(self.content) // _ENTRY.size:
+                    raise RefusedContentError("it has texts that lie on each other")
+            found.pop(0, None)
+        return self._collections[at]
+
+    def _entries(self, at: int) -> Iterator[tuple[int, tuple[int, int]]]:
+        """Yield the indexes of entries, 0 for free room, with their places and sizes."""
+        end = at + uint(self.content, at + 8, 8)
+        at += _ENTRY.size
+        while at + _ENTRY.size <= end:
+            index, size = _ENTRY.unpack_from(self.content, at)
+            # The size of free room includes its head, and that of an entry does not.
+            step = _ENTRY.size + -(-size // 8) * 8 if index else size
+            # The library would go on without end where an entry takes no room.
+            if step < _ENTRY.size or at + step > end:
+                raise RefusedContentError("it has texts whose lengths are damaged")
+            yield index, (at + _ENTRY.size, size)
+            at += step
+
+
+# Data types of variables and attributes that NetCDF and NumPy have in common.
+
+STORE_NUMBERS = "store its values as numbers"
+
+
+class ValueKind(Enum):
+    """Kind of the values of a type."""
+
+    INTEGER = "integer"
+    REAL = "real"
+    CHARACTERS = "characters"  # of a fixed number
+    TEXT = "text"  # of any length, in a heap
+    REFERENCES = "references"  # of a variable to its dimensions
+    BACK_REFERENCES = "back references"  # of a dimension to variables
+
+
+class Datatype(NamedTuple):
+    """A kind, and the bytes of one value."""
+
+    kind: ValueKind
+    size: int
+
+
+_INTEGER, _REAL, _STRING, _COMPOUND, _REFERENCE, _VARIABLE_LENGTH = 0, 1, 3, 6, 7, 9
+_OTHERS = {
+    2: "a time",
+    4: "bits",
+    5: "opaque",
+    _COMPOUND: "a compound",
+    _REFERENCE: "a reference",
+    8: "an enumeration",
+    10: "an array",
+}
+# Precision, exponent and mantissa of IEEE 754 in the words of the format, by size.
+_IEEE = {
+    4: bytes.fromhex("0000 2000 17 08 00 17 7f000000"),
+    8: bytes.fromhex("0000 4000 34 0b 00 34 ff030000"),
+}
+_SIGN = {4: 31, 8: 63}
+_IMPLIED_BIT = 0x20  # of a normal number; no padding bits
+_WIDTHS = (1, 2, 4, 8)
+
+
+@functools.lru_cache(maxsize=256)
+def read_datatype(message: bytes) -> Datatype:
+    """Return the type that a message describes; one of few in a file.
+
+    Raises
+    ------
+    RefusedContentError
+        If it is none that uqpen and NetCDF write; the text names it.
+    IndexError
+        If the message ends before it says all.
+    """
+    family, size = message[0] & 0x0F, int.from_bytes(message[4:8], "little")
+    if family == _INTEGER:
+        precision = int.from_bytes(message[8:12], "little")
+        if size in _WIDTHS and precision == size << 19 and not message[1] & 0xF6:
+            return Datatype(ValueKind.INTEGER, size)
+        found = f"has the type of an integer of {size} bytes"
+        raise RefusedContentError(found, "store integers of 1, 2, 4 or 8 bytes")
+    if family == _REAL:
+        bits = (message[1] & 0xFE, message[2], message[3])
+        if message[8:20] == _IEEE.get(size) and bits == (_IMPLIED_BIT, _SIGN[size], 0):
+            return Datatype(ValueKind.REAL, size)
+        raise RefusedContentError(f"has the type float{8 * size}", "store it as float64")
+    if family == _STRING and size:
+        return Datatype(ValueKind.CHARACTERS, size)
+    if family == _VARIABLE_LENGTH and size == 16:
+        return _variable_length(message)
+    if family == _COMPOUND and size == 16:
+        return Datatype(ValueKind.BACK_REFERENCES, size)
+    found = f"has a type that is {_OTHERS.get(family, 'unknown')}"
+    raise RefusedContentError(found, STORE_NUMBERS)
+
+
+def _variable_length(message: bytes) -> Datatype:
+    base, is_text = message[8:], message[1] & 0x0F == 1
+    base_family, base_size = base[0] & 0x0F, int.from_bytes(base[4:8], "little")
+    # NetCDF describes the characters of a text as integers of one byte, others as strings.
+    if is_text and base_family in (_INTEGER, _STRING) and base_size == 1:
+        return Datatype(ValueKind.TEXT, 16)
+    if not is_text and base_family == _REFERENCE and base_size == 8 and not base[1] & 0x0F:
+        return Datatype(ValueKind.REFERENCES, 16)
+    raise RefusedContentError("has a type that is a list", STORE_NUMBERS)
+
+
+@functools.lru_cache(maxsize=4096)
+def read_extent(message: bytes) -> tuple[int, ...] | None:
+    """Return the sizes of the dimensions of a dataspace message; None for one without values.
+
+    Raises
+    ------
+    RefusedContentError
+        If it is of a version that is not known.
+    """
+    version, rank = message[0], message[1]
+    if version == 1:
+        start = 8
+    elif version == 2:
+        start = 4
+        if message[3] == 2:
+            return None
+    else:
+        raise RefusedContentError("has dimensions in a form that is not known")
+    if rank > 32 or len(message) < start + 8 * rank:
+        raise RefusedContentError("has more dimensions than there are")
+    return tuple(
+        int.from_bytes(message[at : at + 8], "little") for at in range(start, start + 8 * rank, 8)
+    )
+
+
+# Attributes of an object: their types, their sizes and their references.
+
+
+class Attribute(NamedTuple):
+    """An attribute, and the address of its values."""
+
+    name: str
+    datatype: Datatype
+    extent: tuple[int, ...] | None
+    address: int
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return 0 if self.extent is None else math.prod(self.extent)
+
+
+# The NetCDF library reads these into memory of the size that it expects. Each is of one kind of
+# values, and has one, or one for each dimension of its variable.
+_RESERVED = {
+    "CLASS": (ValueKind.CHARACTERS, False),
+    "NAME": (ValueKind.CHARACTERS, False),
+    "_Netcdf4Dimid": (ValueKind.INTEGER, False),
+    "_Netcdf4Coordinates": (ValueKind.INTEGER, True),
+    "_nc3_strict": (ValueKind.INTEGER, False),
+    "DIMENSION_LIST": (ValueKind.REFERENCES, True),
+}
+_BACK_REFERENCES = "REFERENCE_LIST"
+
+# Version, flags, and the bytes of name, data type and dataspace.
+_HEAD = struct.Struct("<BBHHH")
+
+
+def read_attribute(content: Content, start: int) -> Attribute:
+    """Return the attribute whose message begins at an address.
+
+    Raises
+    ------
+    RefusedContentError
+        If uqpen and NetCDF write none such.
+    IndexError, struct.error
+        If the file ends before it does.
+    """
+    version, flags, *sizes = _HEAD.unpack_from(content, start)
+    if not 1 <= version <= 3 or (version > 1 and flags):
+        raise RefusedContentError("it has an attribute with a type of its own", STORE_NUMBERS)
+    at = start + (_HEAD.size + 1 if version == 3 else _HEAD.size)
+    parts = []
+    for size in sizes:
+        parts.append(content[at : at + size])
+        # The first version fills each part up to a multiple of eight bytes.
+        at += -(-size // 8) * 8 if version == 1 else size
+    name = parts[0].rstrip(b"\0").decode("utf-8", "replace")
+    try:
+        attribute = Attribute(name, read_datatype(parts[1]), read_extent(parts[2]), at)
+    except RefusedContentError as error:
+        raise error.within(f"its attribute {name} ") from None
+    if at + attribute.size * attribute.datatype.size > len(content):
+        raise IndexError("the file ends before")
+    return attribute
+
+
+def check_attribute(attribute: Attribute, rank: int, heap: GlobalHeap) -> None:
+    """Refuse an attribute of an object that does not have what NetCDF expects by its name.
+
+    Parameters
+    ----------
+    attribute : Attribute
+        As `read_attribute` returns it.
+    rank : int
+        Number of dimensions of the variable that has it; 0 for a group.
+    heap : GlobalHeap
+        Where texts and references are kept.
+    """
+    name, kind = attribute.name, attribute.datatype.kind
+    expected, along_dimensions = _RESERVED.get(name, (None, False))
+    if expected is None:
+        is_right = kind not in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES) or (
+            kind is ValueKind.BACK_REFERENCES and name == _BACK_REFERENCES
+        )
+    else:
+        is_right = kind is expected and attribute.size == (rank if along_dimensions else 1)
+    if not is_right:
+        raise RefusedContentError(f"its attribute {name} has another type or number of values")
+    if kind is ValueKind.TEXT:
+        heap.count_texts(attribute.address, attribute.size)
+
+
+# Messages of an object header, which describe a group or a variable.
+
+
+class MessageKind(IntEnum):
+    """Header messages of what uqpen and other NetCDF software write."""
+
+    NIL = 0x00
+    DATASPACE = 0x01
+    LINK_INFO = 0x02
+    DATATYPE = 0x03
+    OLD_FILL_VALUE = 0x04
+    FILL_VALUE = 0x05
+    LINK = 0x06
+    EXTERNAL_FILES = 0x07
+    LAYOUT = 0x08
+    GROUP_INFO = 0x0A
+    FILTERS = 0x0B
+    ATTRIBUTE = 0x0C
+    COMMENT = 0x0D
+    OLD_TIME = 0x0E
+    CONTINUATION = 0x10
+    TIME = 0x12
+    ATTRIBUTE_INFO = 0x15
+    REFERENCE_COUNT = 0x16
+
+
+class Message(NamedTuple):
+    """One message: its kind, and where its body begins and ends."""
+
+    kind: int
+    start: int
+    end: int
+
+
+_KNOWN = frozenset(map(int, MessageKind))
+_NIL, _CONTINUATION = int(MessageKind.NIL), int(MessageKind.CONTINUATION)
+_SYMBOL_TABLE = 0x11  # of a group in the form before HDF5 1.8
+_SHARED = 0x02
+
+# Kind, size and flags of a message, by the version of the object header.
+_HEADS = {1: struct.Struct("<HHB3x"), 2: struct.Struct("<BHB")}
+_HEAD_WITH_ORDER = struct.Struct("<BHB2x")
+
+# A variable has 20, with up to eight attributes; more attributes stand elsewhere.
+_MOST_MESSAGES = 1_000
+
+
+def read_messages(content: Content, address: int) -> Iterator[Message]:
+    """Yield the messages of the object header at an address, without the empty ones.
+
+    Raises
+    ------
+    RefusedContentError
+        If it has messages of a kind that is not listed here, or shared ones.
+    IndexError, struct.error
+        If the file ends before it does.
+    """
+    if has_signature(content, address, b"OHDR", 2):
+        flags = content[address + 5]
+        start = address + 6 + 16 * bool(flags & 0x20) + 4 * bool(flags & 0x10)
+        width = 1 << (flags & 0x03)
+        first = (start + width, uint(content, start, width))
+        head, edges = (_HEAD_WITH_ORDER if flags & 0x04 else _HEADS[2]), (4, 4)
+    elif content[address] == 1:
+        first, head, edges = (address + 16, uint(content, address + 8, 4)), _HEADS[1], (0, 0)
+    else:
+        raise RefusedContentError("is not there")
+    yield from _block_messages(content, first, head, edges)
+
+
+def _block_messages(
+    content: Content, first: tuple[int, int], head: struct.Struct, edges: tuple[int, int]
+) -> Iterator[Message]:
+    """Yield the messages of a block and of those that continue it.
+
+    Before and after the messages of a further block there may be a signature and a checksum.
+    """
+    blocks, count = [first], 0
+    for begin, length in blocks:
+        at = begin
+        while at + head.size <= begin + length:
+            kind, size, flags = head.unpack_from(content, at)
+            start = at + head.size
+            at = start + size
+            count += 1
+            if count > _MOST_MESSAGES:
+                raise RefusedContentError(f"has more than {_MOST_MESSAGES} messages")
+            if kind == _CONTINUATION:
+                place, size = uint(content, start, 8), uint(content, start + 8, 8)
+                blocks.append((place + edges[0], size - sum(edges)))
+            elif kind == _SYMBOL_TABLE:
+                found = "is a group of an HDF5 file that is no NetCDF"
+                raise RefusedContentError(found, 'write it with xarray ("to_netcdf")')
+            elif kind not in _KNOWN:
+                raise RefusedContentError(f"is in a form that NetCDF does not write ({kind})")
+            elif flags & _SHARED:
+                raise RefusedContentError("has a type of its own", STORE_NUMBERS)
+            elif kind != _NIL:
+                yield Message(kind, start, at)
+
+
+# Many links or attributes of one object: a fractal heap, and the B-trees into it.
+
+# Where a heap's identifier begins in the records of a B-tree, by the tree's type: links by name and
+# by order of creation, attributes likewise. Of attributes it has 8 bytes, of links 7.
+_IDENTIFIERS = {5: 4, 6: 8, 8: 0, 9: 0}
+_HUGE = 1  # the type of the tree of objects beside a heap
+_MOST_DEPTH = 8
+_MOST_HUGE = 1_000
+
+
+def heap_objects(content: Content, heap: int, trees: tuple[int, ...]) -> Iterator[int]:
+    """Yield the addresses of the objects in a fractal heap, once for each B-tree that has them.
+
+    The library may go by any of the trees, so that objects of all of them are wanted.
+    """
+    if heap == UNDEFINED:
+        return
+    opened = _FractalHeap.read(content, heap)
+    for tree in trees:
+        if tree != UNDEFINED:
+            kind, records = _tree_records(content, tree)
+            if kind not in _IDENTIFIERS:
+                raise _unreadable()
+            for record in records:
+                yield opened.address(content, record + _IDENTIFIERS[kind])
+
+
+@dataclass(frozen=True)
+class _FractalHeap:
+    huge_tree: int
+    width: int
+    start_size: int
+    largest_direct: int
+    offset_width: int
+    root: int
+    rows: int
+
+    @classmethod
+    def read(cls, content: Content, at: int) -> _FractalHeap:
+        if not has_signature(content, at, b"FRHP", 0) or uint(content, at + 7, 2):
+            raise _unreadable()
+        heap = cls(
+            huge_tree=uint(content, at + 22, 8),
+            width=uint(content, at + 110, 2),
+            start_size=uint(content, at + 112, 8),
+            largest_direct=uint(content, at + 120, 8),
+            offset_width=(uint(content, at + 128, 2) + 7) // 8,
+            root=uint(content, at + 132, 8),
+            rows=uint(content, at + 140, 2),
+        )
+        sizes = (heap.width, heap.start_size, heap.largest_direct)
+        if any(size < 1 or size & (size - 1) for size in sizes) or heap.rows > 64:
+            raise _unreadable()
+        return heap
+
+    def address(self, content: Content, identifier: int) -> int:
+        """Return the address of the object whose identifier stands at an address."""
+        flags = content[identifier]
+        if flags == 0x00:
+            return self._managed(content, uint(content, identifier + 1, self.offset_width))
+        if flags == 0x10:
+            return self._huge(content, uint(content, identifier + 1, 7))
+        raise _unreadable()
+
+    def _managed(self, content: Content, offset: int) -> int:
+        block, rows = self.root, self.rows
+        while rows:
+            row = max((offset // (self.width * self.start_size)).bit_length(), 0)
+            size = self.start_size << max(row - 1, 0)
+            first = self.width * size if row else 0
+            column = (offset - first) // size
+            if row >= rows or not has_signature(content, block, b"FHIB", 0):
+                raise _unreadable()
+            child = block + 13 + self.offset_width + 8 * (row * self.width + column)
+            block = uint(content, child, 8)
+            offset = offset - first - column * size
+            is_direct = size <= self.largest_direct
+            rows = 0 if is_direct else (size // (self.width * self.start_size)).bit_length()
+        if not has_signature(content, block, b"FHDB", 0):
+            raise _unreadable()
+        return block + offset
+
+    def _huge(self, content: Content, identifier: int) -> int:
+        kind, records = _tree_records(content, self.huge_tree)
+        for record in islice(records, _MOST_HUGE) if kind == _HUGE else ():
+            if uint(content, record + 16, 8) == identifier:
+                return uint(content, record, 8)
+        raise _unreadable()
+
+
+def _tree_records(content: Content, at: int) -> tuple[int, Iterator[int]]:
+    """Return the type of a version 2 B-tree, and the addresses of its records."""
+    if not has_signature(content, at, b"BTHD", 0):
+        raise _unreadable()
+    node_size, size = uint(content, at + 6, 4), uint(content, at + 10, 2)
+    depth, root, count = (
+        uint(content, at + 12, 2),
+        uint(content, at + 16, 8),
+        uint(content, at + 24, 2),
+    )
+    if not size or depth > _MOST_DEPTH:
+        raise _unreadable()
+    widths = _pointer_widths(node_size, size, depth)
+    return content[at + 5], _node_records(content, root, count, size, widths)
+
+
+def _pointer_widths(node_size: int, size: int, depth: int) -> list[tuple[int, int]]:
+    """Return the bytes of both counts beside the pointers of the nodes, from the leaves up."""
+    most = (node_size - 10) // size
+    leaf_width = limit_width(most)
+    widths, together, together_width = [], most, 0
+    for _ in range(depth):
+        widths.append((leaf_width, together_width))
+        pointer = 8 + leaf_width + together_width
+        most = (node_size - 10 - pointer) // (size + pointer)
+        together = (most + 1) * together + most
+        together_width = limit_width(together)
+    return widths
+
+
+def _node_records(
+    content: Content, node: int, count: int, size: int, widths: list[tuple[int, int]]
+) -> Iterator[int]:
+    if node == UNDEFINED and not count:
+        return
+    if not has_signature(content, node, b"BTIN" if widths else b"BTLF", 0):
+        raise _unreadable()
+    end = node + 6 + count * size
+    yield from range(node + 6, end, size)
+    if widths:
+        width, together = widths[-1]
+        for child in range(count + 1):
+            at = end + child * (8 + width + together)
+            yield from _node_records(
+                content, uint(content, at, 8), uint(content, at + 8, width), size, widths[:-1]
+            )
+
+
+def _unreadable() -> RefusedContentError:
+    return RefusedContentError("it has links or attributes in a form that NetCDF does not write")
+
+
+# Links of a group to the groups and variables in it.
+
+_HARD, _SOFT, _EXTERNAL = 0, 1, 64
+
+
+class Link(NamedTuple):
+    """Name of a group or a variable, and the address of its object header."""
+
+    name: str
+    address: int
+
+
+def read_link(content: Content, start: int) -> Link:
+    """Return the link whose message begins at an address.
+
+    Raises
+    ------
+    RefusedContentError
+        If it leads to another file, or to a path instead of an object.
+    IndexError
+        If the file ends before it does.
+    """
+    version, flags = content[start], content[start + 1]
+    at = start + 2
+    kind = content[at] if flags & 0x08 else _HARD
+    at += bool(flags & 0x08) + 8 * bool(flags & 0x04) + bool(flags & 0x10)
+    width = 1 << (flags & 0x03)
+    size = uint(content, at, width)
+    at += width
+    name = content[at : at + min(size, 1000)].decode("utf-8", "replace")
+    if kind == _EXTERNAL:
+        raise RefusedContentError(f"it refers to another file (from {name})")
+    if kind == _SOFT:
+        raise RefusedContentError(f"it has a link to a path ({name})")
+    if version != 1 or kind != _HARD or not name or "/" in name:
+        raise RefusedContentError(f"it has a link that NetCDF does not write ({name})")
+    return Link(name, uint(content, at + size, 8))
+
+
+# Variables: their types, their sizes and where their values are.
+
+# What every variable has, and once.
+VARIABLE_MESSAGES = frozenset({MessageKind.DATASPACE, MessageKind.DATATYPE, MessageKind.LAYOUT})
+
+_COMPACT, _CONTIGUOUS, _CHUNKED, _VIRTUAL = range(4)
+# The later two differ in the indexes of chunks, which only the library reads.
+_LAYOUT_VERSIONS = (3, 4, 5)
+# Filters that are part of the library: deflate, shuffle, Fletcher's checksum. It loads others.
+_FILTERS = (1, 2, 3)
+_OTHER_FILTERS = {4: "szip", 307: "bzip2", 32000: "lzf", 32001: "blosc", 32015: "zstd"}
+
+_PLAIN_TEXTS = 'copy it by "nccopy -d 0 in.nc out.nc"'
+
+_NODE_HEAD = 24  # bytes of a node of a tree of chunks before its keys
+
+
+class StoredVariable(NamedTuple):
+    """Sizes of a variable's dimensions, its bytes in memory, and where its texts are referred to.
+
+    Of texts these are addresses, each with the number of references there. The bytes do not include
+    those of texts.
+    """
+
+    extent: tuple[int, ...]
+    memory: int
+    texts: tuple[tuple[int, int], ...]
+
+
+def read_variable(content: Content, messages: Iterable[Message], path: str) -> StoredVariable:
+    """Return the variable whose object header has some messages.
+
+    Raises
+    ------
+    RefusedContentError
+        If its type, its layout or its compression is none that uqpen and NetCDF write.
+    IndexError
+        If the file ends before its values do.
+    """
+    bodies: dict[int, Message] = {}
+    for message in messages:
+        if message.kind in VARIABLE_MESSAGES and message.kind in bodies:
+            raise RefusedContentError(f"its variable {path} is described twice")
+        bodies[message.kind] = message
+    try:
+        if MessageKind.FILTERS in bodies:
+            _check_filters(content, bodies[MessageKind.FILTERS])
+        space, described = bodies[MessageKind.DATASPACE], bodies[MessageKind.DATATYPE]
+        extent = read_extent(content[space.start : space.end])
+        datatype = read_datatype(content[described.start : described.end])
+        if extent is None or datatype.kind in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES):
+            raise RefusedContentError("has no values, or none that can be read")
+        size = math.prod(extent) * datatype.size
+        layout = bodies[MessageKind.LAYOUT].start
+        address, chunk = _stored(content, layout, size)
+        texts: tuple[tuple[int, int], ...] = ()
+        if datatype.kind is ValueKind.TEXT and size and chunk:
+            if MessageKind.FILTERS in bodies or content[layout] != _LAYOUT_VERSIONS[0]:
+                found = "has texts in chunks that are compressed, or of a later form"
+                raise RefusedContentError(found, _PLAIN_TEXTS)
+            texts = tuple((each, chunk // datatype.size) for each in _chunks(content, layout))
+        elif datatype.kind is ValueKind.TEXT and size and address != UNDEFINED:
+            texts = ((address, math.prod(extent)),)
+        if datatype.kind is ValueKind.TEXT:
+            texts += tuple((at, 1) for at in _fill_texts(content, bodies))
+    except RefusedContentError as error:
+        raise error.within(f"its variable {path} ") from None
+    return StoredVariable(extent, size + chunk, texts)
+
+
+def _stored(content: Content, at: int, size: int) -> tuple[int, int]:
+    """Return where values of some bytes are stored, or else the bytes of one chunk of them."""
+    version, layout = content[at], content[at + 1]
+    if layout == _VIRTUAL:
+        raise RefusedContentError("refers to other files")
+    if version not in _LAYOUT_VERSIONS or layout > _VIRTUAL:
+        raise RefusedContentError("is stored in a form that is not known")
+    if layout == _COMPACT:
+        return _within(content, at + 4, uint(content, at + 2, 2), size), 0
+    if layout == _CONTIGUOUS:
+        address = uint(content, at + 2, 8)
+        if address == UNDEFINED:
+            return UNDEFINED, 0
+        return _within(content, address, uint(content, at + 10, 8), size), 0
+    return UNDEFINED, _chunk_bytes(content, at, version)
+
+
+def _within(content: Content, address: int, stored: int, size: int) -> int:
+    if stored < size or address + stored > len(content):
+        raise IndexError("the file ends before")
+    return address
+
+
+def _chunk_bytes(content: Content, at: int, version: int) -> int:
+    if version == 3:
+        rank, sizes, width = content[at + 2], at + 11, 4
+    else:
+        rank, sizes, width = content[at + 3], at + 5, content[at + 4]
+    # The last of the dimensions is the size of a value.
+    return math.prod(uint(content, sizes + number * width, width) for number in range(rank))
+
+
+def _fill_texts(content: Content, bodies: Mapping[int, Message]) -> Iterator[int]:
+    """Yield the address of the reference to the text that fills a variable, where it has one."""
+    for kind in (MessageKind.FILL_VALUE, MessageKind.OLD_FILL_VALUE):
+        if kind in bodies:
+            start = bodies[kind].start
+            is_defined, at = True, start
+            if kind == MessageKind.FILL_VALUE and content[start] >= 3:
+                is_defined, at = bool(content[start + 1] & 0x20), start + 2
+            elif kind == MessageKind.FILL_VALUE:
+                is_defined, at = content[start] < 2 or bool(content[start + 3]), start + 4
+            if is_defined and uint(content, at, 4):
+                yield at + 4
+
+
+def _chunks(content: Content, layout: int) -> Iterator[int]:
+    """Yield the addresses of the chunks of a variable, whose layout is of the third version."""
+    # A key has the bytes of a chunk, its filters, and its place along each dimension.
+    chunk = _chunk_bytes(content, layout, _LAYOUT_VERSIONS[0])
+    step = 8 + 8 * content[layout + 2] + 8
+    nodes, seen = [(uint(content, layout + 3, 8), -1)], set()
+    while nodes:
+        node, level = nodes.pop()
+        if node == UNDEFINED:
+            continue
+        found, entries = content[node + 5], uint(content, node + 6, 2)
+        is_right = content[node : node + 5] == b"TREE\x01" and level in (-1, found)
+        if not is_right or node in seen:
+            raise RefusedContentError("is stored in a form that is not known")
+        seen.add(node)
+        for key in range(node + _NODE_HEAD, node + _NODE_HEAD + entries * step, step):
+            child = uint(content, key + step - 8, 8)
+            if found:
+                nodes.append((child, found - 1))
+            elif uint(content, key, 4) != chunk or child in seen:
+                raise RefusedContentError("is stored in a form that is not known")
+            else:
+                seen.add(child)
+                yield child
+
+
+def _check_filters(content: Content, message: Message) -> None:
+    """Refuse compression for which the library would load code."""
+    version, count = content[message.start], content[message.start + 1]
+    at = message.start + (8 if version == 1 else 2)
+    for _ in range(count):
+        number = uint(content, at, 2)
+        if number not in _FILTERS:
+            name = _OTHER_FILTERS.get(number, "a filter that HDF5 would have to load")
+            remedy = 'copy it by "nccopy -d 1 in.nc out.nc"'
+            raise RefusedContentError(f"is compressed by filter {number}, {name}", remedy)
+        if version == 1:
+            length, values = uint(content, at + 2, 2), uint(content, at + 6, 2)
+            at += 8 + length + 4 * (values + values % 2)
+        else:  # names belong to other filters
+            at += 6 + 4 * uint(content, at + 4, 2)
+
+
+# Search of a whole HDF5 file for what uqpen does not write.
+
+_LINKS = frozenset({MessageKind.LINK, MessageKind.LINK_INFO})
+
+
+def check_hdf5(content: Content, limits: ContentLimits) -> None:
+    """Refuse a file that the HDF5 library must not get.
+
+    It gets what refers to no other file, has no types but those that NetCDF and NumPy share, and
+    keeps within the limits.
+
+    Raises
+    ------
+    RefusedContentError
+        With the first reason found.
+    """
+    try:
+        _Inspection(content, limits).run()
+    except (IndexError, OverflowError, struct.error):
+        raise RefusedContentError("it ends before what it describes") from None
+
+
+@dataclass
+class _Inspection:
+    content: Content
+    limits: ContentLimits
+    groups: int = 0
+    variables: int = 0
+    memory: int = 0
+    known: dict[int, bool] = field(default_factory=dict)
+    dimensions: list[tuple[str, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.heap = GlobalHeap(self.content)
+
+    def run(self) -> None:
+        """Go through all groups; a reason to refuse the file is raised."""
+        self._object(root_address(self.content), "", 0)
+        for name, address in self.dimensions:
+            if self.known.get(address) is not True:
+                raise RefusedContentError(f"its variable {name} has dimensions that are none")
+
+    def _object(self, address: int, path: str, depth: int) -> None:
+        if address in self.known:
+            raise RefusedContentError(f"it has {path or '/'} under two names")
+        try:
+            messages = list(read_messages(self.content, address))
+        except RefusedContentError as error:
+            raise error.within(f"its {path or '/'} ") from None
+        kinds = {message.kind for message in messages}
+        if MessageKind.EXTERNAL_FILES in kinds:
+            raise RefusedContentError(f"its variable {path} refers to another file")
+        is_variable, is_group = kinds >= VARIABLE_MESSAGES, not _LINKS.isdisjoint(kinds)
+        if not is_group and kinds & VARIABLE_MESSAGES == {MessageKind.DATATYPE}:
+            raise RefusedContentError(f"its {path} is a data type of its own", STORE_NUMBERS)
+        if is_variable == is_group or (is_group and kinds & VARIABLE_MESSAGES):
+            raise RefusedContentError(f"it has {path or '/'}, neither group nor variable")
+        self.known[address] = is_variable
+        if is_variable:
+            self._variable(messages, path)
+        else:
+            self._group(messages, path, depth)
+
+    def _group(self, messages: list[Message], path: str, depth: int) -> None:
+        self.groups += 1
+        check_count(self.groups, self.limits.groups, "groups")
+        if depth > self.limits.depth:
+            raise RefusedContentError(f"it has groups more than {self.limits.depth} deep")
+        self._attributes(messages, path or "/", 0)
+        links: dict[str, int] = {}
+        for place in self._parts(messages, MessageKind.LINK, MessageKind.LINK_INFO):
+            name, address = read_link(self.content, place)
+            if links.setdefault(name, address) != address:
+                raise RefusedContentError(f"it has two objects by the name {path}/{name}")
+            check_count(len(links), self.limits.links, "objects in one group")
+        for name, address in links.items():
+            self._object(address, f"{path}/{name}", depth + 1)
+        in_group = sum(self.known[each] for each in links.values())
+        check_count(in_group, self.limits.in_group, "variables in one group")
+
+    def _variable(self, messages: list[Message], path: str) -> None:
+        self.variables += 1
+        check_count(self.variables, self.limits.variables, "variables")
+        variable = read_variable(self.content, messages, path)
+        self._use(variable, path)
+        for attribute in self._attributes(messages, path, len(variable.extent)):
+            if attribute.name == "DIMENSION_LIST":
+                found = self.heap.object_references(attribute.address, attribute.size)
+                self.dimensions.extend((path, address) for address in found)
+
+    def _attributes(self, messages: list[Message], path: str, rank: int) -> list[Attribute]:
+        """Return the attributes of an object after a check of each."""
+        found = []
+        try:
+            for place in self._parts(messages, MessageKind.ATTRIBUTE, MessageKind.ATTRIBUTE_INFO):
+                attribute = read_attribute(self.content, place)
+                check_attribute(attribute, rank, self.heap)
+                found.append(attribute)
+                check_count(len(found), self.limits.attributes, "attributes of one object")
+        except RefusedContentError as error:
+            raise error.within(after=f", at {path}") from None
+        return found
+
+    def _parts(self, messages: list[Message], kind: int, info: int) -> Iterator[int]:
+        """Yield where links or attributes begin, in the object header and in its heap."""
+        # Before the addresses stands the number of the last part, in two widths.
+        width = 8 if info == MessageKind.LINK_INFO else 2
+        seen = set()
+        for message in messages:
+            if message.kind == kind:
+                yield message.start
+            elif message.kind == info:
+                flags = self.content[message.start + 1]
+                at = message.start + 2 + width * (flags & 0x01)
+                heap, *trees = (
+                    uint(self.content, at + 8 * each, 8) for each in range(2 + bool(flags & 0x02))
+                )
+                for place in heap_objects(self.content, heap, tuple(trees)):
+                    if place not in seen:
+                        seen.add(place)
+                        yield place
+
+    def _use(self, variable: StoredVariable, path: str) -> None:
+        """Count the memory that the values of a variable take."""
+        self.memory += variable.memory
+        for address, count in variable.texts:
+            self.heap.count_texts(address, count)
+        most = self.limits.most_memory(self.content)
+        if self.memory + self.heap.text_bytes > most:
+            raise RefusedContentError(
+                f"with its variable {path} it takes over {most / 1e6:.0f} MB of memory, "
+                f"and has {len(self.content) / 1e6:.1f} MB itself"
+            )

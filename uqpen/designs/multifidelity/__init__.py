@@ -1,1 +1,0 @@
-"""Multifidelity designs: a dear model at few points, and its cheap stand-ins at many."""

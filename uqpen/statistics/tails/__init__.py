@@ -1,1 +1,0 @@
-"""Fitted tails of an output: generalised Pareto distributions beyond a threshold."""
