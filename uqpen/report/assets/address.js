@@ -82,5 +82,8 @@ window.addEventListener("hashchange", readAddress);
 document.addEventListener("click", (event) => {
   const link = event.target.closest("a[href^='#']");
   const target = link && document.getElementById(decoded(link.hash.slice(1)));
-  if (target) unfold(target);
+  if (!target) return;
+  // The address of the link comes after this event, and an earlier place must not replace it.
+  clearTimeout(writing);
+  unfold(target);
 });
