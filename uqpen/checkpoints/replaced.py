@@ -30,7 +30,7 @@ from uqpen.study.document import parse_document
 from uqpen.study.fingerprint import POINT_TABLES
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
-from uqpen.surrogates.refinement.refined_design import RefinedDesign
+from uqpen.surrogates.refinement import RefinedDesign
 
 __all__ = ["lacks_runs", "runs_not_kept", "unusable_runs"]
 
