@@ -24,17 +24,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from distributed import Client
-from reduced_blocks import DESIGN, Reduction, collect, reduce, some_values
+from reduced_blocks import DESIGN, Reduction, collect, merge, reduce, some_values
 from two_workers import processor_time, two_workers
 
 import uqpen
+from uqpen.core.arrays import FloatArray
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
 from uqpen.execution.cluster import cluster
 from uqpen.statistics import ANALYSES
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample
-from uqpen.statistics.by_blocks.cells import CellCounts, Splitters
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.load import load_study
 from uqpen.study.study import ONLY_MODEL
@@ -82,7 +82,7 @@ class Reducer:
                 }
                 for quantity in self._quantities
             }
-            if not any(cells.asked for cells in self._cells.values()):
+            if not any(each.asked for each in self._columns.values()):
                 return found
             self._collect()
 
@@ -92,31 +92,21 @@ class Reducer:
         return study.model_quantities(study.models[ONLY_MODEL].model)
 
     @cached_property
-    def _splitters(self) -> dict[str, Splitters]:
+    def _splitters(self) -> dict[str, FloatArray]:
         return some_values(self._study, _SPLITTERS)
 
     @cached_property
-    def _reductions(self) -> dict[str, Reduction]:
+    def _columns(self) -> Reduction:
         """All runs in short, by output; tasks are merged in their order."""
         first, *others = self._on_workers(reduce)
         for other in others:
-            first = {name: own.merge(other[name]) for name, own in first.items()}
+            first = {name: merge(own, other[name]) for name, own in first.items()}
         return first
 
-    @cached_property
-    def _cells(self) -> dict[str, CellCounts]:
-        return {
-            name: CellCounts(self._splitters[name], own.counts[np.newaxis])
-            for name, own in self._reductions.items()
-        }
-
     def _sample(self, quantity: QuantityOfInterest) -> BlockedSample:
-        name = quantity.output.name
         return BlockedSample.of_first(
             1,
-            self._cells[name],
-            self._reductions[name].powers,
-            self._reductions[name].missing,
+            self._columns[quantity.output.name],
             Sampling.INDEPENDENT,
             is_replicated=False,
             level=quantity.confidence_level,
@@ -124,13 +114,10 @@ class Reducer:
 
     def _collect(self) -> None:
         """Make the values known that were asked for: workers draw and run all blocks again."""
-        asked = {name: set(cells.asked) for name, cells in self._cells.items() if cells.asked}
+        asked = {name: set(each.asked) for name, each in self._columns.items() if each.asked}
         parts = list(self._on_workers(collect, asked))
         for name in asked:
-            cells, collector = self._cells[name], self._cells[name].collector()
-            values = np.concatenate([part[name] for part in parts])
-            collector.add(0, values, cells.splitters.locate(values))
-            collector.finish()
+            self._columns[name].learn((0, part[name]) for part in parts)
 
     def _on_workers(self, work: Callable[..., Any], *further: Any) -> Iterator[Any]:
         """Yield the results of all tasks in their order."""
