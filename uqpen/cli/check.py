@@ -77,7 +77,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
 
 def _placeholders(study: ValidatedStudy) -> str:
     """Return the number of lines that `uqpen init` has left to its reader; empty for none."""
-    from uqpen.study.new_study.draft import FILL_IN
+    from uqpen.study.new_study import FILL_IN
 
     count = sum(f"# {FILL_IN}:" in line for line in study.text.splitlines())
     lines = "1 line is" if count == 1 else f"{count} lines are"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import xarray as xr
 
@@ -13,6 +14,7 @@ from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
     CITED,
+    COST_SPENT,
     DIFFERENCES,
     LARGEST_CONTRIBUTION,
     MODEL_FORM,
@@ -27,8 +29,10 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
+from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.designs.design import Design
+from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs
 from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
@@ -41,20 +45,117 @@ from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
+from uqpen.study.identity import model_identity
 from uqpen.study.study import ValidatedStudy, Variant
-from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
-from uqpen.workflow.root_attributes import model_identity
-from uqpen.workflow.source import Groups, Source
-from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
 
 __all__ = [
+    "AnalysisSteps",
+    "Groups",
+    "Source",
+    "cost_attributes",
     "difference_groups",
     "failure_statistics",
     "joint_statistics",
     "model_form_groups",
     "model_groups",
+    "use_stand_ins",
 ]
+
+# Its fit, and its estimates.
+_STEPS_OF_A_SURROGATE = 2
+
+
+class AnalysisSteps:
+    """Numbered steps of the analysis of a study.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study whose runs are analysed.
+    progress : Progress
+        Receives a report at the start of each step.
+    """
+
+    def __init__(self, study: ValidatedStudy, progress: Progress) -> None:
+        models, designs = len(study.models), len(study.designs)
+        of_a_model = designs + _STEPS_OF_A_SURROGATE * len(study.surrogates) + 1
+        self._total = models * of_a_model + (models - 1)
+        self._progress = progress
+        self._number = 0
+        self._has_several_models = study.has_several_models
+
+    def start(self, name: str, model: str = "") -> None:
+        """Report the start of a step, of one model where there are several."""
+        self._number += 1
+        of = f" of {model}" if model and self._has_several_models else ""
+        self._progress.start_step(f"{name}{of}", self._number, self._total)
+
+
+Groups = Iterator[tuple[str, xr.Dataset]]
+
+
+class Source(NamedTuple):
+    """A design or a surrogate: attributes of its group, and its estimate arrays by output."""
+
+    attributes: dict[str, str | int | float]
+    outputs: Mapping[str, OutputStatistics]
+
+    def groups(self, path: str, shown: Mapping[str, Mapping[str, str]]) -> Groups:
+        """Yield its groups of an archive, below a path, with how each output is shown."""
+        yield path, xr.Dataset(attrs=self.attributes)
+        for output, statistics in self.outputs.items():
+            if statistics:
+                yield f"{path}/{output}", pack(statistics).assign_attrs(shown.get(output, {}))
+
+
+def use_stand_ins(
+    study: ValidatedStudy,
+    model: str,
+    design: str,
+    runs: Mapping[str, Runs],
+    found: dict[str, OutputStatistics],
+) -> dict[str, OutputStatistics]:
+    """Return the statistics of a model, of the first those with stand-ins where there are any.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    model, design : str
+        The names of a model and of a design.
+    runs : mapping of str to dict of str to Dataset
+        All runs, by model and design.
+    found : mapping of str to dict of str to DataArray
+        By output, estimate arrays from the model's own runs.
+    """
+    family = {name: runs[name][design] for name in study.family_costs}
+    if model != next(iter(family)) or len(family) < 2:
+        return found
+    from uqpen.statistics.control_variates import (
+        control_variate_statistics,
+    )
+
+    with one_blas_thread():
+        return {
+            name: found[name] | control_variate_statistics(family, quantity, found[name])
+            for quantity in study.quantities_of_interest
+            if (name := quantity.output.name)
+        }
+
+
+def cost_attributes(
+    study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
+) -> dict[str, float]:
+    """Return the cost of a design's runs by all models, in runs of the first, for its statistics.
+
+    It is known where all models of the study stand for the first. For others it is empty.
+    """
+    costs = study.family_costs
+    if model not in costs or costs[model] < 1 or not 1 < len(costs) == len(study.models):
+        return {}
+    spent = sum(cost * runs[name][design].sizes[RUN] for name, cost in costs.items())
+    return {COST_SPENT: float(spent)}
 
 
 def model_groups(

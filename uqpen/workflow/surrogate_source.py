@@ -23,9 +23,8 @@ from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
-from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
-from uqpen.workflow.source import Source
+from uqpen.workflow.model_groups import AnalysisSteps, Source
 
 __all__ = ["RECIPE", "surrogate_source"]
 
