@@ -43,7 +43,7 @@ from uqpen.distributions.measurements import (
 from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import Normal
 from uqpen.models.data.data_model import DataModel
-from uqpen.study.joint_section import Groups
+from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
 from uqpen.study.user_defined_members import (
     DISTRIBUTION,
@@ -57,7 +57,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MEASURED",
-    "Inputs",
     "read_constraints",
     "read_frozen",
     "read_inputs",
@@ -285,17 +284,6 @@ Entry = FixedInput | RandomInput
 _FAMILIES = (*DISTRIBUTIONS, MEASURED, *LIBRARIES)
 
 _LIMITS = {"lower": "at least", "upper": "at most"}
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """The joint distribution of the inputs without a mistake, and the names of the others.
-
-    The mistakes of the others are noted, and nothing more is said of them.
-    """
-
-    joint: JointDistribution
-    unclear: frozenset[str] = frozenset()
 
 
 def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups) -> Inputs:

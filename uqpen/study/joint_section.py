@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,17 +32,26 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
 
-if TYPE_CHECKING:
-    from uqpen.study.inputs_section import Inputs
-
 __all__ = [
     "Groups",
+    "Inputs",
     "read_dependence",
     "read_groups",
 ]
 
 _KINDS = ("sample", "chaospy", OBJECT)
 _SAMPLE = 'a CSV or NetCDF file beside the study, with a column such as "x [cm]" for each input'
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The joint distribution of the inputs without a mistake, and the names of the others.
+
+    The mistakes of the others are noted, and nothing more is said of them.
+    """
+
+    joint: JointDistribution
+    unclear: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

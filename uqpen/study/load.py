@@ -41,8 +41,8 @@ from uqpen.study.designs_section import (
     read_designs,
 )
 from uqpen.study.document import Document, Objects, parse_document, read_document
-from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
-from uqpen.study.joint_section import read_dependence, read_groups
+from uqpen.study.inputs_section import read_constraints, read_inputs
+from uqpen.study.joint_section import Inputs, read_dependence, read_groups
 from uqpen.study.model_section import check_stand_ins, check_variants, read_models
 from uqpen.study.outputs_section import derive_outputs, read_analyses
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
