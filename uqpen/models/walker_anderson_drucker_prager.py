@@ -20,7 +20,9 @@ from scipy import special
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Input, Results
-from uqpen.models.walker_anderson import WalkerAnderson
+from uqpen.core.settings import number, validate
+from uqpen.models.rod_and_target import RodModel
+from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,7 +55,7 @@ _OWN = tuple(each.name for each in _TARGET)
 
 
 @dataclass(frozen=True)
-class WalkerAndersonDruckerPrager(WalkerAnderson):
+class WalkerAndersonDruckerPrager(RodModel):
     """An eroding rod in a target whose yield limit rises with pressure to a plateau.
 
     The limit is `zero_pressure_yield_limit` plus `yield_limit_slope` times the pressure, and at
@@ -72,9 +74,14 @@ class WalkerAndersonDruckerPrager(WalkerAnderson):
     Bishop, R. F., Hill, R. & Mott, N. F. (1945). Proc. Phys. Soc. 57, 147-159.
     """
 
+    tolerance: float = number(above=0, below=1e-2, default=DEFAULT_TOLERANCE)
+
     name = "walker-anderson-drucker-prager"
-    inputs = (*WalkerAnderson.inputs, *_TARGET)
-    alternatives = (*WalkerAnderson.alternatives, ("target_shear_modulus", "plasticity_radius"))
+    inputs = (*RodModel.inputs, *_TARGET)
+    alternatives = (*RodModel.alternatives, ("target_shear_modulus", "plasticity_radius"))
+
+    def __post_init__(self) -> None:
+        validate(self)
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         lowest = inputs["zero_pressure_yield_limit"]
@@ -85,14 +92,18 @@ class WalkerAndersonDruckerPrager(WalkerAnderson):
             yield is_elastic, "zero_pressure_yield_limit < 6 target_shear_modulus"
         yield from super().conditions(_constant_target(inputs))
 
+    def prepare(self) -> None:
+        WalkerAnderson().prepare()
+
     def evaluate(self, inputs: Arrays) -> Results:
-        return super().evaluate(_constant_target(inputs))
+        return WalkerAnderson(self.tolerance).evaluate(_constant_target(inputs))
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
         """The course of one run against depth, as that of `walker-anderson`."""
         arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
         target = _constant_target(arrays)
-        return super().trajectory({name: value.item() for name, value in target.items()})
+        one = {name: value.item() for name, value in target.items()}
+        return WalkerAnderson(self.tolerance).trajectory(one)
 
 
 def _constant_target(inputs: Arrays) -> Arrays:
