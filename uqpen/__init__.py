@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from uqpen.study.python_model import PythonModel as PythonModel
     from uqpen.study.python_study import Study as Study
     from uqpen.study.python_study import load_study as load_study
-    from uqpen.surrogates.active_learning.active_learning import ActiveLearning as ActiveLearning
+    from uqpen.surrogates.active_learning import ActiveLearning as ActiveLearning
     from uqpen.surrogates.archived_surrogate import ExtrapolationWarning as ExtrapolationWarning
     from uqpen.surrogates.archived_surrogate import RefutationWarning as RefutationWarning
     from uqpen.surrogates.best_surrogate import BestSurrogate as BestSurrogate

@@ -28,7 +28,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number, percent_text
 from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
-from uqpen.surrogates.storage import refuted_outputs
+from uqpen.surrogates.diagnostics import refuted_outputs
 
 __all__ = ["alerts"]
 

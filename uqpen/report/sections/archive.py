@@ -46,7 +46,7 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
-from uqpen.surrogates.storage import unfitted_outputs
+from uqpen.surrogates.diagnostics import unfitted_outputs
 
 __all__ = ["archive", "archive_notes"]
 
