@@ -31,7 +31,7 @@ from uqpen.statistics.surrogate.correction.correction_evidence import correction
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.load import load_study
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.cross_fitting import cross_fit
+from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 
 STUDY = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")

@@ -43,7 +43,7 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.distributions.univariate import Normal
 from uqpen.execution import join_rounds
 from uqpen.statistics.joint_probability import joint_probabilities
-from uqpen.surrogates.active_learning.active_learning import ActiveLearning
+from uqpen.surrogates.active_learning import ActiveLearning
 
 FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"

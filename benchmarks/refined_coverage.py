@@ -37,10 +37,8 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.surrogates.cross_fitting import CrossFit
-from uqpen.surrogates.refinement.placement import place
-from uqpen.surrogates.refinement.predicted_errors import predicted_errors
-from uqpen.surrogates.refinement.refinement import RefinedOutput
+from uqpen.surrogates.fitting import CrossFit
+from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

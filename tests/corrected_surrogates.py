@@ -14,7 +14,7 @@ from uqpen.statistics.surrogate.correction.correction_evidence import correction
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.cross_fitting import cross_fit
+from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.surrogate import Surrogate
 
 STREAM = Stream(1, "surrogates", "pce")

@@ -34,8 +34,8 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.fitted_surrogate import Prediction
-from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
+from uqpen.surrogates.separate_fits import OutputFit
 from uqpen.testing import (
     check_design,
     check_distribution,

@@ -58,15 +58,15 @@ if TYPE_CHECKING:
     from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
     from uqpen.models.ishigami import Ishigami as Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
-    from uqpen.models.rigid_penetration_trajectory import (
+    from uqpen.models.rod_trajectories import (
         RigidPenetrationTrajectory as RigidPenetrationTrajectory,
+    )
+    from uqpen.models.rod_trajectories import (
+        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
     )
     from uqpen.models.walker_anderson import WalkerAnderson as WalkerAnderson
     from uqpen.models.walker_anderson_drucker_prager import (
         WalkerAndersonDruckerPrager as WalkerAndersonDruckerPrager,
-    )
-    from uqpen.models.walker_anderson_trajectory import (
-        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
     )
     from uqpen.report.page import write_report as write_report
     from uqpen.results.archive import Archive as Archive
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from uqpen.study.python_model import PythonModel as PythonModel
     from uqpen.study.python_study import Study as Study
     from uqpen.study.python_study import load_study as load_study
-    from uqpen.surrogates.active_learning.active_learning import ActiveLearning as ActiveLearning
+    from uqpen.surrogates.active_learning import ActiveLearning as ActiveLearning
     from uqpen.surrogates.archived_surrogate import ExtrapolationWarning as ExtrapolationWarning
     from uqpen.surrogates.archived_surrogate import RefutationWarning as RefutationWarning
     from uqpen.surrogates.best_surrogate import BestSurrogate as BestSurrogate

@@ -18,7 +18,7 @@ from uqpen.statistics.surrogate.correction.correction_evidence import correction
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.cross_fitting import cross_fit
+from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 
 MakeStudy = Callable[..., ValidatedStudy]

@@ -263,7 +263,7 @@ from dataclasses import dataclass
 import numpy as np
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.diagnostics import Diagnostic
-from uqpen.surrogates.output_fit import OutputFit
+from uqpen.surrogates.separate_fits import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.surrogates.fitted_surrogate import Prediction
-from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
+from uqpen.surrogates.separate_fits import OutputFit
 
 
 def bend(load, span, height):  # type: ignore[no-untyped-def]

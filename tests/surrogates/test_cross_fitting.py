@@ -17,7 +17,7 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.execution import Evaluator, evaluate
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.cross_fitting import FOLDS, CrossFit, cross_fit
+from uqpen.surrogates.fitting import FOLDS, CrossFit, cross_fit
 
 STREAM = Stream(1, "surrogates", "pce")
 PCE = PolynomialChaos(design="training", order=2)

@@ -35,15 +35,14 @@ from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.best_surrogate import FixedChoice
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.field_fit import score_name
+from uqpen.surrogates.field_fit import PrincipalComponents, score_name
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
-from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
-from uqpen.surrogates.principal_components import PrincipalComponents
+from uqpen.surrogates.separate_fits import OutputFit
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.verification.check_result import CheckOutcome
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uqpen.surrogates.refinement.placement import place
-from uqpen.surrogates.refinement.predicted_errors import PredictedError
+from uqpen.surrogates.refinement import PredictedError, place
 
 POINTS, EACH = 4000, 16
 

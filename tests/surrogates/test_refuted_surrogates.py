@@ -23,10 +23,10 @@ from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.fitted_surrogate import Prediction
-from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
-from uqpen.surrogates.storage import refuted_outputs
+from uqpen.surrogates.separate_fits import OutputFit
 
 pytestmark = pytest.mark.slow
 

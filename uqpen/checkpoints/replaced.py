@@ -12,8 +12,13 @@ import xarray as xr
 from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.identity import compare_models
-from uqpen.checkpoints.reuse import PointIndex, RunFinder, first_points
-from uqpen.checkpoints.sources import input_columns, unused_designs
+from uqpen.checkpoints.sources import (
+    PointIndex,
+    RunFinder,
+    first_points,
+    input_columns,
+    unused_designs,
+)
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, RUNS, STATUS
@@ -25,7 +30,7 @@ from uqpen.study.document import parse_document
 from uqpen.study.fingerprint import POINT_TABLES
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
-from uqpen.surrogates.refinement.refined_design import RefinedDesign
+from uqpen.surrogates.refinement import RefinedDesign
 
 __all__ = ["lacks_runs", "runs_not_kept", "unusable_runs"]
 

@@ -196,7 +196,7 @@ def _archive_offers(
     from uqpen.core.labels import SURROGATES
     from uqpen.core.lookup import choices
     from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
-    from uqpen.surrogates.storage import refuted_outputs
+    from uqpen.surrogates.diagnostics import refuted_outputs
     from uqpen.verification.archived_study import restored_study
 
     tree = open_archive(path)

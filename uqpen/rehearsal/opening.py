@@ -16,7 +16,7 @@ from uqpen.rehearsal.rehearsed_study import RehearsedStudy
 from uqpen.study.load import load_study
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
-from uqpen.surrogates.storage import refuted_outputs
+from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.verification.archived_study import restored_study
 
 __all__ = ["open_rehearsed"]

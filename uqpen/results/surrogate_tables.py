@@ -37,9 +37,15 @@ from uqpen.results.table import (
     label_with_unit,
     shown_unit,
 )
-from uqpen.surrogates.diagnostics import DIAGNOSTICS, shown_diagnostics, shown_titles
+from uqpen.surrogates.diagnostics import (
+    DIAGNOSTICS,
+    FIELD,
+    refuted_outputs,
+    shown_diagnostics,
+    shown_titles,
+    unfitted_outputs,
+)
 from uqpen.surrogates.field_fit import FIT_TEXT
-from uqpen.surrogates.storage import FIELD, refuted_outputs, unfitted_outputs
 
 __all__ = [
     "FITTED",

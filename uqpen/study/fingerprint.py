@@ -18,7 +18,7 @@ from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import referenced_members
-from uqpen.surrogates.refinement.refined_design import RefinedDesign
+from uqpen.surrogates.refinement import RefinedDesign
 
 __all__ = [
     "POINT_TABLES",

@@ -17,7 +17,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.refinement.refined_design import RefinedDesign
+from uqpen.surrogates.refinement import RefinedDesign
 
 __all__ = [
     "constraint_lines",

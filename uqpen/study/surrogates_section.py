@@ -19,10 +19,14 @@ from uqpen.study.study import SurrogateOrigin, Variant
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.study.user_defined_members import SURROGATE, installed_names, is_reference, read_member
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.refinement.refined_design import RefinedDesign, RefinedModel
-from uqpen.surrogates.refinement.refinement import FOR_PROBABILITIES, RefinedOutput, Refinement
-from uqpen.surrogates.surrogate import Surrogate
-from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
+from uqpen.surrogates.refinement import (
+    FOR_PROBABILITIES,
+    RefinedDesign,
+    RefinedModel,
+    RefinedOutput,
+    Refinement,
+)
+from uqpen.surrogates.surrogate import Surrogate, UnloadedSurrogate
 
 __all__ = ["check_surrogates", "read_surrogates", "refined_designs"]
 

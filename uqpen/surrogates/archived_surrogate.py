@@ -22,9 +22,9 @@ from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
 from uqpen.core.units import are_convertible, describe, scale
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
+from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
-from uqpen.surrogates.storage import refuted_outputs
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = [

@@ -21,13 +21,13 @@ from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.cross_fitting import CrossFit, cross_fit
 from uqpen.surrogates.diagnostics import (
     DIAGNOSTICS,
     Diagnostic,
     diagnostics_dataset,
     quality_text,
     shown_diagnostics,
+    unfitted_outputs,
 )
 from uqpen.surrogates.field_fit import FIT_TEXT
 from uqpen.surrogates.fitted_surrogate import (
@@ -36,12 +36,10 @@ from uqpen.surrogates.fitted_surrogate import (
     InputShares,
     Prediction,
 )
+from uqpen.surrogates.fitting import CrossFit, cross_fit
 from uqpen.surrogates.output_surrogate import training_record
-from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS, components_setting
-from uqpen.surrogates.storage import unfitted_outputs
-from uqpen.surrogates.surrogate import Surrogate
-from uqpen.surrogates.training import TrainingRuns, known_inputs
-from uqpen.surrogates.training_record import TrainingRecord
+from uqpen.surrogates.surrogate import DEFAULT_COMPONENTS, Surrogate, components_setting
+from uqpen.surrogates.training import TrainingRecord, TrainingRuns, known_inputs
 
 __all__ = ["BestSurrogate", "ChosenSurrogates", "FixedChoice", "ModelRace"]
 

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
+import numpy as np
 
-from uqpen.core.labels import NAME
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import NAME, NOT_FITTED, REFUTED
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.core.variables import Variable
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = [
     "DIAGNOSTICS",
+    "FIELD",
     "Diagnostic",
+    "describe",
+    "description",
     "diagnostics_dataset",
+    "predictive_q2",
     "quality_text",
+    "refuted_outputs",
     "shown_diagnostics",
     "shown_titles",
+    "unfitted_outputs",
 ]
 
 # The group with the diagnostics of the fit to an output, in the group of that output.
@@ -86,6 +98,8 @@ def quality_text(q2: float) -> str:
 
 def diagnostics_dataset(diagnostics: Iterable[Diagnostic]) -> xr.Dataset:
     """Return diagnostics as the group of an archive: variables without dimensions."""
+    import xarray as xr
+
     return xr.Dataset(
         {
             each.name: ((), float(each.value), {"units": each.units, "long_name": each.title})
@@ -119,3 +133,62 @@ def shown_titles(fits: Iterable[xr.DataTree]) -> list[str]:
     """
     titles = [each.title for fit in fits for each in shown_diagnostics(fit)]
     return list(dict.fromkeys(titles)) or list(_TITLES_OF_ATTRIBUTES.values())
+
+
+# Errors of predictions at runs that a surrogate was not fitted to.
+
+
+def predictive_q2(found: FloatArray, truth: FloatArray, weights: FloatArray | None = None) -> float:
+    """Return one minus the mean square error over the variance; NaN if a value is not finite.
+
+    Weights of runs are on average 1; without them, all are 1.
+    """
+    if len(truth) < 2:
+        return math.nan
+    with np.errstate(all="ignore"):
+        if weights is None:
+            error, variance = np.mean((found - truth) ** 2), np.var(truth, ddof=1)
+        else:
+            mean = np.average(truth, weights=weights)
+            error, variance = (
+                np.average((each - truth) ** 2, weights=weights) for each in (found, mean)
+            )
+        q2 = 1 - float(error / variance)
+    return q2 if math.isfinite(q2) else math.nan
+
+
+# Texts in the groups of a fitted surrogate: descriptions, and reasons why there is no fit.
+
+# What distinguishes an attribute that is a part of a fit from others of its group.
+FIELD = "field_"
+
+
+def describe(variable: Variable, prefix: str = "") -> dict[str, str]:
+    """Return unit, display unit and title of a variable as attributes."""
+    return {f"{prefix}{key}": text for key, text in variable.attributes.items()}
+
+
+def description(attributes: Mapping[Any, Any], prefix: str = "") -> tuple[str, str, str]:
+    """Return unit, title and display unit of a variable from its attributes."""
+    unit, title, shown = (
+        str(attributes[f"{prefix}{key}"]) for key in ("units", "long_name", "display_units")
+    )
+    return unit, title, shown
+
+
+def unfitted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
+    """Return the outputs that a surrogate could not be fitted to, each with the reason."""
+    return _reasons(surrogate, NOT_FITTED)
+
+
+def refuted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
+    """Return the outputs of a surrogate that runs refute, each with the reason."""
+    return _reasons(surrogate, REFUTED)
+
+
+def _reasons(surrogate: xr.DataTree, attribute: str) -> dict[str, str]:
+    return {
+        str(output): str(group.attrs[attribute])
+        for output, group in surrogate.children.items()
+        if attribute in group.attrs
+    }

@@ -16,13 +16,13 @@ from uqpen.core.model import Input, Model, Output, Results
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, shown_diagnostics
 from uqpen.surrogates.field_fit import (
     FieldFit,
+    PrincipalComponents,
     ScoreModel,
     field_components,
     score_name,
     scored_runs,
 )
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
-from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["FieldSurrogate", "fit_fields", "has_fields"]

@@ -27,9 +27,8 @@ from uqpen.surrogates.gaussian_process_fit import (
     trend_terms,
 )
 from uqpen.surrogates.output_surrogate import fit_separately
-from uqpen.surrogates.principal_components import components_setting
 from uqpen.surrogates.separate_fits import SeparateFits
-from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.surrogate import Surrogate, components_setting
 from uqpen.surrogates.training import logarithm_problem
 
 if TYPE_CHECKING:

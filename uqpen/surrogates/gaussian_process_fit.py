@@ -15,7 +15,7 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.distributions.distribution import Distribution
 from uqpen.surrogates.diagnostics import Diagnostic
 from uqpen.surrogates.fitted_surrogate import Prediction
-from uqpen.surrogates.output_fit import OutputFit
+from uqpen.surrogates.separate_fits import OutputFit
 
 __all__ = [
     "FEW_RUNS",

@@ -16,12 +16,9 @@ from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.output_fit import OutputFit
-from uqpen.surrogates.principal_components import components_setting
-from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_output
-from uqpen.surrogates.surrogate import Surrogate
-from uqpen.surrogates.training import TrainingRuns, known_inputs
-from uqpen.surrogates.training_record import TrainingRecord
+from uqpen.surrogates.separate_fits import FittedOutput, OutputFit, SeparateFits, predict_output
+from uqpen.surrogates.surrogate import Surrogate, components_setting
+from uqpen.surrogates.training import TrainingRecord, TrainingRuns, known_inputs
 
 if TYPE_CHECKING:
     import xarray as xr

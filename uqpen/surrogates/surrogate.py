@@ -4,21 +4,36 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from uqpen.core.errors import Problem
+from uqpen.core.errors import ModelError, Problem
 from uqpen.core.model import Model
-from uqpen.core.settings import validate
+from uqpen.core.settings import setting, validate
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
-from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Surrogate"]
+__all__ = ["DEFAULT_COMPONENTS", "Surrogate", "UnloadedSurrogate", "components_setting"]
+
+# The truncation then leaves at most 1 % of the standard deviation.
+DEFAULT_COMPONENTS = 0.9999
+
+
+def components_setting() -> Any:
+    """Declare how many components to keep: a share of the variance, or their number."""
+    expected = "a share of the variance between 0 and 1, or a whole number of components"
+
+    def accepts(value: Any) -> bool:
+        if isinstance(value, float):
+            return 0 < value < 1
+        return isinstance(value, int) and not isinstance(value, bool) and value >= 1
+
+    return setting("components", expected, accepts, default=DEFAULT_COMPONENTS)
 
 
 class Surrogate(ABC):
@@ -108,3 +123,46 @@ class Surrogate(ABC):
         original : Model or None
             The original model, if it is known.
         """
+
+
+# Stand-in for a user-defined surrogate whose code is not executed.
+
+
+@dataclass(frozen=True)
+class UnloadedSurrogate(Surrogate):
+    """Surrogate known by its name only: a reference, or an object of a program.
+
+    Parameters
+    ----------
+    name : str
+        The reference or the object that the study names.
+    design : str
+        The design whose runs it was fitted to; empty if the study does not name it.
+    check : str, optional
+        A design whose runs show how good it is.
+    is_object : bool
+        Whether it is an object of a program.
+    """
+
+    name: str
+    design: str = ""
+    check: str | None = None
+    is_object: bool = False
+
+    @property
+    def absence(self) -> str:
+        """Reason why it cannot be fitted here."""
+        if self.is_object:
+            return f"{self.name} is an object of the Python program that made the archive"
+        return f"it follows from code that the archive names ({self.name})"
+
+    def fit(
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
+    ) -> NoReturn:
+        """Refuse to fit."""
+        raise ModelError(f"{self.name} is not loaded: it fits nothing without --trust")
+
+    @classmethod
+    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> NoReturn:
+        """Refuse to restore a surrogate."""
+        raise ModelError(f"{name} is not loaded: it predicts nothing without --trust")

@@ -32,7 +32,7 @@ from uqpen.core.labels import (
 )
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
+from uqpen.surrogates.surrogate import UnloadedSurrogate
 from uqpen.verification.archived_study import Runs, archived_runs, named_code
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.workflow import surrogate_source

@@ -21,8 +21,7 @@ from uqpen.statistics.surrogate.refutation import (
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.cross_fitting import cross_fit
-from uqpen.surrogates.fitting import fit_surrogate, is_built_in
+from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs

@@ -62,7 +62,7 @@ RARE_EVENT_METHODS = {
         "uqpen.statistics.event_sensitivity.subset_sensitivity:SubsetScores.of",
     ),
     "active-learning": RareEventMethod(
-        "uqpen.surrogates.active_learning.active_learning:ActiveLearning",
+        "uqpen.surrogates.active_learning:ActiveLearning",
         (
             REPLICATE,
             CORRECTION_WEIGHT,

@@ -33,10 +33,9 @@ from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.surrogate.correction.correction_runs import FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.surrogates.cross_fitting import CrossFit
-from uqpen.surrogates.diagnostics import shown_diagnostics
+from uqpen.surrogates.diagnostics import predictive_q2, shown_diagnostics
 from uqpen.surrogates.field_surrogate import FieldSurrogate
-from uqpen.surrogates.prediction_error import predictive_q2
+from uqpen.surrogates.fitting import CrossFit
 
 __all__ = ["LEAST_Q2", "contradiction", "missing_estimates", "refutations", "without_numbers"]
 

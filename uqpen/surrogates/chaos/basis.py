@@ -14,7 +14,7 @@ from uqpen.core.model import Input
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.surrogates.storage import describe
+from uqpen.surrogates.diagnostics import describe
 
 if TYPE_CHECKING:
     import xarray as xr

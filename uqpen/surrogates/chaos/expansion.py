@@ -18,14 +18,13 @@ from uqpen.core.labels import INPUT, NOT_FITTED, ROLE
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.surrogates.chaos.basis import NestedSums, ProductBasis, UnivariateBasis, nested_sums
+from uqpen.surrogates.diagnostics import describe, description, predictive_q2, unfitted_outputs
 from uqpen.surrogates.fitted_surrogate import (
     ClosedForms,
     FittedSurrogate,
     InputShares,
     Prediction,
 )
-from uqpen.surrogates.prediction_error import predictive_q2
-from uqpen.surrogates.storage import describe, description, unfitted_outputs
 
 if TYPE_CHECKING:
     import xarray as xr

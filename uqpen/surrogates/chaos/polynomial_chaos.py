@@ -33,8 +33,7 @@ from uqpen.surrogates.chaos.term_selection import (
     regression_terms,
 )
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
-from uqpen.surrogates.principal_components import components_setting
-from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.surrogate import Surrogate, components_setting
 from uqpen.surrogates.training import TrainingRuns, known_inputs, logarithm_problem
 
 if TYPE_CHECKING:

@@ -31,9 +31,9 @@ from uqpen.statistics.surrogate.correction.corrected_indices import (
 )
 from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns, FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.surrogates.cross_fitting import CrossFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import ClosedForms
+from uqpen.surrogates.fitting import CrossFit
 
 __all__ = ["CorrectionEvidence", "Indexed", "correction_evidence"]
 

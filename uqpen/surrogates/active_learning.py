@@ -26,7 +26,7 @@ from uqpen.designs.rare_events.importance_sampling import inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.surrogates.active_learning.learning_points import (
+from uqpen.surrogates.limit_state_surrogate import (
     EXPECTED_FEASIBILITY,
     U_FUNCTION,
     LearningCriterion,

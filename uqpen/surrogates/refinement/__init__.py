@@ -1,1 +1,0 @@
-"""Refinement: further runs of a surrogate's design, placed where they help the surrogate."""
