@@ -21,7 +21,7 @@ from typing import Any
 
 import uqpen
 from uqpen.checkpoints import make_archive, recheck
-from uqpen.checkpoints.reuse import IndexedRuns
+from uqpen.checkpoints.sources import IndexedRuns
 from uqpen.core.progress import Progress
 
 STUDY = """\

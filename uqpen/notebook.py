@@ -22,7 +22,9 @@ _PERIOD = 0.2
 @contextlib.contextmanager
 def notebook_progress() -> Iterator[Progress]:
     """Provide a progress bar in a notebook; elsewhere, progress is not shown."""
-    if not _is_notebook():
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if getattr(shell, "kernel", None) is None:
         yield Progress()
         return
     from IPython.display import display
@@ -32,13 +34,6 @@ def notebook_progress() -> Iterator[Progress]:
         yield bar
     finally:
         bar.finish()
-
-
-def _is_notebook() -> bool:
-    """Check that this process is the kernel of a notebook."""
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython is not None else None
-    return getattr(shell, "kernel", None) is not None
 
 
 class NotebookProgress(ProgressRecord):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.checkpoints.parts import FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.execution import Progress
 from uqpen.execution.batch import Batch, BatchResult

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uqpen.checkpoints.parts import FinishedRuns
 from uqpen.checkpoints.recheck import choose_runs, order_runs
 from uqpen.checkpoints.sources import RunSource
+from uqpen.checkpoints.stored_runs import FinishedRuns
 from uqpen.core.model import Results
 from uqpen.core.status import Status
 from uqpen.models.ishigami import Ishigami

@@ -9,7 +9,7 @@ import pytest
 from study_calls import StudyCalls
 
 import uqpen
-from uqpen.checkpoints.parts import FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.core.model import Results
 from uqpen.execution.batch import BatchResult

@@ -22,7 +22,7 @@ import uqpen
 from uqpen.checkpoints.folder import lock_archive
 from uqpen.checkpoints.identity import encode_fingerprint
 from uqpen.checkpoints.journal import Journal
-from uqpen.checkpoints.parts import DamagedRunsError, FinishedRuns, read_runs, write_runs
+from uqpen.checkpoints.stored_runs import DamagedRunsError, FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
 from uqpen.core.model import Results
 from uqpen.core.progress import ProgressBroadcast

@@ -17,7 +17,7 @@ from uqpen.archive.lazy_variables import is_in_memory
 from uqpen.archive.netcdf import read_groups, write_tree
 from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
-from uqpen.checkpoints.parts import read_runs
+from uqpen.checkpoints.stored_runs import read_runs
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import FAILED_RUN

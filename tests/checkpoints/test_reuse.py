@@ -18,7 +18,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.checkpoints.folder import keep_runs
 from uqpen.checkpoints.journal import are_costly, run_seconds, seconds_at_last_pace
-from uqpen.checkpoints.reuse import BatchIndex, PointIndex
+from uqpen.checkpoints.sources import BatchIndex, PointIndex
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import REUSED_RUNS
 from uqpen.core.status import Status

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.archive import estimates
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics import estimate_vector, ordering, run_samples
+from uqpen.statistics import ordering, run_samples
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
@@ -145,13 +146,13 @@ def test_memory_of_loops_is_fewer_columns() -> None:
 
 def test_growing_parts_make_one_array_of_each_statistic(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Counter[str]()
-    array = estimate_vector.estimate_array
+    array = estimates.estimate_array
 
     def counted(*values: Any, **described: Any) -> xr.DataArray:
         made[described["long_name"]] += 1
         return array(*values, **described)
 
-    monkeypatch.setattr(estimate_vector, "estimate_array", counted)
+    monkeypatch.setattr(estimates, "estimate_array", counted)
     found = analyze(runs_of(700), QUANTITIES[:1], only=["convergence"])["y"]
     assert found["convergence_mean"].sizes["runs_so_far"] > 5
     assert set(made.values()) == {1}

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from uqpen.checkpoints.block_store import BlockStore, block_stores
 from uqpen.checkpoints.identity import (
     Change,
     encode_fingerprint,
@@ -22,11 +21,21 @@ from uqpen.checkpoints.identity import (
     read_fingerprint,
     was_record_of,
 )
-from uqpen.checkpoints.parts import (
+from uqpen.checkpoints.sources import (
+    SET_ASIDE,
+    PointIndex,
+    RunSource,
+    first_points,
+    set_aside_design,
+    set_aside_sources,
+)
+from uqpen.checkpoints.stored_runs import (
     MADE_OF,
+    BlockStore,
     DamagedRunsError,
     FinishedRuns,
     GrowingPart,
+    block_stores,
     covered_count,
     has_runs,
     part_files,
@@ -41,8 +50,6 @@ from uqpen.checkpoints.parts import (
     write_file,
     write_runs,
 )
-from uqpen.checkpoints.reuse import PointIndex, first_points
-from uqpen.checkpoints.sources import SET_ASIDE, RunSource, set_aside_design, set_aside_sources
 from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import join_blocks
 from uqpen.core.errors import ArchiveError, CheckpointError

@@ -16,9 +16,9 @@ from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
 from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.recheck import Recheck, is_as_made, runs_that_are_as_made
 from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
-from uqpen.checkpoints.reuse import RunFinder
 from uqpen.checkpoints.sources import (
     ArchivePlace,
+    RunFinder,
     RunSource,
     open_archives,
     sources_of_archives,

@@ -15,16 +15,19 @@ from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.identity import compared_names, depends_on_batch
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
-from uqpen.checkpoints.parts import FinishedRuns, select_results
-from uqpen.checkpoints.reuse import BY_MACHINE, RunFinder, by_inputs, first_points
 from uqpen.checkpoints.sources import (
+    BY_MACHINE,
     SET_ASIDE,
     ArchivePlace,
     Place,
+    RunFinder,
     RunSource,
     archived_sources,
+    by_inputs,
+    first_points,
     shown_path,
 )
+from uqpen.checkpoints.stored_runs import FinishedRuns, select_results
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS

@@ -12,8 +12,13 @@ import xarray as xr
 from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.identity import compare_models
-from uqpen.checkpoints.reuse import PointIndex, RunFinder, first_points
-from uqpen.checkpoints.sources import input_columns, unused_designs
+from uqpen.checkpoints.sources import (
+    PointIndex,
+    RunFinder,
+    first_points,
+    input_columns,
+    unused_designs,
+)
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, RUNS, STATUS

@@ -41,7 +41,15 @@ def wrapped_message(text: str, stream: TextIO | None = None) -> str:
     stream = stream or sys.stderr
     if not stream.isatty():
         return text
-    width = _terminal_width(stream)
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal():
+        width = int(columns)
+    else:
+        try:
+            width = os.get_terminal_size(stream.fileno()).columns
+        except (OSError, ValueError):
+            width = 0
+    width = max(width or _WIDTH, _LEAST_WIDTH)
     return "\n".join(_wrapped_line(line, width) for line in text.split("\n"))
 
 
@@ -58,18 +66,6 @@ def _wrapped_line(line: str, width: int) -> str:
         replace_whitespace=False,
     )
     return wrapped.replace(_SPACE, " ")
-
-
-def _terminal_width(stream: TextIO) -> int:
-    columns = os.environ.get("COLUMNS", "")
-    if columns.isdecimal():
-        width = int(columns)
-    else:
-        try:
-            width = os.get_terminal_size(stream.fileno()).columns
-        except (OSError, ValueError):
-            width = 0
-    return max(width or _WIDTH, _LEAST_WIDTH)
 
 
 # Exit codes of commands.

@@ -14,8 +14,6 @@ from uqpen.cli.table_file import alternatives, table_format, write_table
 from uqpen.results import TABLE_FORMATS
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from uqpen.core.arrays import FloatArray
     from uqpen.core.columns import Column
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
@@ -66,7 +64,28 @@ def predict(
         show_message(said)
     if is_dataset and file is not None:
         del columns, taken  # of many points, their numbers take as much as the values
-        _write_dataset(found.predict(values), file)
+        import tempfile
+
+        import xarray as xr
+
+        from uqpen.archive.netcdf import write_tree
+        from uqpen.cli.printable import printable
+        from uqpen.core.errors import ExportError
+        from uqpen.core.files import replace_file
+        from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
+
+        # NetCDF has no booleans.
+        predicted = found.predict(values)
+        numbers = predicted.assign({EXTRAPOLATED: predicted[EXTRAPOLATED].astype("int8")})
+        with tempfile.TemporaryDirectory() as made:
+            whole = Path(made) / file.name
+            write_tree(xr.DataTree(numbers), whole)
+            try:
+                with whole.open("rb") as stream:
+                    replace_file(file, iter(lambda: stream.read(_READ), b""))
+            except OSError as error:
+                raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+        click.echo(printable(str(file)))
     else:
         write_table(prediction_parts(found, values, taken), kind, file)
 
@@ -86,28 +105,3 @@ def _checked_values(
         return values, found.extrapolation_text(found.extrapolation(values))
     except ModelError as error:
         raise TableError(f'"{points.name}": {error}') from None
-
-
-def _write_dataset(predicted: xr.Dataset, file: Path) -> None:
-    """Write predictions as a NetCDF file of one group."""
-    import tempfile
-
-    import xarray as xr
-
-    from uqpen.archive.netcdf import write_tree
-    from uqpen.cli.printable import printable
-    from uqpen.core.errors import ExportError
-    from uqpen.core.files import replace_file
-    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
-
-    # NetCDF has no booleans.
-    numbers = predicted.assign({EXTRAPOLATED: predicted[EXTRAPOLATED].astype("int8")})
-    with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / file.name
-        write_tree(xr.DataTree(numbers), whole)
-        try:
-            with whole.open("rb") as stream:
-                replace_file(file, iter(lambda: stream.read(_READ), b""))
-        except OSError as error:
-            raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
-    click.echo(printable(str(file)))

@@ -49,21 +49,16 @@ def report(
         option = "--section" if sections else "--full"
         raise click.UsageError(f"{option} is for the page of one archive")
     else:
-        _write_side_by_side(archive, other, file)
+        from uqpen.cli.progress import show_step
 
+        path = file or archive.with_name(f"{_stem(archive)}_{_stem(other)}.html")
+        with show_step("writing the report"):
+            from uqpen.archive.read import open_archive
+            from uqpen.report.revisions.revision_page import write_revision_report
 
-def _write_side_by_side(archive: Path, other: Path, file: Path | None) -> None:
-    """Write the page of two archives, by default beside the first, and show its path."""
-    from uqpen.cli.progress import show_step
-
-    path = file or archive.with_name(f"{_stem(archive)}_{_stem(other)}.html")
-    with show_step("writing the report"):
-        from uqpen.archive.read import open_archive
-        from uqpen.report.revisions.revision_page import write_revision_report
-
-        trees = open_archive(archive), open_archive(other)
-        write_revision_report(*trees, path, names=(archive.name, other.name))
-    click.echo(f"report: {printable(str(path))}")
+            trees = open_archive(archive), open_archive(other)
+            write_revision_report(*trees, path, names=(archive.name, other.name))
+        click.echo(f"report: {printable(str(path))}")
 
 
 def _stem(archive: Path) -> str:

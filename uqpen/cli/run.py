@@ -13,12 +13,9 @@ from uqpen.cli.options import folder_option, trust_option
 from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
 
 if TYPE_CHECKING:
-    from xarray import DataTree
-
     from uqpen.core.arrays import FloatArray
     from uqpen.core.model import Input, Model, Output
     from uqpen.distributions.constraints import Constraint
-    from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
     Inputs = Mapping[str, float]
 
@@ -89,7 +86,12 @@ def _run_surrogate(
     found = open_surrogate(tree, path, name, folder, trust=trust)
     values = _parse_inputs(found.fitted.name, found.inputs, given)
     if any(found.fitted.missing_inputs(values)):
-        values = {**_medians(tree, found, folder, trust=trust), **values}
+        from uqpen.verification.archived_study import restored_study
+
+        names = set(found.fitted.random_inputs)
+        with restored_study(tree, folder, trust=trust) as restored:
+            nominal = restored.study.joint.nominal()
+        values = {**{name: value for name, value in nominal.items() if name in names}, **values}
     predicted = found.predict(values)
     rows = []
     for output in found.outputs:
@@ -104,18 +106,6 @@ def _run_surrogate(
     said = found.extrapolation_text(predicted[EXTRAPOLATED]), found.refutation_text
     for text in filter(None, said):
         show_message(text)
-
-
-def _medians(
-    tree: DataTree, found: ArchivedSurrogate, folder: Path | None, *, trust: bool
-) -> dict[str, float]:
-    """Return the medians of a surrogate's inputs, as far as the archive's study gives them."""
-    from uqpen.verification.archived_study import restored_study
-
-    names = set(found.fitted.random_inputs)
-    with restored_study(tree, folder, trust=trust) as restored:
-        nominal = restored.study.joint.nominal()
-    return {name: value for name, value in nominal.items() if name in names}
 
 
 def _output_rows(

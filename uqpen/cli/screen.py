@@ -28,13 +28,6 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     console.print(Text(screen_text(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
-    _show_fields(console, tree)
-    _show_failures(console, tree)
-    console.print()
-
-
-def _show_fields(console: Console, tree: xr.DataTree) -> None:
-    """Show a row for each output with dimensions, curves at some places, and what follows."""
     for table in (*field_tables(tree), *curve_tables(tree)):
         show_table(console, table)
     if option := place_option(tree):
@@ -45,6 +38,8 @@ def _show_fields(console: Console, tree: xr.DataTree) -> None:
         console.print()
     for line in lines:
         console.print(Text(screen_text(line)))
+    _show_failures(console, tree)
+    console.print()
 
 
 def _show_failures(console: Console, tree: xr.DataTree) -> None:

@@ -18,7 +18,7 @@ from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.execution import replicate_count, run_count
-from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import input_sample, sample_of_statuses
@@ -83,8 +83,8 @@ def convergence_of_parts(
         analysis, estimate = resolve(statistic.by["sample"]), resolve(statistic.by["part"])
         for name, last in islice(analysis(whole, quantity), 1):
             estimates = [estimate(part, quantity) for part in smaller]
-            estimates.append(EstimateVector.from_array(last))
-            stacked = EstimateVector.stack(estimates, axis=0)
+            estimates.append(Estimate.from_array(last))
+            stacked = Estimate.stacked(estimates, axis=0)
             yield f"{BY_RUNS}{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
 
 
@@ -171,7 +171,7 @@ def part_sizes(runs: int, replicates: int) -> list[int]:
 
 
 def _along_parts(
-    estimates: EstimateVector, last: xr.DataArray, sizes: IntArray, level: float
+    estimates: Estimate, last: xr.DataArray, sizes: IntArray, level: float
 ) -> xr.DataArray:
     """Return the estimates of all parts along ``runs_so_far``, as the array of the last is."""
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}

@@ -1,4 +1,4 @@
-"""Estimate: a value with its bounds and their method, or the reason for having none."""
+"""Estimate: values with their bounds and the method of these, or the reason for having none."""
 
 from __future__ import annotations
 
@@ -8,132 +8,186 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 from uqpen.statistics import texts
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LEVEL", "Estimate", "refused", "unweighted"]
+__all__ = ["LEVEL", "PLACE", "Estimate", "refused", "unweighted"]
 
 # The probability with which an interval covers, and the confidence of a one-sided bound, where a
 # study states no other.
 LEVEL = 0.95
 
+# Dimension of the places of a field, before they are put along those of the field.
+PLACE = "place"
+
+_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
+
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate of a statistic with its bounds.
+    """Estimate of a statistic with its bounds: of a number, or at all places of a field at once.
 
     Parameters
     ----------
-    value, lower, upper : float
-        NaN where there is none.
-    method : str
-        The formula of the bounds, in words.
-    label : str
+    value, lower, upper : float or ndarray, shape (...)
+        NaN where there is none. A number has the shape (), a field the shape (place,).
+    method : str or ndarray of str, shape (...)
+        The formula of the bounds, in words; one for all, or one for each.
+    label : str or ndarray of str, shape (...)
         ``"nominal"``: the coverage of the bounds is the confidence level. ``"discrete"``: it is at
         least that, because counts are whole numbers. ``"conservative"``: it is at least that.
         ``"none"``: there are no bounds.
-    note : str
+    note : str or ndarray of str, shape (...)
         Note for the reader: why there are no bounds, or when their coverage may be smaller.
     """
 
-    value: float
-    lower: float
-    upper: float
-    method: str
-    label: str
-    note: str = ""
+    value: Any
+    lower: Any
+    upper: Any
+    method: Any
+    label: Any
+    note: Any = ""
 
     @classmethod
-    def without_bounds(cls, value: float, *reasons: str) -> Estimate:
+    def without_bounds(cls, value: npt.ArrayLike, *reasons: str) -> Estimate:
         """Return an estimate without bounds, with the reasons; empty ones are left out."""
-        return cls(value, math.nan, math.nan, "none", "none").with_note(*reasons)
+        missing = np.full(np.shape(value), np.nan) if np.ndim(value) else math.nan
+        return cls(value, missing, missing, "none", "none", "; ".join(filter(None, reasons)))
+
+    @classmethod
+    def stacked(cls, parts: Iterable[Estimate], axis: int = -1) -> Estimate:
+        """Return estimates as one, along a further dimension, usually behind that of the places."""
+        columns = [*zip(*(each._columns() for each in parts), strict=True)]
+        if not columns:
+            return cls.without_bounds(np.empty(0))
+        return cls(*(_stacked(column, axis) for column in columns))
+
+    @classmethod
+    def joined(cls, parts: Iterable[tuple[IntArray, Estimate]]) -> Estimate:
+        """Return estimates at some places each, as those at all places in their order."""
+        places, estimates = zip(*parts, strict=True)
+        order = np.argsort(np.concatenate(places))
+        columns = zip(*(each._columns() for each in estimates), strict=True)
+        return cls(*(np.concatenate(column)[order] for column in columns))
+
+    @classmethod
+    def from_array(cls, array: xr.DataArray) -> Estimate:
+        """Return the estimates of an estimate array, in its shape without ``bound``."""
+        described = (array.coords.variables[name].values for name in _TEXTS)
+        return cls(*np.moveaxis(array.values, -1, 0), *described)
+
+    @classmethod
+    def stack(cls, estimates: Sequence[Estimate], dimension: str, **described: Any) -> xr.DataArray:
+        """Return several numbers as an estimate array along a dimension, as `to_array` does."""
+        return cls.stacked(estimates).to_array(dimension, **described)
+
+    @classmethod
+    def table(
+        cls, rows: Sequence[Sequence[Estimate]], dimensions: tuple[str, str], **described: Any
+    ) -> xr.DataArray:
+        """Return rows of numbers as an estimate array along two dimensions."""
+        stacked = cls.stacked(map(cls.stacked, rows), axis=0)
+        return stacked.to_array(*dimensions, **described)
+
+    def __getitem__(self, place: int) -> Estimate:
+        """Return the estimates at a place."""
+        return Estimate(*(column[place] for column in self._columns()))
+
+    def each(self) -> list[Estimate]:
+        """Return the estimates one by one."""
+        columns = (column.ravel().tolist() for column in self._columns())
+        return [Estimate(*entries) for entries in zip(*columns, strict=True)]
+
+    def replace_at(self, condition: npt.ArrayLike, other: Estimate) -> Estimate:
+        """Return other estimates where a condition is true, and these elsewhere."""
+        pairs = zip(other._arrays(), self._arrays(), strict=True)
+        return Estimate(*(np.where(condition, new, old) for new, old in pairs))
+
+    def remove_bounds_at(self, condition: npt.ArrayLike, *reasons: str) -> Estimate:
+        """Return the estimates, without bounds where a condition is true, for some reasons."""
+        return self.replace_at(condition, Estimate.without_bounds(self.value, *reasons))
 
     def with_note(self, *notes: str) -> Estimate:
-        """Return the estimate with other notes; empty ones are left out."""
-        return replace(self, note="; ".join(filter(None, notes)))
+        """Return the estimates with further notes behind their own; empty ones add nothing."""
+        further = [note for note in notes if note]
+        if not further:
+            return self
+        join = np.frompyfunc(lambda own: "; ".join(filter(None, (own, *further))), 1, 1)
+        return replace(self, note=join(self.note))
+
+    def with_method(self, template: str) -> Estimate:
+        """Return the estimates with their methods in a text that contains ``{method}``."""
+        put = np.frompyfunc(lambda own: template.format(method=own), 1, 1)
+        return replace(self, method=put(self.method))
 
     @property
-    def bounds(self) -> tuple[float, float, float]:
-        """Value, lower and upper bound."""
-        return self.value, self.lower, self.upper
+    def has_bounds(self) -> BoolArray:
+        """True where there are bounds."""
+        return np.broadcast_to(_objects(self.label) != "none", np.shape(self.value))
 
-    def to_array(self, *, units: str, long_name: str, level: float = LEVEL) -> xr.DataArray:
-        """Return the estimate as an estimate array along ``bound``."""
-        return _estimate_array([self], {}, units, long_name, level=level)
+    @property
+    def bounds(self) -> FloatArray:
+        """Value, lower and upper bound along a last axis."""
+        return np.stack([self.value, self.lower, self.upper], axis=-1)
 
-    @staticmethod
-    def stack(
-        estimates: Sequence[Estimate],
-        dimension: str,
-        *,
+    @property
+    def texts(self) -> dict[str, Any]:
+        """Method, label and note by the names that an estimate array has for them."""
+        return dict(zip(_TEXTS, (self.method, self.label, self.note), strict=True))
+
+    def to_array(
+        self,
+        *along: str,
         units: str,
         long_name: str,
         coordinates: Mapping[str, Any] | None = None,
         level: float = LEVEL,
     ) -> xr.DataArray:
-        """Return several estimates as an estimate array along a dimension and ``bound``."""
-        dims = {dimension: len(estimates)}
-        return _estimate_array(estimates, dims, units, long_name, coordinates, level=level)
+        """Return an estimate array along ``place``, if there are places, dimensions and ``bound``.
 
-    @staticmethod
-    def table(
-        rows: Sequence[Sequence[Estimate]],
-        dimensions: tuple[str, str],
-        *,
-        units: str,
-        long_name: str,
-        coordinates: Mapping[str, Any] | None = None,
-        level: float = LEVEL,
-    ) -> xr.DataArray:
-        """Return estimates as an estimate array along two dimensions and ``bound``."""
-        shape = dict(zip(dimensions, (len(rows), len(rows[0])), strict=True))
-        estimates = [estimate for row in rows for estimate in row]
-        return _estimate_array(estimates, shape, units, long_name, coordinates, level=level)
+        The dimensions are those along which estimates were put by `stacked`.
+        """
+        from uqpen.archive.estimates import estimate_array
 
-    @staticmethod
-    def array(
-        estimates: Sequence[Estimate],
-        dims: Mapping[str, int],
-        *,
-        units: str,
-        long_name: str,
-        coordinates: Mapping[str, Any] | None = None,
-        level: float = LEVEL,
-    ) -> xr.DataArray:
-        """Return estimates as an estimate array along dimensions of given sizes and ``bound``."""
-        return _estimate_array(estimates, dims, units, long_name, coordinates, level=level)
+        bounds = self.bounds
+        names = along if bounds.ndim - 1 == len(along) else (PLACE, *along)
+        return estimate_array(
+            bounds,
+            dict(zip(names, bounds.shape, strict=False)),
+            self.texts,
+            units=units,
+            long_name=long_name,
+            attributes={INTERVAL_LEVEL: level} if along or self.has_bounds.any() else {},
+            coordinates=coordinates,
+        )
+
+    def _columns(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield the numbers and the texts, all in the shape of the values."""
+        shape = np.shape(self.value)
+        for column in self._arrays():
+            yield column if column.shape == shape else np.broadcast_to(column, shape)
+
+    def _arrays(self) -> Iterator[npt.NDArray[Any]]:
+        yield from map(np.asarray, (self.value, self.lower, self.upper))
+        yield from map(_objects, (self.method, self.label, self.note))
 
 
-def _estimate_array(
-    estimates: Sequence[Estimate],
-    dims: Mapping[str, int],
-    units: str,
-    long_name: str,
-    coordinates: Mapping[str, Any] | None = None,
-    *,
-    level: float,
-) -> xr.DataArray:
-    """Return estimates along dimensions, each with its own texts, which no other may change."""
-    from uqpen.archive.estimates import estimate_array
+def _stacked(parts: Sequence[npt.NDArray[Any]], axis: int) -> npt.NDArray[Any]:
+    """Return what `numpy.stack` does, which makes an array of each single entry first."""
+    if parts[0].ndim:
+        return np.stack(parts, axis)
+    is_text = parts[0].dtype.kind == "O"
+    return np.array([part[()] for part in parts], dtype=object if is_text else None)
 
-    has_bounds = any(estimate.label != "none" for estimate in estimates)
-    return estimate_array(
-        [estimate.bounds for estimate in estimates],
-        dims,
-        {
-            INTERVAL: [estimate.method for estimate in estimates],
-            INTERVAL_LABEL: [estimate.label for estimate in estimates],
-            NOTE: [estimate.note for estimate in estimates],
-        },
-        units=units,
-        long_name=long_name,
-        attributes={INTERVAL_LEVEL: level} if has_bounds or dims else {},
-        coordinates=coordinates,
-    )
+
+def _objects(texts: Any) -> npt.NDArray[np.object_]:
+    return np.asarray(texts, dtype=object)
 
 
 def unweighted(
@@ -155,7 +209,7 @@ def refused(array: xr.DataArray, reason: str) -> xr.DataArray:
     replaced = {INTERVAL: "none", INTERVAL_LABEL: "none", NOTE: reason}
     attributes = {key: value for key, value in array.attrs.items() if key != INTERVAL_LEVEL}
     return estimate_array(
-        np.full(array.shape, math.nan),
+        np.full(array.shape, np.nan),
         {str(name): size for name, size in array.sizes.items() if name != BOUND},
         replaced,
         units=attributes.pop("units"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -25,7 +24,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
-from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, rare_event
 from uqpen.statistics.run_samples import absent_runs, event_sample, samples_of
@@ -97,9 +96,8 @@ def _of_rare_event(
     same = [each for each in events if each.condition == condition][:1]
     name = same[0].name if same else condition
     made: RareEventProbability = resolve(rare.method.probability)(runs, rare.event, level)
-    estimate = EstimateVector.of(made.estimate)
     absent = [name for name in rare.event.outputs if ABSENT in runs[name].attrs]
-    array = _array([_noted(estimate, has_all=not absent)], [(name, condition)], same, level)
+    array = _array([_noted(made.estimate, has_all=not absent)], [(name, condition)], same, level)
     array = array.assign_coords({key: (EVENT, [each]) for key, each in made.companions.items()})
     counts = run_counts(LoadedDataset.of(runs))
     found = {"joint_probability": array, **made.statistics}
@@ -107,14 +105,14 @@ def _of_rare_event(
 
 
 def _array(
-    estimates: Sequence[EstimateVector],
+    estimates: Sequence[Estimate],
     described: Sequence[tuple[str, str]],
     accepted: Sequence[JointEvent],
     level: float,
 ) -> xr.DataArray:
     """Return estimates along ``event``, given the name and the condition of each."""
     names, conditions = (list(each) for each in zip(*described, strict=True))
-    return EstimateVector.stack(estimates).to_array(
+    return Estimate.stacked(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
@@ -133,25 +131,25 @@ def _array(
 
 def _estimate(
     event: JointEvent, samples: dict[str, Sample], absent: Sequence[str], level: float
-) -> EstimateVector:
+) -> Estimate:
     sample, occurs = event_sample(event, samples, level)
     has_all = event.outputs.isdisjoint(absent)
     return _noted(_of_condition(event, event_probability(sample, occurs), sample), has_all=has_all)
 
 
-def _of_condition(event: JointEvent, found: EstimateVector, sample: Sample) -> EstimateVector:
+def _of_condition(event: JointEvent, found: Estimate, sample: Sample) -> Estimate:
     """Return a conditional probability with the number of its runs; any other as it is."""
     if event.given is None:
         return found
     if not sample.size:
         reason = texts.CONDITION_NEVER_SEEN.format(condition=event.given.condition)
-        return EstimateVector.without_bounds(found.value, reason)
-    return found.with_further_note(texts.RUNS_OF_CONDITION.format(runs=sample.size))
+        return Estimate.without_bounds(found.value, reason)
+    return found.with_note(texts.RUNS_OF_CONDITION.format(runs=sample.size))
 
 
 def _estimates_by_blocks(
     events: Sequence[JointEvent], runs: BlockedRuns, outputs: Sequence[str], level: float
-) -> list[EstimateVector]:
+) -> list[Estimate]:
     """Estimate the same from one pass over the runs."""
     from uqpen.statistics.by_blocks.tabulated import tabulated_samples  # loads a compiler
 
@@ -179,10 +177,8 @@ def _occurrences(
     return event.occurs(columns).astype(np.float64), used
 
 
-def _noted(estimate: EstimateVector, *, has_all: bool) -> EstimateVector:
-    if has_all:
-        return estimate
-    return replace(estimate, note="; ".join(filter(None, (str(estimate.note), texts.ALL_EXIST))))
+def _noted(estimate: Estimate, *, has_all: bool) -> Estimate:
+    return estimate.with_note("" if has_all else texts.ALL_EXIST)
 
 
 def _texts(texts: list[str]) -> npt.NDArray[np.object_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,7 @@ from uqpen.core.statistic_dimensions import CATEGORY, LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import LEVEL
-from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of_statuses
@@ -74,7 +74,7 @@ def exceedance_probabilities(
     )
 
 
-def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities to exceed the requested thresholds, along a last axis."""
     return _event_probabilities(
         sample, (sample.values > threshold.value for threshold in quantity.thresholds)
@@ -113,7 +113,7 @@ def below_probabilities(
     )
 
 
-def requested_below(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+def requested_below(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities to lie below the requested thresholds, along a last axis."""
     return _event_probabilities(
         sample, (sample.values < threshold.value for threshold in quantity.lower_thresholds)
@@ -182,7 +182,7 @@ def category_probabilities(
     )
 
 
-def category_shares(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+def category_shares(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities of the categories of an output, along a last axis."""
     return _event_probabilities(
         sample, (sample.values == kind for kind in range(len(quantity.output.categories)))
@@ -211,56 +211,56 @@ def probabilities_of_statuses(sample: Sample) -> xr.DataArray:
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
-    return EstimateVector.stack(estimates).to_array(
+    return Estimate.stacked(estimates).to_array(
         STATUS, units="1", long_name=long_name, coordinates=along, level=sample.level
     )
 
 
-def _probability(sample: Sample, events: BoolArray) -> EstimateVector:
+def _probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event over the runs of a sample."""
     if sample.run_weights is not None and sample.size:
         return _weighted_probability(sample, sample.run_weights, events)
     count = events.sum(axis=-1)
     value = count / sample.size if sample.size else np.full(events.shape[:-1], np.nan)
     if reason := sample.reason_without_intervals:
-        return EstimateVector.without_bounds(value, reason)
+        return Estimate.without_bounds(value, reason)
     bounds = clopper_pearson(count, sample.size, sample.level)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    found = EstimateVector(value, *bounds, texts.CLOPPER_PEARSON, label)
+    found = Estimate(value, *bounds, texts.CLOPPER_PEARSON, label)
     has_scatter = has_enough_runs_around(sample, count)
     if sample.error_model is ErrorModel.INDEPENDENT or not has_scatter.any():
         return found
     return found.replace_at(has_scatter, _probability_by_scatter(sample, events, value))
 
 
-def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> EstimateVector:
+def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> Estimate:
     """Probability of an event with the error that the scatter of stratified runs shows."""
     error, freedom, is_rounded = probability_error(sample, events)
     half = student_quantile(freedom, sample.level) * error
     ends = np.maximum(value - half, 0.0), np.minimum(value + half, 1.0)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return EstimateVector(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
+        return Estimate(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
     label = np.where(is_rounded, "discrete", "nominal")
-    return EstimateVector(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
+    return Estimate(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
 
 
-def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> EstimateVector:
+def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> Estimate:
     """Probability of an event over weighted runs."""
     value, error = weighted_share(events, weights)
     if reason := sample.reason_without_intervals:
-        return EstimateVector.without_bounds(value, reason)
+        return Estimate.without_bounds(value, reason)
     ends = weighted_probability_interval(value, error, weights, sample.level)
     is_doubtful = runs_on_a_side(weights, events) < _FEWEST_BEYOND
     note = np.where(is_doubtful, texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND), "")
-    found = EstimateVector(value, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal", note)
+    found = Estimate(value, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal", note)
     return found.remove_bounds_at((value <= 0) | (value >= 1), texts.CONSTANT_EVENT)
 
 
-def _event_probabilities(sample: Sample, events: Iterable[BoolArray]) -> EstimateVector:
-    return EstimateVector.stack([event_probability(sample, event) for event in events])
+def _event_probabilities(sample: Sample, events: Iterable[BoolArray]) -> Estimate:
+    return Estimate.stacked([event_probability(sample, event) for event in events])
 
 
-def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:
+def event_probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event, its interval widened for any outcome of the missing runs.
 
     Parameters
@@ -279,12 +279,11 @@ def event_probability(sample: Sample, events: BoolArray) -> EstimateVector:
         for happened in (False, True)
     )
     note = texts.MISSING_RUNS.format(runs=sample.missing.size)
-    widened = EstimateVector(
-        found.value,
-        as_none.lower,
-        as_all.upper,
-        found.method_within(texts.FOR_ANY_OUTCOME),
-        "conservative",
-        note,
+    widened = replace(
+        found.with_method(texts.FOR_ANY_OUTCOME),
+        lower=as_none.lower,
+        upper=as_all.upper,
+        label="conservative",
+        note=note,
     )
     return found.replace_at(found.has_bounds, widened)

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.statistics import texts
-from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
     student_quantile,
@@ -62,7 +62,7 @@ def quantile_estimates(
     yield "quantile", array
 
 
-def requested_quantiles(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+def requested_quantiles(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the requested quantiles of an output that is a number, along a last axis."""
     return _quantiles_at(sample, quantity.quantiles)
 
@@ -142,17 +142,17 @@ def _order_statistics_at_places(sample: Sample, rank: npt.ArrayLike) -> FloatArr
     return np.where(exists, values, np.nan)
 
 
-def _quantiles_at(sample: Sample, probabilities: Sequence[float]) -> EstimateVector:
+def _quantiles_at(sample: Sample, probabilities: Sequence[float]) -> Estimate:
     """Return quantiles along a last axis."""
     values = sample_quantile(sample, probabilities)
-    return EstimateVector.stack(
+    return Estimate.stacked(
         [_quantile_estimate(sample, p, values[..., i]) for i, p in enumerate(probabilities)]
     )
 
 
-def _quantile_estimate(sample: Sample, p: float, value: FloatArray) -> EstimateVector:
+def _quantile_estimate(sample: Sample, p: float, value: FloatArray) -> Estimate:
     if reason := sample.reason_without_intervals:
-        return EstimateVector.without_bounds(value, reason)
+        return Estimate.without_bounds(value, reason)
     if sample.run_weights is not None:
         return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
     found = _by_order_statistics(sample, p, value)
@@ -161,32 +161,32 @@ def _quantile_estimate(sample: Sample, p: float, value: FloatArray) -> EstimateV
     lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
     exist = (lower >= 1) & (upper <= sample.size)
     ends = order_statistic(sample, lower), order_statistic(sample, upper)
-    return found.replace_at(exist, EstimateVector(value, *ends, texts.WOODRUFF, label))
+    return found.replace_at(exist, Estimate(value, *ends, texts.WOODRUFF, label))
 
 
-def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> EstimateVector:
+def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> Estimate:
     low, high = order_statistic_ranks(sample.size, p, sample.level)
     ends = order_statistic(sample, low), order_statistic(sample, high)
     if np.isnan(low) and np.isnan(high):
-        return EstimateVector.without_bounds(value, sample.too_few_runs)
+        return Estimate.without_bounds(value, sample.too_few_runs)
     note = ""
     if np.isnan(low) or np.isnan(high):
         note = texts.NO_LOWER_BOUND if np.isnan(low) else texts.NO_UPPER_BOUND
         note = note.format(too_few=sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return EstimateVector(value, *ends, texts.ORDER_STATISTICS, label, note)
+    return Estimate(value, *ends, texts.ORDER_STATISTICS, label, note)
 
 
 def _weighted_quantile_estimate(
     sample: Sample, weights: FloatArray, p: float, value: FloatArray
-) -> EstimateVector:
+) -> Estimate:
     """Estimate a quantile of weighted runs: the distribution function's error, inverted."""
     error, freedom, _ = cdf_error(sample, value)
     step = student_quantile(freedom, sample.level) * error
     levels = np.clip(np.stack([p - step, p + step], axis=-1), 0.0, 1.0)
     lower, upper = np.moveaxis(weighted_quantile(sample.values, weights, levels), -1, 0)
     is_few = runs_on_a_side(weights, sample.values > value[..., np.newaxis]) < _FEWEST_BEYOND
-    found = EstimateVector(value, lower, upper, texts.WOODRUFF_WEIGHTED, "nominal")
+    found = Estimate(value, lower, upper, texts.WOODRUFF_WEIGHTED, "nominal")
     return found.remove_bounds_at(is_few, texts.FEW_WEIGHTED_BEYOND)
 
 

@@ -119,7 +119,7 @@ def _with_offset_note(estimate: Estimate, entry: RandomInput) -> Estimate:
     if not scale(entry.display_unit).offset:
         return estimate
     units = {"si": entry.variable.unit, "unit": entry.display_unit}
-    return estimate.with_note(estimate.note, texts.OF_SI_VALUE.format(of="input", **units))
+    return estimate.with_note(texts.OF_SI_VALUE.format(of="input", **units))
 
 
 def sensitivity_arrays(

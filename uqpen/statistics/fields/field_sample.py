@@ -24,7 +24,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     exceedance_probabilities,
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
-from uqpen.statistics.estimate_vector import PLACE, EstimateVector
+from uqpen.statistics.estimate import PLACE, Estimate
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, shape_of
@@ -225,7 +225,7 @@ def _joined(
 
 
 def input_place_array(
-    estimates: EstimateVector,
+    estimates: Estimate,
     output: Output,
     inputs: Sequence[str],
     long_name: str,
@@ -235,7 +235,7 @@ def input_place_array(
 
     Parameters
     ----------
-    estimates : EstimateVector
+    estimates : Estimate
         Of shape (place, input).
     output : Output
         The field.

@@ -15,7 +15,6 @@ from uqpen.core.model import Output
 from uqpen.designs.saltelli import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields.field_sample import (
     FieldSample,
     equal_columns,
@@ -217,9 +216,9 @@ class _FieldRegressions:
         spread = float(np.fmax.reduce(matrix, axis=None) - np.fmin.reduce(matrix, axis=None))
         return spread if spread > 0 else 1.0
 
-    def place_indices(self) -> EstimateVector:
+    def place_indices(self) -> Estimate:
         """Estimate the indices at each place, and add the places up."""
-        return EstimateVector.joined(
+        return Estimate.joined(
             (part.places, part.regressions.indices(part.variable, partial(self._add, part)))
             for part in self._parts()
         )
@@ -229,7 +228,7 @@ class _FieldRegressions:
     ) -> None:
         self.sums[column].add(places, lines, parts)
 
-    def generalized_indices(self, at_places: EstimateVector) -> list[Estimate]:
+    def generalized_indices(self, at_places: Estimate) -> list[Estimate]:
         """Estimate the indices of the field as a whole, where those at its places are known."""
         first = at_places[0].each()
         return [
@@ -341,10 +340,10 @@ class _Places:
         found[self.reached] = np.einsum("p,pb->b", self.weights, terms)
         return found * (len(self.reached) / terms.shape[-1])
 
-    def indices(self, terms: IndexTerms) -> EstimateVector:
+    def indices(self, terms: IndexTerms) -> Estimate:
         """Return an index at each place, with a note on blocks that do not reach it."""
         note = "" if self.reached.all() else texts.ENDED_BLOCKS
-        return self.variable.estimates(terms).with_further_note(note)
+        return self.variable.estimates(terms).with_note(note)
 
 
 @dataclass(eq=False)
@@ -423,31 +422,27 @@ class _Field:
     values: FloatArray
     level: float
 
-    def indices(self, sums: _FieldSums) -> dict[str, EstimateVector]:
+    def indices(self, sums: _FieldSums) -> dict[str, Estimate]:
         """Estimate the indices of each order, of shape (place, input), and add the places up."""
-        found: dict[str, list[tuple[IntArray, EstimateVector]]] = {
-            each: [] for each in INDEX_ORDERS
-        }
+        found: dict[str, list[tuple[IntArray, Estimate]]] = {each: [] for each in INDEX_ORDERS}
         for positions, part in self._parts():
             if isinstance(part, _Places):
                 sums.add(part)
             for order, vectors in found.items():
                 vectors.append((positions, self._indices(order, part, len(positions), sums)))
-        return {order: EstimateVector.joined(vectors) for order, vectors in found.items()}
+        return {order: Estimate.joined(vectors) for order, vectors in found.items()}
 
-    def _indices(
-        self, order: str, part: _Places | str, places: int, sums: _FieldSums
-    ) -> EstimateVector:
+    def _indices(self, order: str, part: _Places | str, places: int, sums: _FieldSums) -> Estimate:
         """Return indices at some places; a text is the reason why these have none."""
         of_inputs = sums.of_indices[order]
         if isinstance(part, str):
-            return EstimateVector.without_bounds(np.full((places, len(of_inputs)), np.nan), part)
+            return Estimate.without_bounds(np.full((places, len(of_inputs)), np.nan), part)
         columns = []
         for i, sum_of_input in enumerate(of_inputs):
             terms: IndexTerms = getattr(part.variable, f"{order}_terms")(i)
             columns.append(part.indices(terms))
             sum_of_input.add(part, terms)
-        return EstimateVector.stack(columns)
+        return Estimate.stacked(columns)
 
     def whole_indices(self, order: str, sums: _FieldSums) -> list[Estimate]:
         """Estimate the indices of the field as a whole from the sums over its places."""

@@ -14,7 +14,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.statistic_dimensions import BAND_CONTENT
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import sample_quantile
-from uqpen.statistics.estimate_vector import EstimateVector
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields.field_sample import FieldSample, along_field
 from uqpen.statistics.fields.simultaneous_bands import BandPlaces, band_places, runs_too_few
 from uqpen.statistics.intervals import runs_needed, upper_rank
@@ -149,14 +149,14 @@ def tolerance_band(
     note = np.where(shape.is_widest, texts.WIDEST_DISTANCES, "")
     how = texts.MULTIPLES_OF_DISTANCES, label, note
     bands = [
-        EstimateVector(shape.median, *shape.ends(multiple), *how).remove_bounds_at(
+        Estimate(shape.median, *shape.ends(multiple), *how).remove_bounds_at(
             np.isnan(multiple), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
         )
         for multiple, fewest in zip(multiples, needed, strict=True)
     ]
     for why in set(filter(None, places.reasons)):
         bands = [band.remove_bounds_at(np.array(places.reasons) == why, why) for band in bands]
-    array = EstimateVector.stack(bands).to_array(
+    array = Estimate.stacked(bands).to_array(
         BAND_CONTENT,
         units=quantity.output.unit,
         long_name=f"band that holds curves of {quantity.output.title} with a probability",

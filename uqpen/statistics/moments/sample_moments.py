@@ -13,7 +13,6 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample, SampleShape, shape_of
@@ -94,15 +93,15 @@ def sample_moments(
         yield "effective_size", estimate.to_array(units="1", long_name=long_name)
 
 
-def mean_estimate(sample: Sample, quantity: QuantityOfInterest) -> EstimateVector:
+def mean_estimate(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the mean of an output that is a number."""
     return _mean(sample, shape_of(sample))
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _mean(sample: Sample, shape: SampleShape) -> EstimateVector:
+def _mean(sample: Sample, shape: SampleShape) -> Estimate:
     if reason := sample.reason_without_intervals:
-        return EstimateVector.without_bounds(shape.mean, reason)
+        return Estimate.without_bounds(shape.mean, reason)
     error, _ = standard_error(sample, shape.deviations)
     is_small = sample.effective_size < ENOUGH_RUNS_FOR_MEANS
     margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
@@ -110,7 +109,7 @@ def _mean(sample: Sample, shape: SampleShape) -> EstimateVector:
     # The note depends on the number of runs alone: a note on samples that look heavy would leave
     # those without it that have missed the tail.
     note = np.where(sample.is_constant, "", texts.DOUBTFUL_TAIL if is_small else "")
-    found = EstimateVector(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
+    found = Estimate(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
     # Of small samples, those without an interval would be the ones that have met the tail.
     if not is_small:
         reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
@@ -119,26 +118,26 @@ def _mean(sample: Sample, shape: SampleShape) -> EstimateVector:
     return found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
 
 
-def _std(sample: Sample, shape: SampleShape) -> EstimateVector:
+def _std(sample: Sample, shape: SampleShape) -> Estimate:
     if sample.size < 2:
         reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
-        return EstimateVector.without_bounds(np.full(shape.mean.shape, np.nan), reason)
+        return Estimate.without_bounds(np.full(shape.mean.shape, np.nan), reason)
     if reason := sample.reason_without_intervals:
-        return EstimateVector.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
+        return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # The squares about the sample's mean are too small by the variance of that mean. Independent
     # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
     error, _ = standard_error(sample, shape.deviations)
     std = _elementwise(math.hypot, _biased_std(sample, shape), error)
     value = std * shape.scale
     if shape.hidden_tail:
-        found = EstimateVector.without_bounds(value, shape.hidden_tail)
+        found = Estimate.without_bounds(value, shape.hidden_tail)
     else:
         found = _std_with_bounds(sample, shape, std)
     return found.remove_bounds_at(sample.is_constant, texts.CONSTANT_OUTPUT)
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> EstimateVector:
+def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Estimate:
     """Estimate the standard deviation, given that over the largest deviation, with its bounds."""
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, _ = standard_error(sample, shape.deviations**2)
@@ -150,7 +149,7 @@ def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Est
     method = texts.DELTA_FOR_SKEWED if is_replicated else texts.DELTA_ON_LOGARITHM
     method = method.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_small else ""
-    found = EstimateVector(value, value / below, value * above, method, label, note)
+    found = Estimate(value, value / below, value * above, method, label, note)
     found = found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
     see = "" if sample.is_at_places else texts.SEE_HALF_SPREAD
     few, reason = _few_weights_decide(sample, shape, std)
@@ -205,7 +204,7 @@ def _is_falsely_exact(sample: Sample, error: FloatArray) -> BoolArray:
     return ~sample.is_constant & (error < _ROUNDING)
 
 
-def _half_spread(sample: Sample) -> EstimateVector:
+def _half_spread(sample: Sample) -> Estimate:
     """Half the distance from the 16 % to the 84 % quantile.
 
     For a normal distribution it agrees with the standard deviation to half a per cent. Unlike the
@@ -220,13 +219,13 @@ def _half_spread(sample: Sample) -> EstimateVector:
     if not reason and not has_enough_runs_around(sample, sample.effective_size * _LOW):
         reason = sample.too_few_runs
     if reason:
-        return EstimateVector.without_bounds(np.asarray(value), reason)
+        return Estimate.without_bounds(np.asarray(value), reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
     correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
     step = student_quantile(freedoms[0], sample.level) * np.array(errors)
     down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
     up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
-    return EstimateVector(
+    return Estimate(
         np.asarray(value),
         np.asarray(value - _combined_error(up[0], down[1], correlation)),
         np.asarray(value + _combined_error(down[0], up[1], correlation)),

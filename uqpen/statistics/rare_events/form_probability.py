@@ -262,16 +262,10 @@ def _design_point_arrays(
     }
     for name, (long_name, values) in of_points.items():
         estimates = [_without_bounds(value) for value in values]
-        yield (
-            name,
-            Estimate.array(
-                estimates,
-                {DESIGN_POINT: len(points)},
-                units="1",
-                long_name=long_name,
-                coordinates=along,
-            ),
+        array = Estimate.stack(
+            estimates, DESIGN_POINT, units="1", long_name=long_name, coordinates=along
         )
+        yield name, array
     inputs = [
         str(name)
         for name, each in runs.data_vars.items()

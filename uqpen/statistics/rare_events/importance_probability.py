@@ -85,7 +85,7 @@ def importance_probability(
     estimate = replicate_interval([each.probability for each in found], level)
     unmet = _unmet(runs, outcomes)
     if estimate.label == "none":
-        return RareEventProbability(estimate.with_note(estimate.note, unmet))
+        return RareEventProbability(estimate.with_note(unmet))
     few = texts.FEW_RUNS_IN_REPLICATES.format(runs=_ENOUGH_RUNS, few=_FEW_RUNS)
     is_few = len(replicate) < _ENOUGH_RUNS * len(found)
     noted = estimate.with_note(*_warnings(found), few if is_few else "", unmet)

@@ -64,7 +64,7 @@ def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> Rar
     plain = 3 / runs.sizes[RUN]  # the rule of three
     unmet = texts.UNMET_PART.format(probability=plain)
     estimate = replicate_interval(found, level)
-    return RareEventProbability(estimate.with_note(estimate.note, unmet))
+    return RareEventProbability(estimate.with_note(unmet))
 
 
 class Level(NamedTuple):
@@ -358,8 +358,7 @@ def _tolerance_limit(
     found = _estimate(tail.quantile(1 - content), (math.nan, upper), is_above, is_met)
     if found.label == "none":
         return found
-    method = texts.ONE_SIDED.format(method=found.method)
-    return Estimate(*found.bounds, method, found.label, found.note)
+    return found.with_method(texts.ONE_SIDED)
 
 
 def _estimate(value: float, ends: tuple[float, float], is_above: bool, is_met: bool) -> Estimate:

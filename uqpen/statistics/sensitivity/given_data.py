@@ -20,7 +20,6 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, SampleShape
@@ -107,19 +106,19 @@ class SampledVariable:
 
     def estimates(
         self, value: FloatArray, error: FloatArray, freedom: float, pair_noise: FloatArray
-    ) -> EstimateVector:
+    ) -> Estimate:
         """Return indices with their bounds.
 
         Leaving out runs, or replicates, counts the noise of pairs of runs twice.
         """
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
-            return EstimateVector.without_bounds(value, reason)
+            return Estimate.without_bounds(value, reason)
         noise, is_uncertain = pair_noise**2, self.shape.is_uncertain
         variance = np.maximum(np.where(is_uncertain, error**2, error**2 - noise), noise)
         half = student_quantile(freedom, self.sample.level) * np.sqrt(variance)
         is_wider = is_uncertain | self._is_wider
         note = np.where(self._is_doubtful, texts.DOUBTFUL_TAIL, "").astype(object)
-        found = EstimateVector(
+        found = Estimate(
             value,
             value - half,
             np.minimum(value + half, 1.0),
@@ -183,7 +182,7 @@ class TalliedVariance:
     total: FloatArray
     lines: TalliedLines
 
-    def estimates(self, variable: SampledVariable) -> EstimateVector:
+    def estimates(self, variable: SampledVariable) -> Estimate:
         """Return the share of the variance that the input explains, with its bounds."""
         ratio = self.lines.variance / self.total
         tally = self.lines.share_tally(float(ratio), variable.sample.size)
@@ -227,7 +226,7 @@ class VarianceParts:
             variable.variance, lines.variance, variable.squares, lines.influence, lines.pair_noise
         )
 
-    def estimates(self, variable: SampledVariable) -> EstimateVector:
+    def estimates(self, variable: SampledVariable) -> Estimate:
         """Return the share of the variance that the input explains, with its bounds."""
         ratio = self.left / self.total
         influence = ratio[..., np.newaxis] * self.squares - self.left_influence
@@ -238,7 +237,7 @@ class VarianceParts:
 class SharedVariance(Protocol):
     """The share of a variable's variance that an input explains, and its error."""
 
-    def estimates(self, variable: SampledVariable) -> EstimateVector:
+    def estimates(self, variable: SampledVariable) -> Estimate:
         """Return the share with its bounds."""
 
 
@@ -267,9 +266,7 @@ class LocalRegressions:
             lambda: RegressionBins.from_sample(self.sample, column, halved=halved),
         )
 
-    def indices(
-        self, variable: SampledVariable, listener: Listener | None = None
-    ) -> EstimateVector:
+    def indices(self, variable: SampledVariable, listener: Listener | None = None) -> Estimate:
         """Estimate the index of each input, along a further axis behind that of places.
 
         Parameters
@@ -279,21 +276,21 @@ class LocalRegressions:
             Called with each input that varies, and its lines and parts.
         """
         columns = [self._input_indices(variable, column, listener) for column in self.inputs]
-        return self.with_note(EstimateVector.stack(columns))
+        return self.with_note(Estimate.stacked(columns))
 
-    def with_note(self, found: EstimateVector) -> EstimateVector:
+    def with_note(self, found: Estimate) -> Estimate:
         """Return indices with a note on the dependence of the inputs, where there is one."""
-        return found.with_further_note(texts.INCLUDES_CORRELATION if self.sample.dependence else "")
+        return found.with_note(texts.INCLUDES_CORRELATION if self.sample.dependence else "")
 
     def _input_indices(
         self, variable: SampledVariable, column: int, listener: Listener | None
-    ) -> EstimateVector:
+    ) -> Estimate:
         nothing = np.full(variable.sample.values.shape[:-1], np.nan)
         if variable.too_few_runs:
-            return EstimateVector.without_bounds(nothing, variable.too_few_runs)
-        none = EstimateVector.without_bounds(nothing, variable.text_of_constant)
+            return Estimate.without_bounds(nothing, variable.too_few_runs)
+        none = Estimate.without_bounds(nothing, variable.text_of_constant)
         if reason := reason_of_input(self.sample, column):
-            unknown = EstimateVector.without_bounds(nothing, reason)
+            unknown = Estimate.without_bounds(nothing, reason)
             return unknown.replace_at(variable.sample.is_constant, none)
         parts = self._parts(variable, column, listener)
         found = self.estimates(
@@ -350,7 +347,7 @@ class LocalRegressions:
         variable: SampledVariable,
         parts: SharedVariance,
         halved_shares: Callable[[BoolArray], FloatArray],
-    ) -> EstimateVector:
+    ) -> Estimate:
         """Estimate the index of an input.
 
         Parameters

@@ -141,7 +141,7 @@ def _note_missing_effects(estimate: Estimate, effects: FloatArray, text: str) ->
     failed = int(np.isnan(effects).sum())
     if not failed:
         return estimate
-    return estimate.with_note(estimate.note, text.format(failed=failed, effects=effects.size))
+    return estimate.with_note(text.format(failed=failed, effects=effects.size))
 
 
 def _deviation(effects: FloatArray) -> float:
@@ -215,7 +215,7 @@ def relative_responses(
 def _relative(estimate: Estimate, *notes: str) -> Estimate:
     """Return a relative change with notes on what it is relative to, unless there is no value."""
     known = () if math.isnan(estimate.value) else notes
-    return estimate.with_note(estimate.note, *known)
+    return estimate.with_note(*known)
 
 
 def _input_note(described: Mapping[Any, Any]) -> str:

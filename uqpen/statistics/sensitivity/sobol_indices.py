@@ -33,7 +33,6 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import group_sums, ratio_jackknife_error, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -280,11 +279,11 @@ class BlockVariable:
         A, B = self.drawn
         return (A**2 + B**2) / 2
 
-    def estimates(self, terms: IndexTerms) -> EstimateVector:
+    def estimates(self, terms: IndexTerms) -> Estimate:
         """Return an index with its interval."""
         value, blocks = terms.value, self.blocks
         if blocks.replicate_count < 2:
-            return EstimateVector.without_bounds(value, texts.BLOCKS_OF_ONE_REPLICATE)
+            return Estimate.without_bounds(value, texts.BLOCKS_OF_ONE_REPLICATE)
         # Where a replicate has all of the variance there are no bounds.
         with np.errstate(divide="ignore", invalid="ignore"):
             error, freedom = ratio_jackknife_error(
@@ -297,7 +296,7 @@ class BlockVariable:
         is_uncertain = self.shape.is_uncertain
         half = np.where(is_uncertain, wide, half)
         warning = texts.DOUBTFUL_AS.format(reason=self._warning)
-        found = EstimateVector(
+        found = Estimate(
             value,
             value - half,
             value + half,
@@ -323,9 +322,7 @@ class BlockVariable:
             return np.where(is_small, texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS), "")
         return np.where(self.shape.is_doubtful, texts.DOUBTFUL_TAIL, "")
 
-    def _without_doubtful_bounds(
-        self, found: EstimateVector, informative: BoolArray
-    ) -> EstimateVector:
+    def _without_doubtful_bounds(self, found: Estimate, informative: BoolArray) -> Estimate:
         """Return indices without the bounds that so few blocks contribute to."""
         spread = group_sums(self._denominator, self.blocks.replicate, self.blocks.replicate_count)
         is_in_one = spread.max(axis=-1) == spread.sum(axis=-1)
@@ -333,7 +330,7 @@ class BlockVariable:
         are_few = np.count_nonzero(informative, axis=-1) < _FEWEST_INFORMATIVE
         found = found.remove_bounds_at(are_few, texts.FEW_INFORMATIVE_BLOCKS)
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return EstimateVector.without_bounds(found.value, texts.TOO_ONE_SIDED)
+            return Estimate.without_bounds(found.value, texts.TOO_ONE_SIDED)
         return found
 
 

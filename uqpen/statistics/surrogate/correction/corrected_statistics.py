@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -30,7 +30,6 @@ from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
@@ -122,9 +121,7 @@ class OutputCorrection:
 
     def _with_notes(self, found: list[Estimate]) -> list[Estimate]:
         notes = [*self._notes()]
-        return [
-            each if each.label == "none" else each.with_note(each.note, *notes) for each in found
-        ]
+        return [each if each.label == "none" else each.with_note(*notes) for each in found]
 
     def _notes(self) -> Iterator[str]:
         """Yield what holds of all intervals."""
@@ -327,9 +324,7 @@ def _at_inputs(
         if isinstance(indices, str):
             estimates += own
         else:
-            estimates += [
-                each.with_note(each.note, old.note) for each, old in zip(indices, own, strict=True)
-            ]
+            estimates += [each.with_note(old.note) for each, old in zip(indices, own, strict=True)]
     estimates = _narrower_ones(estimates, plain, correction, is_index=True)
     own_values = array.values[..., 0]
     if all(isinstance(each, str) for each in found):
@@ -396,13 +391,13 @@ def narrower(found: Estimate, plain: Estimate, runs: CorrectionRuns, *, is_index
     is_narrower = math.isnan(width) or plain_width < width
     if is_index and is_narrower and runs.q2 < _LEAST_Q2:
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(runs.q2, 0.0))
-        return found.with_note(found.note, texts.NARROWER_IF_SMOOTH, explained)
+        return found.with_note(texts.NARROWER_IF_SMOOTH, explained)
     if not is_narrower and (is_index or runs.q2 > 0):
         return found
     if not plain.lower <= found.value <= plain.upper:
-        return found.with_note(found.note, texts.NARROWER_ELSEWHERE) if is_narrower else found
+        return found.with_note(texts.NARROWER_ELSEWHERE) if is_narrower else found
     notes = dict.fromkeys(("" if math.isnan(width) else found.note, plain.note))
-    taken = replace(plain, value=found.value)
+    taken = replace(plain, value=found.value, note="")
     return taken.with_note(*notes, texts.OF_RUNS_ALONE)
 
 
@@ -416,7 +411,7 @@ def _narrower_ones(
     """Return estimates, each with the interval of the runs alone where this is narrower."""
     if plain is None or plain.size != 3 * len(estimates):
         return list(estimates)
-    alone = EstimateVector.from_array(plain).each()
+    alone = Estimate.from_array(plain).each()
     pairs = zip(estimates, alone, strict=True)
     return [narrower(each, other, correction.runs, is_index=is_index) for each, other in pairs]
 
@@ -458,13 +453,16 @@ def _corrected_array(
     kept = {
         str(key): each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
     }
-    found = Estimate.array(
-        estimates,
+    stacked = Estimate.stacked(estimates)
+    has_level = dims or stacked.has_bounds.any()
+    found = estimate_array(
+        stacked.bounds,
         dims,
+        stacked.texts,
         units=attributes.pop("units"),
         long_name=attributes.pop("long_name"),
+        attributes={INTERVAL_LEVEL: level} if has_level else {},
         coordinates=kept,
-        level=level,
     )
     shape = tuple(dims.values())
     beside = {SURROGATE_ESTIMATE: own, EQUIVALENT_RUNS: equivalent}
