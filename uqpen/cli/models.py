@@ -35,7 +35,7 @@ def models(name: str | None) -> None:
         from uqpen.core.lookup import choices
         from uqpen.models import MODELS
         from uqpen.models.user_code import error_text
-        from uqpen.study.model_class_section import find_variable_faults
+        from uqpen.study.model_section import find_variable_faults
         from uqpen.study.user_defined_members import MODEL, load_class
 
         if name not in installed:

@@ -16,7 +16,7 @@ from uqpen.core.model import Output
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.study.study import ValidatedStudy
-from uqpen.workflow.trial_run import TrialRun, trial_run
+from uqpen.workflow.design_runs import TrialRun, trial_run
 
 __all__ = ["show_trial_runs"]
 
