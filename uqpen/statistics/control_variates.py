@@ -20,12 +20,15 @@ from uqpen.core.labels import (
     INTERVAL,
     INTERVAL_LABEL,
     INTERVAL_LEVEL,
+    LOWER_THRESHOLD,
     NOTE,
+    PERCENT,
+    PROBABILITY,
     ROUND,
     RUN,
     STATUS,
+    THRESHOLD,
 )
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PERCENT, PROBABILITY, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.designs.multifidelity import LinearEstimator
 from uqpen.execution import worst_status_runs

@@ -19,7 +19,6 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
@@ -35,6 +34,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension
+from uqpen.core.variables import field_coordinates
 from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

@@ -22,11 +22,12 @@ from uqpen.core.labels import (
     NOTE,
     OF_EXCEEDANCE,
     OF_LOGARITHM,
+    PERCENT,
+    PROBABILITY,
     RANK,
     STOPPING_STATISTICS,
     SURROGATE_ESTIMATE,
 )
-from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import LEVEL, Estimate
