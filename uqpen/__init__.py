@@ -58,22 +58,22 @@ if TYPE_CHECKING:
     from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
     from uqpen.models.ishigami import Ishigami as Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
-    from uqpen.models.rigid_penetration_trajectory import (
+    from uqpen.models.rod_trajectories import (
         RigidPenetrationTrajectory as RigidPenetrationTrajectory,
+    )
+    from uqpen.models.rod_trajectories import (
+        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
     )
     from uqpen.models.walker_anderson import WalkerAnderson as WalkerAnderson
     from uqpen.models.walker_anderson_drucker_prager import (
         WalkerAndersonDruckerPrager as WalkerAndersonDruckerPrager,
     )
-    from uqpen.models.walker_anderson_trajectory import (
-        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
-    )
     from uqpen.report.page import write_report as write_report
     from uqpen.results.archive import Archive as Archive
     from uqpen.results.archive import open_archive as open_archive
     from uqpen.study.load import parse_study as parse_study
-    from uqpen.study.python_model import OutputSpec as OutputSpec
-    from uqpen.study.python_model import PythonModel as PythonModel
+    from uqpen.study.python_study import OutputSpec as OutputSpec
+    from uqpen.study.python_study import PythonModel as PythonModel
     from uqpen.study.python_study import Study as Study
     from uqpen.study.python_study import load_study as load_study
     from uqpen.surrogates.active_learning import ActiveLearning as ActiveLearning
@@ -99,8 +99,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),
-    "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
-    "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
     **member_homes(DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES),
 }

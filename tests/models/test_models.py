@@ -11,7 +11,7 @@ from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
-from uqpen.models import MODELS, rod_lanes
+from uqpen.models import MODELS
 from uqpen.models.alekseevskii_tate import AlekseevskiiTate
 from uqpen.models.campbell import Campbell
 from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
@@ -167,8 +167,10 @@ def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
 
 
 def test_the_integrator_numbers_terminations_as_the_output_does() -> None:
-    assert rod_lanes.CAUGHT_UP == Termination.BREAKDOWN
-    assert rod_lanes.AT_REST == Termination.STANDSTILL
+    from uqpen.models import rod_kernel
+
+    assert rod_kernel.CAUGHT_UP == Termination.BREAKDOWN
+    assert rod_kernel.AT_REST == Termination.STANDSTILL
     assert [category.label for category in OUTPUTS[3].categories] == ["v = u", "u = 0", "rigid"]
 
 

@@ -34,7 +34,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         from uqpen.cli.console import plain_table, standard_output
         from uqpen.cli.messages import printable
         from uqpen.study.load import load_study
-        from uqpen.study.new_study.draft import FILL_IN
+        from uqpen.study.new_study import FILL_IN
         from uqpen.study.summary import (
             design_rows,
             input_rows,

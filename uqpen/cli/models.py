@@ -33,7 +33,7 @@ def models(name: str | None) -> None:
     if name is not None:
         from uqpen.core.errors import ModelError, UnknownNameError
         from uqpen.models.user_code import error_text
-        from uqpen.study.model_class_section import find_variable_faults
+        from uqpen.study.model_section import find_variable_faults
 
         if name not in installed:
             raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from uqpen.rehearsal.required_runs import SufficientRuns
+    from uqpen.rehearsal.rehearse import SufficientRuns
 
 __all__ = ["rehearse"]
 
@@ -87,10 +87,9 @@ def rehearse(
     from uqpen.cli.progress import show_progress, show_step
 
     with show_step("reading the study"):
-        from uqpen.rehearsal.opening import open_rehearsed
-        from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
+        from uqpen.rehearsal.rehearse import RehearsalSettings, sufficient_runs
         from uqpen.rehearsal.rehearse import rehearse as rehearse_study
-        from uqpen.rehearsal.required_runs import sufficient_runs
+        from uqpen.rehearsal.rehearsed_study import open_rehearsed
 
         settings = RehearsalSettings(repeats, runs)
     opened = open_rehearsed(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
@@ -140,7 +139,7 @@ def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text
             show_table(console, table)
         if sufficient:
             from uqpen.cli.console import show_plain_tables
-            from uqpen.rehearsal.required_runs import MOST_RUNS
+            from uqpen.rehearsal.rehearse import MOST_RUNS
             from uqpen.results.digits import grouped_number
 
             more = f"more than {grouped_number(MOST_RUNS)}"

@@ -188,7 +188,7 @@ def show_trial_runs(study: ValidatedStudy) -> ExitCode:
     from uqpen.checkpoints.folder import keep_runs
     from uqpen.cli.console import plain_table, show_line, standard_output
     from uqpen.core.status import STATUS_TEXT, Status
-    from uqpen.workflow.trial_run import trial_run
+    from uqpen.workflow.design_runs import trial_run
 
     code = ExitCode.DONE
     for name, variant in study.models.items():

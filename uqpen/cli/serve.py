@@ -168,7 +168,7 @@ def make_offers(
 def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
     """Offer the models of a study: the vector has its random inputs, the others are as it says."""
     from uqpen.archive.provenance import provenance
-    from uqpen.study.fingerprint import model_fingerprint
+    from uqpen.study.identity import model_fingerprint
     from uqpen.study.load import load_study
 
     study = load_study(path)
