@@ -47,7 +47,7 @@ from uqpen.statistics.surrogate.surrogate_draws import (
     SurrogateDraws,
     VarianceShares,
 )
-from uqpen.surrogates.chaos.expansion import shapley_effects, sobol_indices
+from uqpen.surrogates.chaos.expansion import input_shares
 from uqpen.surrogates.field_fit import FieldFit
 
 __all__ = ["FieldShares", "closed_form_shares", "field_statistics", "sampled_shares"]
@@ -95,13 +95,12 @@ def closed_form_shares(
         Of each score.
     components : ndarray, shape (component, place)
     """
-    at_places = [coefficients @ place for place in components.T]
-    whole = sobol_indices(indices, np.sqrt((coefficients**2).sum(axis=1)))
-    found = [sobol_indices(indices, each) for each in at_places]
+    whole = input_shares(indices, np.sqrt((coefficients**2).sum(axis=1)))
+    found = [input_shares(indices, coefficients @ place) for place in components.T]
     return FieldShares(
         np.array([each.first for each in found]),
         np.array([each.total for each in found]),
-        np.array([shapley_effects(indices, each) for each in at_places]),
+        np.array([each.shapley for each in found]),
         whole.first,
         whole.total,
     )
