@@ -9,10 +9,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.loading import loading
-from uqpen.cli.messages import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
-from uqpen.cli.precision_argument import EXAMPLE, read_precision
+from uqpen.cli.messages import ExitCode, loading
+from uqpen.cli.options import (
+    EXAMPLE,
+    PATH,
+    ExecutorOptions,
+    executor_option,
+    output_option,
+    read_precision,
+)
 
 if TYPE_CHECKING:
     from uqpen.designs.stopping.precision import Precision
