@@ -21,7 +21,7 @@ from uqpen.cli.options import (
 
 if TYPE_CHECKING:
     from uqpen.designs.stopping.precision import Precision
-    from uqpen.statistics.required_runs import RequiredRuns
+    from uqpen.statistics.running_estimates import RequiredRuns
     from uqpen.study.study import ValidatedStudy
 
 __all__ = ["plan"]
@@ -109,7 +109,7 @@ def _show_required_runs(
     from uqpen.core.streams import Stream
     from uqpen.execution.omitted_runs import bytes_of_hashes
     from uqpen.execution.runs import bytes_of_a_run
-    from uqpen.statistics.required_runs import required_runs
+    from uqpen.statistics.running_estimates import required_runs
 
     tree, (design,) = open_archive(archive), study.designs
     rows, most, size = [], 0.0, 0

@@ -20,7 +20,7 @@ from uqpen.statistics.sample import (
     FEWEST_RUNS_FOR_TAILS,
 )
 from uqpen.statistics.standard_errors import Margins
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
 __all__ = [
     "CorrectedMean",
