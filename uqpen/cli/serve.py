@@ -11,7 +11,7 @@ import click
 
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
-from uqpen.cli.surrogate_argument import split_surrogate
+from uqpen.cli.predict import split_surrogate
 
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output
