@@ -15,13 +15,14 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     EQUIVALENT_RUNS,
+    LOWER_THRESHOLD,
     NOTE,
     ROUND,
     RUN,
     STATUS,
+    THRESHOLD,
 )
 from uqpen.core.lookup import resolve
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.designs.multifidelity import LinearEstimator
 from uqpen.execution import worst_status_runs

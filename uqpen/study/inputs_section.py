@@ -17,8 +17,7 @@ from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, Tab
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import Quantity, parse_quantity, parse_spread
-from uqpen.core.setting_fields import declared_settings
-from uqpen.core.settings import file, text
+from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
 from uqpen.distributions import DISTRIBUTIONS

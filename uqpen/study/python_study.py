@@ -21,7 +21,7 @@ from uqpen.core.errors import Problem, QuantityError, StudyError, TableError
 from uqpen.core.lookup import family_name, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
-from uqpen.core.setting_fields import written_settings
+from uqpen.core.settings import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design

@@ -27,8 +27,8 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.core.lookup import resolve
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs

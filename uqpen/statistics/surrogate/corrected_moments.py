@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
+from uqpen.core.labels import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import ratio_error, student_quantile
