@@ -24,7 +24,7 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import bonett_price, clopper_pearson
-from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf, CorrectedProbability
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.corrected_moments import (
     CorrectedMoments,
     corrected_mean,
@@ -516,7 +516,7 @@ def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
     )
     happens = runs.values > 0.5
 
-    def probability(weights: FloatArray) -> CorrectedProbability:
+    def probability(weights: FloatArray) -> Estimate:
         weighted = replace(runs, weights=weights, missing_weights=weights[:0])
         return CorrectedCdf(weighted).above(np.array([0.5]))
 

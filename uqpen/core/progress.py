@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 import warnings
 from collections import deque
@@ -87,6 +88,7 @@ class ProgressBroadcast(Progress):
 
 
 def _passed_on(report: str) -> Callable[..., None]:
+    @functools.wraps(getattr(Progress, report))
     def pass_on(self: ProgressBroadcast, *arguments: Any, **options: Any) -> None:
         for each in self._receivers:
             getattr(each, report)(*arguments, **options)

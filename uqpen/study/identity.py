@@ -15,7 +15,7 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, RECIPE
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.design import RUNS, STATISTICS
-from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Truncated
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.statistics.estimate import LEVEL

@@ -39,8 +39,7 @@ from uqpen.distributions.measurements import (
     parameters_text,
     value_text,
 )
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Normal
+from uqpen.distributions.univariate import Normal, Truncated
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object

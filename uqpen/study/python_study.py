@@ -31,7 +31,7 @@ from uqpen.distributions.copulas import Dependence, EllipticalCopula
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
 from uqpen.distributions.input_group import declare_joint, is_joint
-from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Truncated
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
