@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -70,7 +69,7 @@ runs = 16
 """
 
 
-def loaded(folder: Path, *arguments: str) -> set[str]:
+def loaded(folder, *arguments):
     done = subprocess.run(
         [sys.executable, "-c", PROBE, *arguments], cwd=folder, capture_output=True, text=True
     )
@@ -79,7 +78,7 @@ def loaded(folder: Path, *arguments: str) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("imports")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
     (folder / "expansion.toml").write_text(STUDY + EXPANSION, encoding="utf-8")
@@ -99,9 +98,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_a_command_loads_what_it_needs(
-    archive: Path, arguments: tuple[str, ...], allowed: set[str]
-) -> None:
+def test_a_command_loads_what_it_needs(archive, arguments, allowed):
     assert loaded(archive.parent, *arguments) <= allowed
 
 
@@ -124,9 +121,7 @@ except SystemExit:
     [("check", "study.toml"), ("show", "archive.nc"), ("report", "archive.nc")],
     ids=lambda arguments: arguments[0],
 )
-def test_a_command_does_not_look_for_garbage_among_its_modules(
-    archive: Path, arguments: tuple[str, ...]
-) -> None:
+def test_a_command_does_not_look_for_garbage_among_its_modules(archive, arguments):
     done = subprocess.run(
         [sys.executable, "-c", GARBAGE, *arguments],
         cwd=archive.parent,
@@ -139,7 +134,7 @@ def test_a_command_does_not_look_for_garbage_among_its_modules(
     assert kept > 50_000
 
 
-def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path: Path) -> None:
+def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path):
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     uqpen.run(uqpen.load_study(tmp_path / "study.toml"))  # compiles it where nothing has done so
     assert loaded(tmp_path, "check", "study.toml") <= {"rich", "scipy.special"}

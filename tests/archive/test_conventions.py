@@ -1,7 +1,5 @@
 """Archives follow the CF conventions, as the checker of the conventions sees it."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -125,7 +123,7 @@ runs = 100
 
 
 @pytest.fixture(scope="module")
-def trees() -> list[xr.DataTree]:
+def trees():
     """Archives that hold every kind of group."""
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
@@ -136,16 +134,14 @@ def trees() -> list[xr.DataTree]:
 
 
 @pytest.fixture(scope="module")
-def report(
-    trees: list[xr.DataTree], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, dict[str, list[dict[str, str]]]]:
+def report(trees, tmp_path_factory):
     """What the checker says of every kind of variable, beside what belongs to it.
 
     It does not look inside groups, so each is written as a file of its own. It takes its time, and
     more than that with many variables: of those that are built alike, one is looked at.
     """
     folder = tmp_path_factory.mktemp("groups")
-    seen: set[object] = set()
+    seen = set()
     files = []
     for number, tree in enumerate(trees):
         uqpen.write(tree, folder / "whole.nc")
@@ -176,7 +172,7 @@ def report(
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 
-def unlike(dataset: xr.Dataset, seen: set[object]) -> xr.Dataset:
+def unlike(dataset, seen):
     """The variables that are built as none before, with all that they refer to."""
     variables = dataset.variables
     kinds = {kind(each, name in dataset.coords): name for name, each in variables.items()}
@@ -191,19 +187,19 @@ def unlike(dataset: xr.Dataset, seen: set[object]) -> xr.Dataset:
     return dataset.drop_vars(variables.keys() - chosen)
 
 
-def kind(variable: xr.Variable, is_coordinate: bool) -> object:
+def kind(variable, is_coordinate):
     """What the checker goes by but for names, which are looked at by themselves: not values."""
     said = tuple(variable.attrs.get(name) for name in ("cell_methods", "standard_name"))
     built = (is_coordinate, variable.dims, str(variable.dtype), frozenset(variable.attrs))
     return built, said
 
 
-def texts(variable: xr.Variable) -> list[str]:
+def texts(variable):
     said = [*variable.attrs.values(), variable.encoding.get("coordinates")]
     return [text for text in said if isinstance(text, str)]
 
 
-def test_names_are_letters_digits_and_underscores(trees: list[xr.DataTree]) -> None:
+def test_names_are_letters_digits_and_underscores(trees):
     for tree in trees:
         for node in tree.subtree:
             names = {*map(str, node.variables), *node.dims, node.name or "root"}
@@ -211,7 +207,7 @@ def test_names_are_letters_digits_and_underscores(trees: list[xr.DataTree]) -> N
             assert len({name.lower() for name in names}) == len(names), "not told apart by case"
 
 
-def test_no_group_has_an_error(report: dict[str, dict[str, list[dict[str, str]]]]) -> None:
+def test_no_group_has_an_error(report):
     errors = {
         name: check["msgs"]
         for name, checks in report.items()
@@ -222,8 +218,8 @@ def test_no_group_has_an_error(report: dict[str, dict[str, list[dict[str, str]]]
 
 
 def test_all_that_is_advised_and_not_done_is_a_history(
-    report: dict[str, dict[str, list[dict[str, str]]]],
-) -> None:
+    report,
+):
     # A history says when a file was written: two archives of one study would differ by it.
     advised = {
         message

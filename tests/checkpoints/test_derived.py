@@ -1,9 +1,5 @@
 """A derived output costs no run, however often a study is made again."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from study_calls import StudyCalls
 
@@ -41,14 +37,14 @@ CROSSING = '[outputs.crossing]\nof = "curve"\ntake = "first_above"\nthreshold = 
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     (tmp_path / "model.py").write_text(MODEL)
     return tmp_path
 
 
-def calls(folder: Path, text: str, name: str = "study.nc", *, fresh: bool = False) -> int:
+def calls(folder, text, name="study.nc", *, fresh=False):
     """Return the number of runs that the archive of a study takes."""
     (folder / "calls").write_text("")
     (folder / "study.toml").write_text(text)
@@ -57,7 +53,7 @@ def calls(folder: Path, text: str, name: str = "study.nc", *, fresh: bool = Fals
     return len((folder / "calls").read_text().split())
 
 
-def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder: Path) -> None:
+def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder):
     assert calls(folder, STUDY) == 30
     assert calls(folder, STUDY + PEAK) == 0
     text = STUDY + PEAK.replace("max", "min") + CROSSING
@@ -66,7 +62,7 @@ def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder: Path) -> Non
     assert (folder / "afresh.nc").read_bytes() == (folder / "study.nc").read_bytes()
 
 
-def test_one_that_is_new_after_an_interruption(folder: Path) -> None:
+def test_one_that_is_new_after_an_interruption(folder):
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt):
         calls(folder, STUDY)
@@ -76,7 +72,7 @@ def test_one_that_is_new_after_an_interruption(folder: Path) -> None:
     assert tree["runs/mc/peak"].values == pytest.approx(2 * tree["runs/mc/x"].values)
 
 
-def test_the_archive_verifies_and_repeats_itself(folder: Path) -> None:
+def test_the_archive_verifies_and_repeats_itself(folder):
     calls(folder, STUDY + PEAK + CROSSING)
     verified = uqpen.verify(folder / "study.nc", trust=True)
     verdicts = {check.name: str(check.verdict) for check in verified}

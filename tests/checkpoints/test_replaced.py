@@ -1,16 +1,10 @@
 """An archive that is made again with other designs: the user is told which runs are not kept."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.checkpoints.replaced import runs_not_kept
 from uqpen.execution import Progress
-from uqpen.study.study import ValidatedStudy
 
 HEAD = """\
 seed = {seed}
@@ -31,18 +25,18 @@ BLOCKS = '[designs.d]\nkind = "saltelli"\nreplicates = 2\n'
 class Information(Progress):
     """What a user is told before anything runs."""
 
-    def __init__(self) -> None:
-        self.texts: list[str] = []
+    def __init__(self):
+        self.texts = []
 
-    def inform(self, text: str) -> None:
+    def inform(self, text):
         self.texts.append(text)
 
 
-def parse(design: str, *, seed: int = 1, upper: int = 3) -> ValidatedStudy:
+def parse(design, *, seed=1, upper=3):
     return uqpen.parse_study(HEAD.format(seed=seed, upper=upper) + design)
 
 
-def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
+def told(archive, study):
     return [f"{name}: {text}" for name, text in runs_not_kept(study, archive).items()]
 
 
@@ -84,18 +78,18 @@ def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
         ),
     ],
 )
-def test_runs_that_are_not_kept_are_told(earlier: str, now: str, text: str) -> None:
+def test_runs_that_are_not_kept_are_told(earlier, now, text):
     archive = uqpen.run(parse(earlier))
     assert told(archive, parse(now)) == ([text] if text else [])
 
 
 @pytest.mark.parametrize("change", [{"seed": 2}, {"upper": 2}], ids=str)
-def test_nothing_is_advised_where_all_points_are_others(change: dict[str, int]) -> None:
+def test_nothing_is_advised_where_all_points_are_others(change):
     archive = uqpen.run(parse(HYPERCUBES + "runs = 40"))
     assert told(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
 
 
-def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
+def test_the_code_of_an_archive_is_not_executed(tmp_path):
     code = "from uqpen import MonteCarlo\nclass Mine(MonteCarlo): pass\n"
     (tmp_path / "mine.py").write_text(code, encoding="utf-8")
     earlier, now = (
@@ -109,7 +103,7 @@ def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
     assert told(archive, study) == [text]
 
 
-def test_it_is_told_before_the_archive_is_replaced(tmp_path: Path) -> None:
+def test_it_is_told_before_the_archive_is_replaced(tmp_path):
     progress, path = Information(), tmp_path / "study.nc"
     for runs in (40, 60):
         uqpen.make_archive(parse(f"{HYPERCUBES}runs = {runs}"), path, progress=progress)

@@ -1,16 +1,13 @@
 """Every change of a model that alters its results is met, by what the table of changes says."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from changed_models import CHANGES, NAMED, RECHECK, Change
+from changed_models import CHANGES, NAMED, RECHECK
 
 pytestmark = [
     pytest.mark.slow,
@@ -21,7 +18,7 @@ STATES = Path(__file__).parents[1] / "model_states.py"
 
 
 @pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
+def found():
     """What is told of each change, and of the same model unchanged."""
     environment = {**os.environ, "PYTHONPATH": str(STATES.parent), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, str(STATES)]
@@ -31,7 +28,7 @@ def found() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
-def test_a_changed_model_is_met(change: Change, found: dict[str, Any]) -> None:
+def test_a_changed_model_is_met(change, found):
     told = found[change.name]["changed"]
     if change.met.startswith(NAMED):
         assert told["changes"] == []
@@ -43,12 +40,12 @@ def test_a_changed_model_is_met(change: Change, found: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
-def test_an_unchanged_model_raises_no_alarm(change: Change, found: dict[str, Any]) -> None:
+def test_an_unchanged_model_raises_no_alarm(change, found):
     told = found[change.name]["unchanged"]["changes"]
     assert [text for text in told if "versions that cannot be distinguished" not in text] == []
 
 
-def test_of_the_silent_changes_few_are_left_to_runs_made_again() -> None:
+def test_of_the_silent_changes_few_are_left_to_runs_made_again():
     silent = [change.met for change in CHANGES if change.was_silent]
     assert len(CHANGES) == 112
     assert len(silent) == 51

@@ -1,11 +1,7 @@
 """A function is known by its source, by what it calls and by the values that it takes."""
 
-from __future__ import annotations
-
 import functools
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,35 +11,35 @@ from uqpen.models.function_source import function_source
 FACTOR = 2.0
 
 
-def scaled(x: float) -> float:
+def scaled(x):
     return FACTOR * x
 
 
-def recursive(x: float) -> float:
+def recursive(x):
     return recursive(x - 1) if x > 1 else math.sqrt(x)
 
 
 class Solver:
-    def __call__(self, x: float) -> float:
+    def __call__(self, x):
         return x
 
 
-def closure(value: Any) -> Callable[[float], Any]:
-    def model(x: float) -> Any:
+def closure(value):
+    def model(x):
         return scaled(x), value, np.sqrt(x)
 
     return model
 
 
-def defaulted(x: float, *, y: float = 1.0) -> float:
+def defaulted(x, *, y=1.0):
     return x + y
 
 
-def evaluated(x: float) -> Any:
+def evaluated(x):
     return eval("FACTOR * x")
 
 
-def sha256(function: Any) -> str:
+def sha256(function):
     source = function_source(function)
     assert source.is_known, source.unknown
     return source.sha256
@@ -52,34 +48,34 @@ def sha256(function: Any) -> str:
 @pytest.mark.parametrize(
     "value", [1, 1.5, "a", None, (1, 2), {"a": 1.0}, np.arange(3.0), math, recursive, np.float64(2)]
 )
-def test_values_from_outside_are_part_of_it(value: object) -> None:
+def test_values_from_outside_are_part_of_it(value):
     assert sha256(closure(value)) == sha256(closure(value))
     assert sha256(closure(value)) != sha256(closure("another"))
 
 
 def test_a_global_value_of_a_function_that_it_calls_is_part_of_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     before = sha256(closure(1))
     monkeypatch.setitem(globals(), "FACTOR", 3.0)
     assert sha256(closure(1)) != before
 
 
-def test_default_values_are_part_of_it() -> None:
+def test_default_values_are_part_of_it():
     before = sha256(defaulted)
     assert sha256(functools.partial(defaulted, y=2.0)) != before
 
 
-def test_functions_in_one_statement_differ() -> None:
+def test_functions_in_one_statement_differ():
     one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
     assert sha256(one) != sha256(other)
 
 
-def test_a_function_may_call_itself() -> None:
+def test_a_function_may_call_itself():
     assert sha256(recursive)
 
 
-def test_its_text_is_its_source() -> None:
+def test_its_text_is_its_source():
     source = function_source(defaulted)
     assert source.name == "defaulted"
     assert source.text == "def defaulted(x: float, *, y: float = 1.0) -> float:\n    return x + y\n"
@@ -94,7 +90,7 @@ def test_its_text_is_its_source() -> None:
         (evaluated, 'it calls "eval", which may read anything'),
     ],
 )
-def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
+def test_what_cannot_be_hashed_is_named(function, unknown):
     source = function_source(function)
     assert not source.is_known
     assert source.sha256 == ""
@@ -102,20 +98,20 @@ def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
 
 
 class Odd:
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         raise KeyError(name)
 
-    def __call__(self, x: float) -> float:
+    def __call__(self, x):
         return x
 
 
-def test_an_object_that_raises_for_an_attribute_is_unknown() -> None:
+def test_an_object_that_raises_for_an_attribute_is_unknown():
     assert function_source(closure(Odd())).unknown == '"value" is an object of class Odd'
 
 
-def test_nested_code_and_imports_in_it_are_part_of_it() -> None:
-    def numbers(x: float) -> Any:
-        def inner() -> Any:
+def test_nested_code_and_imports_in_it_are_part_of_it():
+    def numbers(x):
+        def inner():
             from statistics import mean
 
             return mean([x])

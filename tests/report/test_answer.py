@@ -1,21 +1,13 @@
 """The main results: sentences with the archive's numbers, their design, their caveats."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
-
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.read import read_group
-from uqpen.charts.chart import Block
 from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -27,9 +19,9 @@ DESIGNS = {
 }
 
 
-def _texts(blocks: Iterable[Block]) -> list[str]:
+def _texts(blocks):
     """All sentences, with plain spaces."""
-    found: list[str] = []
+    found = []
     for block in blocks:
         match block:
             case Quote(sentences):
@@ -47,11 +39,11 @@ def _texts(blocks: Iterable[Block]) -> list[str]:
     return [text.replace("\u00a0", " ").replace("\u202f", " ") for text in found]
 
 
-def _told(tree: xr.DataTree, model: str = "") -> list[str]:
+def _told(tree, model=""):
     return _texts(answer(ArchiveView(tree, model)))
 
 
-def _alerts(tree: xr.DataTree) -> list[str]:
+def _alerts(tree):
     """The kinds of the alerts, in their order."""
     (found,) = (each for each in answer(ArchiveView(tree, "")) if isinstance(each, Alerts))
     assert all(each.remedy.endswith(".") for each in found.alerts)
@@ -59,8 +51,8 @@ def _alerts(tree: xr.DataTree) -> list[str]:
 
 
 def test_the_first_screen_answers_one_question_after_the_other(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     tree = archives["schema_1"]
     assert _told(tree)[:8] == [
         "y above 10: In 2.0 % of cases (0.4 % to 7.7 %, 95 % interval, as from 130 plain runs).",
@@ -88,8 +80,8 @@ def test_the_first_screen_answers_one_question_after_the_other(
 
 
 def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     said = _told(archives["beam"])
     assert said[:2] == [
         "Deflection above 2 mm: In all 98 completed runs: at least 73 % of cases (95 % interval).",
@@ -104,7 +96,7 @@ def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
     assert _alerts(archives["beam"]) == ["Failed runs", "Precision", "Scope"]
 
 
-def test_the_picture_has_the_limits_of_the_study(archives: Mapping[str, xr.DataTree]) -> None:
+def test_the_picture_has_the_limits_of_the_study(archives):
     (columns, *_) = answer(ArchiveView(archives["schema_1"], ""))
     assert isinstance(columns, Columns)
     assert columns.picture.title == "y: 19 runs of monte_carlo"
@@ -114,9 +106,7 @@ def test_the_picture_has_the_limits_of_the_study(archives: Mapping[str, xr.DataT
     assert ("limit 10" in [key.text for key in columns.picture.keys]) == is_shown
 
 
-def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(
-    concrete: xr.DataTree, archives: Mapping[str, xr.DataTree]
-) -> None:
+def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(concrete, archives):
     told = {}
     for name, tree in (("concrete", concrete), ("beam", archives["beam"])):
         (columns, *_) = answer(ArchiveView(tree, ""))
@@ -126,7 +116,7 @@ def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(
     assert "alone" not in told["beam"]
 
 
-def test_the_largest_part_that_a_publication_names_is_compared(concrete: xr.DataTree) -> None:
+def test_the_largest_part_that_a_publication_names_is_compared(concrete):
     told = " ".join(_told(concrete))
     assert "Outer radius of plastic flow in the target causes about " in told
     assert "of the variance of depth of penetration by itself (" in told
@@ -136,16 +126,14 @@ def test_the_largest_part_that_a_publication_names_is_compared(concrete: xr.Data
 
 
 @pytest.mark.parametrize(("runs", "times"), [(1500, 1), (2500, 0)])
-def test_what_all_means_of_few_runs_have_in_common_is_said_once(
-    study_of: Callable[..., ValidatedStudy], runs: int, times: int
-) -> None:
+def test_what_all_means_of_few_runs_have_in_common_is_said_once(study_of, runs, times):
     text = f'[designs.some]\nkind = "monte-carlo"\nruns = {runs}'
     tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))
     assert _alerts(tree) == ["Scope"]
     assert " ".join(_told(tree)).count("extreme values are more frequent than in these") == times
 
 
-def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_a_single_run_is_told_in_the_singular(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
     told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
     assert told[1].endswith("in the study: a single run of the model line.py:f.")
@@ -153,13 +141,13 @@ def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedS
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     told = _told(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
     assert told[0] == "y is 2 in every run."
 
 
-def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:
+def test_where_no_run_came_back_there_is_no_answer(archives):
     (block,) = answer(ArchiveView(archives["lost"], ""))
     assert block == Text(
         "No run completed, so there are no estimates. All 120 runs failed. The reason: "
@@ -171,8 +159,8 @@ def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.Dat
 
 
 def test_of_several_models_the_differences_stand_first(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     tree = archives["rods"]
     told = _told(tree, "original")
     assert told[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
@@ -229,9 +217,7 @@ def test_of_several_models_the_differences_stand_first(
         ),
     ],
 )
-def test_what_a_design_cannot_tell_is_said(
-    study_of: Callable[..., ValidatedStudy], design: str, said: list[str]
-) -> None:
+def test_what_a_design_cannot_tell_is_said(study_of, design, said):
     asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
     text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"
     told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
@@ -240,8 +226,8 @@ def test_what_a_design_cannot_tell_is_said(
 
 
 def test_every_entry_that_a_study_asks_for_is_stated(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     asked = (
         "[outputs.y]\nexceeds = [1]\nbelow = [0.1]\nquantiles = [0.9]\nhold = [0.9, 0.95]\n"
         "hold_above = [0.9]\nhold_between = [0.9]\nexpected_shortfall = [0.9]\n"
@@ -263,7 +249,7 @@ def test_every_entry_that_a_study_asks_for_is_stated(
         assert said in told
 
 
-def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
+def test_only_some_of_many_outputs_have_sentences(tmp_path):
     names = [f"y{number}" for number in range(8)]
     results = ", ".join(f'"{name}": x' for name in names)
     (tmp_path / "many.py").write_text(f"def f(x):\n    return {{{results}}}\n")
@@ -294,7 +280,5 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
         ((1.234e-7, 1.134e-7, 1.334e-7), ("1.23×10⁻⁷", "1.13×10⁻⁷", "1.33×10⁻⁷")),
     ],
 )
-def test_figures_in_a_sentence_have_sensible_digits(
-    bounds: tuple[float, ...], texts: tuple[str, ...]
-) -> None:
+def test_figures_in_a_sentence_have_sensible_digits(bounds, texts):
     assert estimate_texts(*bounds) == texts

@@ -1,14 +1,10 @@
 """The study of the wall with few runs: its verdict, its caveat, its tables, and its page."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.distributions import model_chart
@@ -27,13 +23,13 @@ CAVEAT = "These are depths in a target without a rear face: a wall of that thick
 
 
 @pytest.fixture(scope="session")
-def bunker() -> xr.DataTree:
+def bunker():
     """The archive of the study, with 400 runs."""
     text = STUDY.read_text(encoding="utf-8").replace("runs = 10_000", "runs = 400")
     return uqpen.run(uqpen.parse_study(text, name="bunker"))
 
 
-def test_all_models_answer_the_same_questions(bunker: xr.DataTree) -> None:
+def test_all_models_answer_the_same_questions(bunker):
     told = archive_json(bunker)
     assert list(told["models"]) == MODELS
     for model in MODELS:
@@ -51,14 +47,14 @@ def test_all_models_answer_the_same_questions(bunker: xr.DataTree) -> None:
     assert parts[0] > 0.5 > parts[1] > 0
 
 
-def test_the_caveat_stands_below_each_table_of_depths(bunker: xr.DataTree) -> None:
+def test_the_caveat_stands_below_each_table_of_depths(bunker):
     tables = [each for each in output_tables(bunker) if ": penetration_depth [cm]" in each.title]
     of_models = [each for each in tables if " minus " not in each.title]
     assert len(of_models) == len(MODELS)
     assert all(each.notes[0] == CAVEAT for each in of_models)
 
 
-def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+def test_the_page_begins_with_the_verdict(bunker, show):
     page = show("bunker")
     verdict = page.locator(".verdicts").first.inner_text()
     assert verdict.startswith("Depth of penetration above 60\u00a0cm")
@@ -72,9 +68,7 @@ def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> Non
     assert "an upper bound needs at least 29956 runs" in page.content()
 
 
-def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_drawn(
-    bunker: xr.DataTree, show: Any
-) -> None:
+def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_drawn(bunker, show):
     view = ArchiveView(bunker, "walker_anderson")
     chart = model_chart(view, "penetration_depth", "monte_carlo")
     assert chart is not None
@@ -94,7 +88,7 @@ def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_draw
     assert page.locator("#answer .plot").first.evaluate(line) == [60]
 
 
-def test_the_thickness_stands_beside_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+def test_the_thickness_stands_beside_the_verdict(bunker, show):
     page = show("bunker")
     found = {
         finding.locator("dt").inner_text(): " ".join(finding.locator("dd").inner_text().split())
@@ -118,7 +112,7 @@ def test_the_thickness_stands_beside_the_verdict(bunker: xr.DataTree, show: Any)
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_on_the_page_is_wider_than_it(bunker: xr.DataTree, show: Any, width: int) -> None:
+def test_nothing_on_the_page_is_wider_than_it(bunker, show, width):
     page = show("bunker")
     page.set_viewport_size({"width": width, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") <= width

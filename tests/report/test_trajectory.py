@@ -1,7 +1,5 @@
 """The trajectory at the nominal inputs, of one model or of several."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -17,7 +15,7 @@ Archives = dict[str, xr.DataTree]
 
 
 @pytest.mark.slow
-def test_all_models_share_the_charts(archives: Archives) -> None:
+def test_all_models_share_the_charts(archives):
     (group,) = trajectory(ArchiveView(archives["rods"], "original"))
     assert isinstance(group, Charts)
     told = {
@@ -44,14 +42,12 @@ def test_all_models_share_the_charts(archives: Archives) -> None:
     )
 
 
-def test_it_is_told_once_and_below_no_model(
-    archives: Archives, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_told_once_and_below_no_model(archives, monkeypatch):
     monkeypatch.setattr("uqpen.report.page.SECTIONS", {"course": SECTIONS["course"]})
     text = report_page(archives["rods"])
     assert text.count("<figcaption>Time since impact</figcaption>") == 1
     assert "<h3>" not in text
 
 
-def test_a_model_without_a_course_has_none(archives: Archives) -> None:
+def test_a_model_without_a_course_has_none(archives):
     assert not list(trajectory(ArchiveView(archives["beam"], "")))

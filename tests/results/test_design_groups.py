@@ -1,11 +1,6 @@
 """Statistics of a design's runs as a whole are shown by the declaration of their group alone."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, Group
@@ -40,7 +35,7 @@ def simulate(a, b):
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[xr.DataTree]:
+def tree(tmp_path_factory):
     """Archive with a further group, which has what the group of failures has."""
     folder = tmp_path_factory.mktemp("groups")
     (folder / "model.py").write_text(MODEL, encoding="utf-8")
@@ -56,7 +51,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[xr.DataTree]:
         yield uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_it_is_written_and_checked(tree: xr.DataTree) -> None:
+def test_it_is_written_and_checked(tree):
     for design in ("one", "other"):
         written = tree["further"][design].to_dataset()
         assert written.identical(tree["failures"][design].to_dataset())
@@ -69,7 +64,7 @@ def test_it_is_written_and_checked(tree: xr.DataTree) -> None:
     assert "/further/one: lowest is not of numbers along input" in list(find_faults(changed))
 
 
-def test_it_has_a_table_with_a_row_for_each_entry(tree: xr.DataTree) -> None:
+def test_it_has_a_table_with_a_row_for_each_entry(tree):
     table = next(each for each in output_tables(tree) if each.title == "a further group")
     assert table.columns == ["one", "other"]
     cells = dict(table.rows)
@@ -78,7 +73,7 @@ def test_it_has_a_table_with_a_row_for_each_entry(tree: xr.DataTree) -> None:
     assert "…" in cells["probability that a run ends so, failed"][0]
 
 
-def test_it_is_in_json_and_in_the_long_table(tree: xr.DataTree) -> None:
+def test_it_is_in_json_and_in_the_long_table(tree):
     design = archive_json(tree)["designs"]["one"]
     assert design["further"]["larger"]["a"] == design["where_lost"]["a"]["larger"]
     assert design["further"]["lowest"]["a"] == design["where_lost"]["a"]["lowest"]

@@ -1,7 +1,5 @@
 """Moments and indices are sums of squared coefficients."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -18,12 +16,12 @@ INDICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])
 COEFFICIENTS = np.array([2.0, 1.0, 2.0])
 
 
-def test_moments() -> None:
+def test_moments():
     assert mean(INDICES, COEFFICIENTS) == 2.0
     assert standard_deviation(INDICES, COEFFICIENTS) == math.sqrt(5)
 
 
-def test_indices_of_every_order() -> None:
+def test_indices_of_every_order():
     found = sobol_indices(INDICES, COEFFICIENTS)
     np.testing.assert_allclose(found.first, [0.2, 0.0, 0.0])
     np.testing.assert_allclose(found.total, [0.2, 0.8, 0.8])
@@ -32,11 +30,11 @@ def test_indices_of_every_order() -> None:
     )
 
 
-def test_shapley_effects_share_interactions_equally() -> None:
+def test_shapley_effects_share_interactions_equally():
     np.testing.assert_allclose(shapley_effects(INDICES, COEFFICIENTS), [0.2, 0.4, 0.4])
 
 
-def test_what_does_not_vary_has_no_indices() -> None:
+def test_what_does_not_vary_has_no_indices():
     found = sobol_indices(INDICES, np.array([2.0, 0.0, 0.0]))
     assert np.isnan(found.first).all()
     assert np.isnan(shapley_effects(INDICES, np.array([2.0, 0.0, 0.0]))).all()

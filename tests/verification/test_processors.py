@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -68,12 +67,12 @@ class Made(NamedTuple):
     folder: Path
     verified: dict[str, dict[str, tuple[int, str]]]
 
-    def attributes(self, name: str) -> Mapping[Any, Any]:
+    def attributes(self, name):
         return uqpen.open_archive(self.folder / f"{name}.nc").attrs
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., Any]) -> Made:
+def made(tmp_path_factory, fresh_process):
     """Archives in a folder, verified under each switch, in one process for each."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "small.toml").write_text(STUDY)
@@ -100,9 +99,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., 
 
 
 @pytest.mark.parametrize(("there", "here"), PAIRS)
-def test_an_honest_archive_is_verified_on_another_processor(
-    made: Made, there: str, here: str
-) -> None:
+def test_an_honest_archive_is_verified_on_another_processor(made, there, here):
     code, said = made.verified[here][there]
     assert code == 0, said
     differences = list(provenance_differences(made.attributes(there), made.attributes(here)))
@@ -114,37 +111,37 @@ def test_an_honest_archive_is_verified_on_another_processor(
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_changed_run_is_told_everywhere(made: Made, switch: str) -> None:
+def test_a_changed_run_is_told_everywhere(made, switch):
     code, said = made.verified[switch]["damaged"]
     assert code == 4
     assert "/runs/sample is changed" in said
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_run_that_is_changed_and_hashed_anew_is_told_everywhere(made: Made, switch: str) -> None:
+def test_a_run_that_is_changed_and_hashed_anew_is_told_everywhere(made, switch):
     code, said = made.verified[switch]["forged"]
     assert code == 4
     assert "sample: y of run 17 is" in said
 
 
-def differences(**changed: str) -> Iterator[tuple[str, str, str]]:
-    here: Mapping[str, str] = provenance()
+def differences(**changed):
+    here = provenance()
     return provenance_differences({**here, **changed}, here)
 
 
-def test_only_features_that_differ_are_named() -> None:
+def test_only_features_that_differ_are_named():
     features = provenance()["cpu_features"].split()
     name, then, now = next(differences(cpu_features=" ".join([*features[1:], "NEON_9"])))
     assert (name, then, now) == ("cpu features", "NEON_9", features[0])
 
 
-def test_an_archive_of_before_features_were_recorded_says_so() -> None:
+def test_an_archive_of_before_features_were_recorded_says_so():
     here = provenance()
     earlier = {name: value for name, value in here.items() if name != "blas"}
     assert list(provenance_differences(earlier, here)) == [("blas", "not recorded", here["blas"])]
 
 
-def test_two_processors_are_told_from_two_results(made: Made) -> None:
+def test_two_processors_are_told_from_two_results(made):
     one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
