@@ -39,7 +39,6 @@ from uqpen.testing import (
 
 pytestmark = pytest.mark.processor
 
-Statistic = tuple[str, xr.DataArray]
 FloatArray = npt.NDArray[np.float64]
 
 

@@ -7,7 +7,6 @@ and none is off by more than chance allows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
@@ -15,11 +14,8 @@ from scipy import stats
 
 import uqpen
 from uqpen.statistics.intervals import dkw_half_width, runs_needed
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 SAMPLES = """
 [designs.mc]

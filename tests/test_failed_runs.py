@@ -3,12 +3,10 @@
 Every estimator says how many runs it used, and none turns to zero or to no number without a reason.
 """
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -18,8 +16,6 @@ from uqpen.execution import status_counts
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow
-
-TreeOf = Callable[[str], xr.DataTree]
 
 MODEL = """
 import math

@@ -108,7 +108,6 @@ def test_a_server(tmp_path):
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as server:
-        assert server.stdout is not None
         try:
             address = f"http://127.0.0.1:{server.stdout.readline().strip()}"
             study = study.replace("http://127.0.0.1:4242", address)

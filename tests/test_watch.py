@@ -278,7 +278,6 @@ def test_the_command_serves_its_page_until_the_study_ends(tmp_path, interrupted)
     with subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
         told = process.stderr.readline()
         match = re.fullmatch(
             r"watch: http://127\.0\.0\.1:(\d+)/ shows the results so far, until the study ends\n",

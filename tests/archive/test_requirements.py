@@ -1,7 +1,5 @@
 """What one part of an archive says of another holds, or is told; hashes do not show it."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -31,8 +29,6 @@ kind = "polynomial-chaos"
 design = "first"
 order = 2
 """
-
-Change = Callable[[xr.DataTree], None]
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import pandas as pd
@@ -36,9 +34,6 @@ runs = 100
 # The group of the reference.
 TRUTH = "statistics/reference"
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
-
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from uqpen.checkpoints.recheck import choose_runs, order_runs
 from uqpen.checkpoints.sources import RunSource
@@ -12,7 +11,6 @@ from uqpen.core.status import Status
 from uqpen.models.ishigami import Ishigami
 
 RUNS, SEEDS = 4000, 200
-Points = dict[str, NDArray[np.float64]]
 
 
 def points(seed, runs=RUNS):

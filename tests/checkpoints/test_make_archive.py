@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -614,7 +612,6 @@ def test_a_lock_that_was_left_behind_means_nothing(folder):
     with subprocess.Popen(
         [sys.executable, "-c", f"{holder}    time.sleep(60)"], cwd=folder, stdout=subprocess.PIPE
     ) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"locked\n"
         with pytest.raises(ArchiveError, match="another process"):
             make(folder)
@@ -659,9 +656,6 @@ def test_the_log_tells_what_an_archive_must_not(folder, monkeypatch):
     content = (folder / "study.nc").read_bytes()
     assert b"name-of-this-machine" not in content
     assert str(folder).encode() not in content
-
-
-Command = Callable[..., Any]
 
 
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder, command_line):

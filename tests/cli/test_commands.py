@@ -10,9 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import pytest
@@ -43,9 +41,6 @@ runs = 100
 kind = "latin-hypercube"
 runs = 100
 """
-
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture
@@ -423,8 +418,6 @@ class TestProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         ) as process:
-            assert process.stdout is not None
-            assert process.stderr is not None
             process.stdout.close()
             assert process.stderr.read() == b""
             assert process.wait() == 0
@@ -461,7 +454,6 @@ class TestProcess:
             with subprocess.Popen(
                 self.command("verify", name), cwd=tmp_path, stdout=subprocess.PIPE
             ) as process:
-                assert process.stdout is not None
                 process.stdout.close()
                 assert process.wait() == code
 
@@ -572,7 +564,6 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path):
     with subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
         # What two workers print at once may stand on one line.
         assert process.stdout.readline().startswith("run")
         while process.poll() is None:

@@ -1,7 +1,6 @@
 """Active learning of a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
 
 import math
-from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -10,14 +9,12 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CORRECTION_WEIGHT, PREDICTED_EVENT
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 
-Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 COPULA = {
     "copula": "gaussian",
     "of": "normal-scores",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,8 +37,6 @@ runs = 10
 """
 ONE = '[model]\nuse = "ishigami"'
 TWO = '[models.a]\nuse = "ishigami"\n[models.b]\nuse = "ishigami"\nwith = { x3 = 1.5 }'
-
-Change = Callable[[xr.Dataset, int], Any]
 
 
 @dataclass(frozen=True)

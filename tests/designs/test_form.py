@@ -1,7 +1,6 @@
 """FORM and SORM: design points of planes and paraboloids, what is not known, mistakes."""
 
 import math
-from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.designs.rare_events.form import (
     curvature_offsets,
     principal_curvatures,
@@ -24,7 +22,6 @@ from uqpen.results.output_tables import output_tables
 from uqpen.statistics.rare_events.form_probability import design_points
 from uqpen.statistics.rare_events.rare_event_probability import rare_event
 
-Function = Callable[[FloatArray, FloatArray, FloatArray], Mapping[str, FloatArray]]
 NORMAL = uqpen.Normal(0.0, 1.0)
 INPUTS = {"a": NORMAL, "b": NORMAL, "c": NORMAL}
 

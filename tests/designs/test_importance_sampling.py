@@ -1,7 +1,6 @@
 """Importance sampling of a rare event: exact probabilities, failed runs, doubts, the same bytes."""
 
 import math
-from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from scipy import special, stats
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
     DENSITY_RATIO,
     MIXTURE_COMPONENT,
@@ -30,7 +28,6 @@ from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.joint_probability import joint_probabilities
 
-Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
 COPULA = {
     "copula": "gaussian",

@@ -1,7 +1,6 @@
 """Designs for a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
 
 import math
-from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from scipy import special, stats
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
@@ -25,7 +23,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 COPULA = {
     "copula": "gaussian",
     "of": "normal-scores",

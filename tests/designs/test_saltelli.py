@@ -1,8 +1,6 @@
 """Pick-freeze blocks: what shares what with what, and what is drawn again."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +32,6 @@ LAW = JointDistribution(
 NAMES = ("length", "share", "width")
 
 # What becomes of points, told from their values.
-Fate = Callable[[FloatArray, FloatArray, FloatArray], Any]
 
 
 def everything_is_fine(length, share, width):

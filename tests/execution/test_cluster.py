@@ -8,10 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -267,9 +265,6 @@ def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path, two):
     (tmp_path / "slow.py").unlink()
     with pytest.raises(uqpen.UqpenError, match="no file"):
         uqpen.run(study, map=two)
-
-
-Command = Callable[..., Any]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """What a study does about runs that are lost: again, at most so many, and not for ever."""
 
 import re
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +14,6 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailureCount
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.execution.processes import processes
-
-Command = Callable[..., Any]
 
 # Fails at first; the second or third time it is called with the same input it may not.
 FLAKY = """\

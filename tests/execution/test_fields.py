@@ -1,8 +1,5 @@
 """Runs of models whose outputs have dimensions."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -23,8 +20,6 @@ DEPTH = Dimension("depth", "m", values=(0.0, 0.5))
 CURVE = Output("curve", "m", display_unit="cm", dims=(TIME,))
 ENDING = Output("curve", "m", display_unit="cm", dims=(TIME,), may_end=True)
 SHEET = Output("sheet", "1", dims=(TIME, DEPTH))
-
-Function = Callable[..., Mapping[str, Any]]
 
 
 def model(function, *outputs, vectorized=False):

@@ -347,7 +347,6 @@ def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, sent):
     ]
     for process, send in running:
         with process:
-            assert process.stdout is not None
             assert process.stdout.readline().startswith(b"run")
             send(process.pid, sent)
             # Nothing ends before the last process that could write to it.
@@ -375,7 +374,6 @@ def limited(folder, source, limit):
     (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
     line = [sys.executable, "-m", "uqpen", "study", "mine.toml"]
     process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdout is not None
     assert process.stdout.readline().startswith(b"run")
     return process
 

@@ -5,10 +5,8 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from functools import partialmethod
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,9 +30,6 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
 BEAM |= {"convergence"}
-
-Archives = dict[str, xr.DataTree]
-Command = Callable[..., Any]
 
 
 def test_what_is_in_the_family_says_what_it_shows():

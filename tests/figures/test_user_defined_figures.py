@@ -1,9 +1,7 @@
 """A figure from a file of the user's own: by reference, by function, and what goes wrong in it."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,8 +13,6 @@ from uqpen.testing import check_figure
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "chart.md").read_text(encoding="utf-8")
 FIGURE = re.findall(r"```python\n(# my_figure.py.*?)```", PAGE, re.DOTALL)[0]
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture

@@ -14,8 +14,6 @@ from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
 
-Archives = dict[str, xr.DataTree]
-
 
 def drawn(tree, name, **asked):
     return uqpen.figure(tree, name, **asked).axes

@@ -5,8 +5,6 @@ import re
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import numba
 import numpy as np
@@ -83,8 +81,6 @@ from uqpen.models.compiled import compiled
 def halve(value):
     return value / 2
 """
-
-Load = Callable[[], Any]
 
 
 @pytest.fixture

@@ -28,8 +28,6 @@ from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 pytestmark = pytest.mark.processor
 
 FloatArray = npt.NDArray[np.float64]
-Inputs = dict[str, FloatArray]
-
 CASES = Path(__file__).parents[1] / "data" / "walker_anderson_cases.csv"
 
 # Soleng & Svinsås (2001), Table 3.1, with R = 17 mm.

@@ -1,7 +1,11 @@
 """A function is known by its source, by what it calls and by the values that it takes."""
 
+from __future__ import annotations
+
 import functools
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,35 +15,35 @@ from uqpen.models.function_source import function_source
 FACTOR = 2.0
 
 
-def scaled(x):
+def scaled(x: float) -> float:
     return FACTOR * x
 
 
-def recursive(x):
+def recursive(x: float) -> float:
     return recursive(x - 1) if x > 1 else math.sqrt(x)
 
 
 class Solver:
-    def __call__(self, x):
+    def __call__(self, x: float) -> float:
         return x
 
 
-def closure(value):
-    def model(x):
+def closure(value: Any) -> Callable[[float], Any]:
+    def model(x: float) -> Any:
         return scaled(x), value, np.sqrt(x)
 
     return model
 
 
-def defaulted(x, *, y=1.0):
+def defaulted(x: float, *, y: float = 1.0) -> float:
     return x + y
 
 
-def evaluated(x):
+def evaluated(x: float) -> Any:
     return eval("FACTOR * x")
 
 
-def sha256(function):
+def sha256(function: Any) -> str:
     source = function_source(function)
     assert source.is_known, source.unknown
     return source.sha256
@@ -48,34 +52,34 @@ def sha256(function):
 @pytest.mark.parametrize(
     "value", [1, 1.5, "a", None, (1, 2), {"a": 1.0}, np.arange(3.0), math, recursive, np.float64(2)]
 )
-def test_values_from_outside_are_part_of_it(value):
+def test_values_from_outside_are_part_of_it(value: object) -> None:
     assert sha256(closure(value)) == sha256(closure(value))
     assert sha256(closure(value)) != sha256(closure("another"))
 
 
 def test_a_global_value_of_a_function_that_it_calls_is_part_of_it(
-    monkeypatch,
-):
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     before = sha256(closure(1))
     monkeypatch.setitem(globals(), "FACTOR", 3.0)
     assert sha256(closure(1)) != before
 
 
-def test_default_values_are_part_of_it():
+def test_default_values_are_part_of_it() -> None:
     before = sha256(defaulted)
     assert sha256(functools.partial(defaulted, y=2.0)) != before
 
 
-def test_functions_in_one_statement_differ():
+def test_functions_in_one_statement_differ() -> None:
     one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
     assert sha256(one) != sha256(other)
 
 
-def test_a_function_may_call_itself():
+def test_a_function_may_call_itself() -> None:
     assert sha256(recursive)
 
 
-def test_its_text_is_its_source():
+def test_its_text_is_its_source() -> None:
     source = function_source(defaulted)
     assert source.name == "defaulted"
     assert source.text == "def defaulted(x: float, *, y: float = 1.0) -> float:\n    return x + y\n"
@@ -90,7 +94,7 @@ def test_its_text_is_its_source():
         (evaluated, 'it calls "eval", which may read anything'),
     ],
 )
-def test_what_cannot_be_hashed_is_named(function, unknown):
+def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
     source = function_source(function)
     assert not source.is_known
     assert source.sha256 == ""
@@ -98,20 +102,20 @@ def test_what_cannot_be_hashed_is_named(function, unknown):
 
 
 class Odd:
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         raise KeyError(name)
 
-    def __call__(self, x):
+    def __call__(self, x: float) -> float:
         return x
 
 
-def test_an_object_that_raises_for_an_attribute_is_unknown():
+def test_an_object_that_raises_for_an_attribute_is_unknown() -> None:
     assert function_source(closure(Odd())).unknown == '"value" is an object of class Odd'
 
 
-def test_nested_code_and_imports_in_it_are_part_of_it():
-    def numbers(x):
-        def inner():
+def test_nested_code_and_imports_in_it_are_part_of_it() -> None:
+    def numbers(x: float) -> Any:
+        def inner() -> Any:
             from statistics import mean
 
             return mean([x])

@@ -2,9 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +20,6 @@ from uqpen.verification.check_result import CheckOutcome
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "model.md").read_text(encoding="utf-8")
 MODEL = re.findall(r"```python\n(# my_model.py.*?)```", PAGE, re.DOTALL)[0]
 STUDY = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture

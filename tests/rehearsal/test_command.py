@@ -2,9 +2,7 @@
 
 import json
 import signal
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -33,7 +31,6 @@ kind = "polynomial-chaos"
 design = "monte_carlo"
 order = 3
 """
-Command = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,14 @@
 
 import json
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page
 
 pytestmark = pytest.mark.slow
 
 WIDE, MIDDLE, PHONE, NARROW = 1200, 700, 400, 320
-
-Show = Callable[[str], Page]
 
 
 def _wait(page, theme="light"):

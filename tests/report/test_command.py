@@ -1,16 +1,12 @@
 """``uqpen report``, and the page that ``uqpen study`` writes or names."""
 
 import os
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 import uqpen
 
 pytestmark = pytest.mark.slow
-
-Command = Callable[..., Any]
 
 STUDY = """
 title = "Sum of two"

@@ -1,10 +1,7 @@
 """How estimates settle, as the page has it."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -14,8 +11,6 @@ from uqpen.report.sections.convergence import convergence
 from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow
-
-Archives = Mapping[str, xr.DataTree]
 
 LINE = """
 seed = 3

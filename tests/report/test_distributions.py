@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -19,8 +18,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 
 @pytest.fixture

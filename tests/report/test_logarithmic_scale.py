@@ -1,7 +1,5 @@
 """``scale = "log"`` of an output: what is drawn, read off and said by its logarithm."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -17,11 +15,8 @@ from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
-
-StudyOf = Callable[..., ValidatedStudy]
 
 LOG = 'scale = "log"'
 DESIGN = '[designs.mc]\nkind = "monte-carlo"\nruns = 200'

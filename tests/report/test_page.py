@@ -5,12 +5,10 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.core.errors import ReportError
@@ -23,9 +21,6 @@ pytestmark = pytest.mark.slow
 VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
 
 NAMES = ["beam", "lost", "schema_1", "schema_1_several"]
-
-Archives = Mapping[str, xr.DataTree]
-PageOf = Callable[[str], str]
 
 
 class Outline(HTMLParser):

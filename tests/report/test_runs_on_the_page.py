@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import xarray as xr
 from hashed_trees import with_hashes
 
 from uqpen.charts.chart import Axis, Chart, Charts
@@ -17,8 +16,6 @@ from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 
 def explorer_of(tree, model=""):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -13,8 +12,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.input_ranking import input_order
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 
 def groups(tree, model=""):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.report.blocks import Fold, Table, find_charts
@@ -14,8 +13,6 @@ from uqpen.results.input_ranking import input_ranking
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 
 def blocks(tree, model=""):

@@ -1,7 +1,5 @@
 """Statistics of all sources side by side, and what their intervals cost."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,8 +14,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 
 pytestmark = pytest.mark.slow
-
-Archives = Mapping[str, xr.DataTree]
 
 SOURCES = [
     "monte_carlo",

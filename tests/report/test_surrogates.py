@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -13,8 +12,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.surrogate_tables import correction_tables
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 FLAT = """[designs.many]
 kind = "monte-carlo"

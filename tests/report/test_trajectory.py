@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from uqpen.charts.chart import Charts
 from uqpen.report import SECTIONS
@@ -10,8 +9,6 @@ from uqpen.report.page import report_page
 from uqpen.report.plotly import traces
 from uqpen.report.sections.trajectory import trajectory
 from uqpen.results.archive_view import ArchiveView
-
-Archives = dict[str, xr.DataTree]
 
 
 @pytest.mark.slow

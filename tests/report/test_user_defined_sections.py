@@ -1,9 +1,7 @@
 """A section of the report from a file of the user's own, and what goes wrong in it."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,8 +15,6 @@ from uqpen.testing import check_section
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "chart.md").read_text(encoding="utf-8")
 SECTION = re.findall(r"```python\n(# my_section.py.*?)```", PAGE, re.DOTALL)[0]
 HARM = "<img src=x onerror=hacked=1></script>"
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Statistics of all sources side by side, beside the runs that each took."""
 
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ from uqpen.core.catalogue import REQUESTED
 from uqpen.report.page import report_page
 from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [outputs.y]

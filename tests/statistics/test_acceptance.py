@@ -1,7 +1,6 @@
 """Acceptance limits of probabilities, and whether the runs meet them."""
 
 import json
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,10 +14,8 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.threshold import AcceptanceLimits
-from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import output_rows
 
-MakeStudy = Callable[..., ValidatedStudy]
 NAN = float("nan")
 
 

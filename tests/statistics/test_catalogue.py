@@ -1,7 +1,6 @@
 """The catalogue of statistics: what analyses yield is in it, and is packed without a loss."""
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -25,9 +24,6 @@ from uqpen.core.statistic import Shown, UnitRule, derived
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 # In metres, so that values of the output and plain numbers are told apart.
 LENGTH = QuantityOfInterest(

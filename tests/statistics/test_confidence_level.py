@@ -1,7 +1,5 @@
 """The confidence level of a study: every interval has it, and everything that shows one says so."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -14,10 +12,7 @@ from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.root_attributes import level_attribute
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = {
     "mc": uqpen.MonteCarlo(runs=400),

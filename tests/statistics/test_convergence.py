@@ -65,9 +65,6 @@ def runs_of(sampling, count, replicate=None):
     )
 
 
-Statistics = dict[str, xr.DataArray]
-
-
 def convergence(runs, quantities):
     """What follows the runs so far, by output and by the statistic that it is of."""
     found = analyze(runs, quantities, only=("convergence",))

@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 from corrected_surrogates import NORMAL, STREAM, corrected_by, made
@@ -11,12 +10,9 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 LINEAR = PolynomialChaos(design="training", order=1)
 

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,10 +30,7 @@ from uqpen.statistics.surrogate.correction.correction_runs import (
     missing_run_predictions,
 )
 from uqpen.statistics.surrogate.correction.disagreements import bonett_price
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 
 def runs_of(seed=0, runs=40, error=0.3, missing=0, slope=1.0):

@@ -1,7 +1,6 @@
 """Pairs of draws that share inputs: known indices, with and without dependence."""
 
 import math
-from collections.abc import Callable
 
 import pytest
 
@@ -10,9 +9,6 @@ from uqpen.execution import Evaluator
 from uqpen.statistics.surrogate.surrogate_draws import (
     draw_pick_freeze_pairs,
 )
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 # 16 384 pairs of scrambled Sobol' points leave less than this of a smooth function's indices.
 TOLERANCE = 0.005

@@ -1,7 +1,5 @@
 """Probabilities of exceeding a value and of lying below it."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -17,9 +15,7 @@ from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., ValidatedStudy]
 LENGTH = Output("y", "m")
 
 

@@ -2,9 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -67,9 +65,6 @@ def analysis(sample, quantity):
     YIELDS
 """
 COUNTS = ("runs", "runs_used", "runs_inadmissible", "conditional_on")
-
-Command = Callable[..., Any]
-FreshProcess = Callable[..., Any]
 
 
 def _write(folder, yields):

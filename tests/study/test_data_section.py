@@ -1,6 +1,5 @@
 """A data file in place of a model: what is read, told and refused."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +38,6 @@ length = { uniform = { lower = "0 m", upper = "1 m" } }
 """
 
 DESIGN = '[designs.given]\nkind = "data"\n'
-
-Written = Callable[..., uqpen.Study]
 
 
 def table(**columns):

@@ -2,7 +2,6 @@
 
 import importlib
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -67,8 +66,6 @@ FAMILIES = {
     "analyses": ("interquartile-range", "analyses[0]"),
     "copulas": ("own", "dependence.copula"),
 }
-
-Install = Callable[..., Path]
 
 
 def test_a_study_names_them(install, tmp_path):

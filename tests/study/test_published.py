@@ -1,16 +1,11 @@
 """Published figures: read with their units, kept apart from our own, never given an interval."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.results.output_tables import output_tables
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [designs.blocks]

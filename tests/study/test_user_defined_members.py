@@ -4,9 +4,7 @@ import importlib
 import importlib.metadata
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -50,8 +48,6 @@ design = "mine"
 order = 3
 """
 MEMBERS = "my_designs.py:Kronecker, my_distributions.py:Kumaraswamy"
-
-FreshProcess = Callable[..., Any]
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,14 +15,11 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.results.json import archive_json
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.basis import ProductBasis
 from uqpen.surrogates.chaos.coefficients import cross_validation, sparse_regression
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.chaos.term_selection import FitPoints, Terms, regression_terms
 from uqpen.surrogates.diagnostics import shown_diagnostics
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 PAIR = JointDistribution(
     tuple(RandomInput(Input(name, "1"), Uniform(0.0, 1.0), "1") for name in "ab"),

@@ -1,7 +1,5 @@
 """A surrogate's design goes on where the surrogate expects to err."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,7 +9,6 @@ from uqpen.core.errors import StudyError
 from uqpen.core.labels import REFINED_FOR, ROUND, RUN, STATUS, WEIGHT
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import design_rows
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.workflow import Progress, run, run_design
@@ -31,8 +28,6 @@ method = "least-squares"
 REFINED = f"{DESIGN}refine = 30\n"
 # A jump in a corner, where no polynomial follows.
 BODY = "a + 2.0 * ((a > 0.7) & (b > 0.6))"
-
-Studies = Callable[..., ValidatedStudy]
 
 
 def refined(study_of, text=REFINED, body=BODY):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -102,7 +100,6 @@ class Root(OutputSurrogate):
 
 LEAST_SQUARES = {"method": "least-squares", "order": 6}
 LOG = {"transform": {"y": "log"}}
-Made = Callable[[str | None], Any]
 CASES = {
     "beyond the training runs": (
         two_stages,

@@ -1,9 +1,7 @@
 """``uqpen verify``, ``diff`` and ``rerun`` as their user meets them."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -84,9 +82,6 @@ STUDIES = {
     "own": OWN,
     "other": PLAIN.replace("= 1\n", "= 2\n"),
 }
-
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,7 @@
 
 import hashlib
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -48,8 +46,6 @@ FILES = {
     "measured.csv": "x\n" + "".join(f"{number / 7}\n" for number in range(12)),
 }
 NAMES = ["../measured.csv", "beside.py", "models/own.py", "points.csv"]
-
-Command = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
