@@ -72,8 +72,8 @@ if TYPE_CHECKING:
     from uqpen.results.archive import Archive as Archive
     from uqpen.results.archive import open_archive as open_archive
     from uqpen.study.load import parse_study as parse_study
-    from uqpen.study.python_model import OutputSpec as OutputSpec
-    from uqpen.study.python_model import PythonModel as PythonModel
+    from uqpen.study.python_study import OutputSpec as OutputSpec
+    from uqpen.study.python_study import PythonModel as PythonModel
     from uqpen.study.python_study import Study as Study
     from uqpen.study.python_study import load_study as load_study
     from uqpen.surrogates.active_learning import ActiveLearning as ActiveLearning
@@ -99,8 +99,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),
-    "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
-    "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
     **member_homes(DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES),
 }

@@ -81,7 +81,7 @@ def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder):
 def test_large_parts_are_written_as_they_come(folder, monkeypatch):
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
-    monkeypatch.setattr("uqpen.checkpoints.parts._MOST_BYTES", 5 * bytes_of_a_run)
+    monkeypatch.setattr("uqpen.checkpoints.stored_runs._MOST_BYTES", 5 * bytes_of_a_run)
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
         make(folder)

@@ -12,7 +12,7 @@ from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.workflow.root_attributes import level_attribute
+from uqpen.study.identity import level_attribute
 
 DESIGNS = {
     "mc": uqpen.MonteCarlo(runs=400),

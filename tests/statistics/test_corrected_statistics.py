@@ -17,19 +17,18 @@ from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import clopper_pearson
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_moments import (
+from uqpen.statistics.intervals import bonett_price, clopper_pearson
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.corrected_moments import (
     CorrectedMoments,
     corrected_mean,
     spacing,
 )
-from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction.correction_runs import (
+from uqpen.statistics.surrogate.corrected_statistics import narrower
+from uqpen.statistics.surrogate.correction_runs import (
     CorrectionRuns,
     missing_run_predictions,
 )
-from uqpen.statistics.surrogate.correction.disagreements import bonett_price
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 

@@ -145,7 +145,9 @@ def test_a_field_of_rank_two_is_reproduced(surrogate, design):
 CHOICE = dict.fromkeys(("peak", *(score_name("field", i) for i in (0, 1))), "gaussian-process")
 
 
-@pytest.mark.parametrize("surrogate", [GaussianProcess(design="t"), FixedChoice("t", CHOICE)])
+@pytest.mark.parametrize(
+    "surrogate", [GaussianProcess(design="t"), FixedChoice("t", choice=CHOICE)]
+)
 def test_values_are_evaluated_without_deviations(surrogate, monkeypatch):
     found = fitted(surrogate, MonteCarlo(runs=40))
     inputs, _ = found.completed_runs(OTHERS)

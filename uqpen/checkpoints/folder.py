@@ -61,7 +61,7 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import model_fingerprint
+from uqpen.study.identity import model_fingerprint
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 
 __all__ = ["FAILED", "CheckpointFolder", "keep_runs", "lock_archive"]

@@ -26,10 +26,9 @@ from uqpen.models.dependencies import current_sha256
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_defined_model import UserDefinedModel
-from uqpen.study.fingerprint import flatten_tables, point_classes
+from uqpen.study.identity import flatten_tables, level_attribute, point_classes, root_attributes
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import object_surrogates, user_defined_objects
-from uqpen.workflow.root_attributes import level_attribute, root_attributes
 
 __all__ = [
     "Change",

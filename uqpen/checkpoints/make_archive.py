@@ -36,7 +36,7 @@ from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.status import Status
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
+from uqpen.study.identity import model_fingerprint, run_fingerprint
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.workflow import Checkpoints, run

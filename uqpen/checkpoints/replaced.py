@@ -27,7 +27,7 @@ from uqpen.core.status import Status
 from uqpen.designs.design import Design, Extension, UnloadedDesign
 from uqpen.study.designs_section import read_designs
 from uqpen.study.document import parse_document
-from uqpen.study.fingerprint import POINT_TABLES
+from uqpen.study.identity import POINT_TABLES
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
 from uqpen.surrogates.refinement import RefinedDesign

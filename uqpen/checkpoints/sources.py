@@ -59,7 +59,7 @@ from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.study.fingerprint import is_user_defined
+from uqpen.study.identity import is_user_defined
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 

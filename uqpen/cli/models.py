@@ -22,9 +22,9 @@ def models(name: str | None) -> None:
     Of a model, these are its inputs, outputs, units, settings and defaults.
     """
     from uqpen.cli.console import plain_table, standard_output
-    from uqpen.core.lookup import installed_packages, resolve
+    from uqpen.core.lookup import choices, installed_packages, resolve
     from uqpen.models import MODELS
-    from uqpen.study.user_defined_members import MODEL
+    from uqpen.study.user_defined_members import MODEL, load_class
 
     if name in MODELS:
         _show_model(resolve(MODELS[name])())
@@ -32,11 +32,8 @@ def models(name: str | None) -> None:
     installed = installed_packages(MODEL.group)
     if name is not None:
         from uqpen.core.errors import ModelError, UnknownNameError
-        from uqpen.core.lookup import choices
-        from uqpen.models import MODELS
         from uqpen.models.user_code import error_text
-        from uqpen.study.model_class_section import find_variable_faults
-        from uqpen.study.user_defined_members import MODEL, load_class
+        from uqpen.study.model_section import find_variable_faults
 
         if name not in installed:
             raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')

@@ -9,15 +9,22 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.messages import ExitCode, show_message
-from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
-from uqpen.cli.precision_argument import EXAMPLE, read_precision
+from uqpen.cli.options import (
+    EXAMPLE,
+    PATH,
+    ExecutorOptions,
+    folder_option,
+    quiet_option,
+    read_precision,
+    trust_option,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import xarray as xr
 
-    from uqpen.rehearsal.required_runs import SufficientRuns
+    from uqpen.rehearsal.rehearse import SufficientRuns
 
 __all__ = ["rehearse"]
 
@@ -80,10 +87,9 @@ def rehearse(
     from uqpen.cli.progress import show_progress, show_step
 
     with show_step("reading the study"):
-        from uqpen.rehearsal.opening import open_rehearsed
-        from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
+        from uqpen.rehearsal.rehearse import RehearsalSettings, sufficient_runs
         from uqpen.rehearsal.rehearse import rehearse as rehearse_study
-        from uqpen.rehearsal.required_runs import sufficient_runs
+        from uqpen.rehearsal.rehearsed_study import open_rehearsed
 
         settings = RehearsalSettings(repeats, runs)
     opened = open_rehearsed(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
@@ -114,14 +120,14 @@ def _repeats_text(findings: xr.Dataset) -> str:
 
 def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text: bool) -> None:
     """Show the findings as tables or as JSON."""
-    from uqpen.cli.printable import printable_json
+    from uqpen.cli.messages import printable_json
     from uqpen.rehearsal.findings_tables import rehearsal_json
 
     if not as_text:
         from rich.text import Text
 
         from uqpen.cli.console import show_line, show_table, standard_output
-        from uqpen.cli.printable import screen_text
+        from uqpen.cli.messages import screen_text
         from uqpen.rehearsal.findings_tables import coverage_tables, rehearsal_heading, width_tables
 
         console = standard_output()
@@ -133,7 +139,7 @@ def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text
             show_table(console, table)
         if sufficient:
             from uqpen.cli.console import show_plain_tables
-            from uqpen.rehearsal.required_runs import MOST_RUNS
+            from uqpen.rehearsal.rehearse import MOST_RUNS
             from uqpen.results.digits import grouped_number
 
             more = f"more than {grouped_number(MOST_RUNS)}"

@@ -8,7 +8,7 @@ from rich.text import Text
 
 from uqpen.archive.read import group_names
 from uqpen.cli.console import plain_table, show_table, standard_output
-from uqpen.cli.printable import screen_text
+from uqpen.cli.messages import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs

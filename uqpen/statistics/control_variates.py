@@ -31,11 +31,10 @@ from uqpen.designs.multifidelity import LinearEstimator
 from uqpen.execution import worst_status_runs
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.intervals import bonett_price, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS
 from uqpen.statistics.standard_errors import Margins, extreme_margins
-from uqpen.statistics.surrogate.correction.disagreements import bonett_price
 
 __all__ = [
     "GroupRuns",

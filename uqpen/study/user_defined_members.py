@@ -28,9 +28,7 @@ from uqpen.models import MODELS
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
 from uqpen.models.user_module import load_module
-from uqpen.study.frozen_section import SETTINGS
-from uqpen.study.named_object import OBJECT
-from uqpen.study.table_reader import TableReader, family_member
+from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_member
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 

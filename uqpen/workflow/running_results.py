@@ -34,8 +34,8 @@ from uqpen.statistics.analyze import analyze
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.partial_runs import first_runs, sample_so_far
 from uqpen.statistics.run_samples import input_sample
+from uqpen.study.identity import root_attributes
 from uqpen.study.study import ValidatedStudy
-from uqpen.workflow.root_attributes import root_attributes
 
 __all__ = ["ResultsSoFar", "RunningResults"]
 
