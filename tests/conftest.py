@@ -187,7 +187,7 @@ def fresh_process() -> Callable[..., list[Outcome]]:
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        return [Outcome(*told) for told in json.loads(done.stdout)]
+        return [Outcome(*reported) for reported in json.loads(done.stdout)]
 
     return call
 

@@ -72,7 +72,7 @@ def test_the_table_ranks_by_interval_score_and_refusals_come_last(tmp_path):
         ("a,wall", "no answer"),
     ],
 )
-def test_a_mistake_is_told_with_its_line(tmp_path, line, message):
+def test_a_mistake_is_reported_with_its_line(tmp_path, line, message):
     path = tmp_path / "answers.csv"
     path.write_text(f"participant,problem,repeat,runs,estimate,lower,upper\n{line}\n")
     with pytest.raises(ValueError, match=rf"answers\.csv:2: .*{message}"):

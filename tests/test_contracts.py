@@ -154,7 +154,7 @@ class Forgetting(OutputSurrogate):
 
 
 class TestBrokenRules:
-    """A member that breaks a rule is told which."""
+    """A member that breaks a rule gets a message that names it."""
 
     def test_of_a_distribution(self):
         @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class TestUMBridgeClient:
             ([[0.0, 0.0, 0.0]], {"a": 1}, "InvalidInput: ishigami takes no config"),
         ],
     )
-    def test_is_told_why_a_run_was_not_made(self, address, parameters, config, message):
+    def test_a_caller_learns_why_a_run_was_not_made(self, address, parameters, config, message):
         model = umbridge.HTTPModel(address, "ishigami")
         with pytest.raises(Exception, match=re.escape(f"error of type {message}") + r"\Z"):
             model(parameters, config)
@@ -109,8 +109,8 @@ class TestUMBridgeClient:
     ],
 )
 def test_what_is_no_run_gets_an_error_of_the_protocol(address, path, content, code, kind, message):
-    told = {"error": {"type": kind, "message": message}}
-    assert asked(address, path, content) == (code, told)
+    reported = {"error": {"type": kind, "message": message}}
+    assert asked(address, path, content) == (code, reported)
 
 
 RUN = b'{"name": "ishigami", "input": [[0, 0, 0]]}'
@@ -160,11 +160,11 @@ def test_a_host_name_that_was_given_is_known():
 
 
 def test_a_large_request_gets_its_answer(address):
-    told = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
-    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, told)
+    reported = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
+    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, reported)
 
 
-def test_connections_beyond_a_number_are_told(monkeypatch):
+def test_connections_beyond_a_number_are_reported(monkeypatch):
     monkeypatch.setattr(model_server, "_MOST_CONNECTIONS", 2)
     busy = {"type": "ServiceUnavailable", "message": "all 2 connections are in use"}
     offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
@@ -186,9 +186,9 @@ def test_connections_beyond_a_number_are_told(monkeypatch):
         assert [ask(client)[0] for client in served] == [200, 200]
         more = [connect(), connect()]
         assert ask(more[0]) == (503, {"error": busy})
-        # One that is not even told is closed before it is answered. It may be the first of two, as
-        # the one that was told leaves its place at some moment; the last is asked first, so that
-        # the server has met both.
+        # A connection beyond these is closed without a word. It may be the first of two, as the one
+        # that got its answer leaves its place at some moment; the last is asked first, so that the
+        # server has met both.
         more += [connect(), connect()]
         closed = 0
         for client in reversed(more[2:]):
@@ -261,7 +261,7 @@ class TestOffers:
             (("x4",), {}, 'ishigami has no input "x4"; known: x1, x2, x3'),
         ],
     )
-    def test_what_does_not_fit_is_told(self, varied, held, message):
+    def test_what_does_not_fit_is_reported(self, varied, held, message):
         with pytest.raises(UqpenError) as refused:
             ServedModel("a", Evaluator(Ishigami()), varied, held)
         assert str(refused.value) == message
@@ -360,5 +360,5 @@ class TestCommand:
         assert done.code == 2
         assert done.err == 'study.nc: no surrogate "chaos"; none is known\n'
         done = command_line("serve", "study.nc")
-        told = "study.nc: holds no surrogate, and nothing else of it can be served\n"
-        assert (done.code, done.err) == (2, told)
+        reported = "study.nc: holds no surrogate, and nothing else of it can be served\n"
+        assert (done.code, done.err) == (2, reported)

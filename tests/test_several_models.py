@@ -109,17 +109,17 @@ def test_a_difference_is_better_known_than_either(tree):
 def test_the_archive_of_several_models_reads_back(tree, tmp_path):
     write(tree, tmp_path / "models.nc")
     read = open_archive(tmp_path / "models.nc")
-    told = archive_json(read)
-    assert list(told["models"]) == ["first", "shifted", "picky"]
-    assert told["models"]["first"]["designs"]["mc"]["runs"] == 1000
-    mean = told["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
+    reported = archive_json(read)
+    assert list(reported["models"]) == ["first", "shifted", "picky"]
+    assert reported["models"]["first"]["designs"]["mc"]["runs"] == 1000
+    mean = reported["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
     assert mean["estimate"] == pytest.approx(1.5)
     titles = [table.title for table in output_tables(read)]
     assert titles[0] == "first: y [m]"
     assert "picky minus first: y [m]" in titles
 
 
-def test_an_adaptive_study_is_told_the_gravest_status(tree):
+def test_an_adaptive_study_gets_the_gravest_status(tree):
     from uqpen.execution import worst_status_runs
 
     first, picky = (tree[f"models/{name}/runs/mc"].to_dataset() for name in ("first", "picky"))

@@ -123,7 +123,7 @@ def test_a_larger_budget_keeps_the_points(tree):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ('"close"\ncost', '"closer"\ncost', ["models.rough.stands_for", "did you mean"]),
         ('"close"\ncost', '"rough"\ncost', ["models.rough.stands_for", "another model"]),
@@ -135,11 +135,11 @@ def test_a_larger_budget_keeps_the_points(tree):
         ('stands_for = "close"\ncost = 0.2\n', "", ["designs.budgeted.kind", "rough"]),
     ],
 )
-def test_a_mistake_is_told_with_its_key(old, new, told):
+def test_a_mistake_is_reported_with_its_key(old, new, reported):
     assert old in STUDY
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(old, new))
-    for text in told:
+    for text in reported:
         assert text in str(caught.value)
 
 

@@ -120,7 +120,7 @@ def test_the_archive_is_the_same_with_and_without(study_of, tmp_path):
     assert (tmp_path / "with.nc").read_bytes() == (tmp_path / "without.nc").read_bytes()
 
 
-def test_rounds_and_several_models_are_told_apart():
+def test_rounds_and_several_models_are_distinguished():
     study = uqpen.Study(
         models={
             name: uqpen.PythonModel(
@@ -278,12 +278,12 @@ def test_the_command_serves_its_page_until_the_study_ends(tmp_path, interrupted)
     with subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        told = process.stderr.readline()
+        reported = process.stderr.readline()
         match = re.fullmatch(
             r"watch: http://127\.0\.0\.1:(\d+)/ shows the results so far, until the study ends\n",
-            told,
+            reported,
         )
-        assert match, told
+        assert match, reported
         state = _state(int(match[1]))
         deadline = time.monotonic() + PATIENCE
         while not state["done"] > 20:

@@ -364,7 +364,7 @@ def test_runs_that_are_all_of_one_replicate_tell_no_error(tmp_path):
     assert mean.attrs["note"] == "all completed runs are of one replicate"
 
 
-def test_how_a_figure_is_told_does_not_depend_on_what_else_was_asked():
+def test_how_a_figure_is_reported_does_not_depend_on_what_else_was_asked():
     def exceedance(limits):
         tree = uqpen.run(small(f"[outputs.y]\nexceeds = {limits}"))
         return SourceStatistics(tree).statistics("a", "y")["exceedance"]

@@ -123,7 +123,7 @@ class TestDestination:
         with pytest.raises(ArchiveError, match="is a folder"):
             prepare_destination(tmp_path)
 
-    def test_a_place_that_cannot_be_written_is_told(self, tmp_path):
+    def test_a_place_that_cannot_be_written_is_reported(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(ArchiveError, match="cannot be written"):
             prepare_destination(tmp_path / "file" / "a.nc")
@@ -167,7 +167,7 @@ class TestDamage:
             yield dataset
 
     @pytest.mark.parametrize(
-        ("damage", "told"),
+        ("damage", "reported"),
         [
             (lambda d: d.delncattr("title"), 'no text "title"'),
             (lambda d: d.setncattr("title", 3), 'no text "title"'),
@@ -203,21 +203,21 @@ class TestDamage:
             ),
         ],
     )
-    def test_it_is_told(
+    def test_it_is_reported(
         self,
         dataset,
         damage,
-        told,
+        reported,
     ):
         path = dataset.filepath()
         damage(dataset)
         dataset.sync()
-        with pytest.raises(ArchiveError, match=f"is damaged: .*{told}"):
+        with pytest.raises(ArchiveError, match=f"is damaged: .*{reported}"):
             open_archive(path)
 
 
 class TestForeignFiles:
-    def test_an_absent_file_is_told(self, tmp_path):
+    def test_an_absent_file_is_reported(self, tmp_path):
         with pytest.raises(ArchiveError, match="there is no such file"):
             open_archive(tmp_path / "absent.nc")
 
@@ -233,19 +233,21 @@ class TestForeignFiles:
             open_archive(tmp_path / "a.nc")
 
     @pytest.mark.parametrize("schema", [0, SCHEMA + 1, 999])
-    def test_another_schema_is_told(self, tmp_path, schema):
+    def test_another_schema_is_reported(self, tmp_path, schema):
         xr.Dataset(attrs={"uqpen_schema": schema}).to_netcdf(tmp_path / "a.nc")
-        told = f"a.nc: has schema {schema}, and this uqpen reads schema {SCHEMA}; take the version"
-        with pytest.raises(ArchiveError, match=told):
+        reported = (
+            f"a.nc: has schema {schema}, and this uqpen reads schema {SCHEMA}; take the version"
+        )
+        with pytest.raises(ArchiveError, match=reported):
             open_archive(tmp_path / "a.nc")
 
-    def test_a_schema_that_is_no_number_is_told(self, tmp_path):
+    def test_a_schema_that_is_no_number_is_reported(self, tmp_path):
         xr.Dataset(attrs={"uqpen_schema": [1, 2]}).to_netcdf(tmp_path / "a.nc")
         with pytest.raises(ArchiveError, match="is not an archive"):
             open_archive(tmp_path / "a.nc")
 
     @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
-    def test_a_truncated_archive_is_told(self, archive, tmp_path, share):
+    def test_a_truncated_archive_is_reported(self, archive, tmp_path, share):
         content = archive.read_bytes()
         (tmp_path / "a.nc").write_bytes(content[: int(share * len(content))])
         with pytest.raises(ArchiveError):

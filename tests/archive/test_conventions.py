@@ -204,7 +204,7 @@ def test_names_are_letters_digits_and_underscores(trees):
         for node in tree.subtree:
             names = {*map(str, node.variables), *node.dims, node.name or "root"}
             assert all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) for name in names), names
-            assert len({name.lower() for name in names}) == len(names), "not told apart by case"
+            assert len({name.lower() for name in names}) == len(names), "not distinguished by case"
 
 
 def test_no_group_has_an_error(report):

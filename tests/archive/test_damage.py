@@ -1,4 +1,4 @@
-"""What is damaged is told in words: by its bytes, and by what figures have to lie along."""
+"""What is damaged is reported in words: by its bytes, and by what figures have to lie along."""
 
 import shutil
 from pathlib import Path
@@ -74,7 +74,7 @@ def copy(whole, tmp_path):
 
 
 @pytest.mark.parametrize("at", [0, 100, 0.5, 0.9, -1])
-def test_a_byte_that_has_changed_is_told_before_it_is_read(copy, at):
+def test_a_byte_that_has_changed_is_reported_before_it_is_read(copy, at):
     data = bytearray(copy.read_bytes())
     position = int(at * len(data)) if isinstance(at, float) else at
     data[position] ^= 1
@@ -102,7 +102,7 @@ def drop(group, name):
     return lambda root: root[group].renameVariable(name, "formerly")
 
 
-def told(path, name, value):
+def reported(path, name, value):
     return lambda root: (root[path] if path else root).setncattr(name, value)
 
 
@@ -185,11 +185,11 @@ OF_ONE_MODEL = {
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "a table of another length": (
-        told(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
+        reported(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "a table of numbers": (
-        told(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
+        reported(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "no table": (
@@ -197,18 +197,18 @@ OF_ONE_MODEL = {
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "unit": (
-        told("runs/first/y", "display_units", "m^^"),
+        reported("runs/first/y", "display_units", "m^^"),
         "/runs/first/y: display_units that are no unit",
     ),
     "note": (
-        told(f"{Y}/mean", "note", np.array([1, 2])),
+        reported(f"{Y}/mean", "note", np.array([1, 2])),
         "/statistics/first/y/mean: note is no text",
     ),
     "count": (
-        told(f"{Y}/first_order", "runs", "many"),
+        reported(f"{Y}/first_order", "runs", "many"),
         "/statistics/first/y/first_order: runs is no count",
     ),
-    "seed": (told("", "seed", "9" * 5000), "a seed that is no number"),
+    "seed": (reported("", "seed", "9" * 5000), "a seed that is no number"),
     "run numbers": (
         filled("runs/first/run", 3, 1),
         "/runs/first: run numbers that do not ascend",
@@ -231,7 +231,7 @@ OF_SEVERAL_MODELS = {
         "/models/one/failures/first: no status to tell its entries apart",
     ),
     "kind of a source": (
-        told(f"{ONE}/statistics/first", "kind", "guess"),
+        reported(f"{ONE}/statistics/first", "kind", "guess"),
         "/models/one/statistics/first: of no kind that is known",
     ),
     "what a surrogate is checked by": (

@@ -23,9 +23,9 @@ def test_it_opens_as_shown_without_uqpen(tmp_path, monkeypatch):
     examples = "".join(re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL))
     test = doctest.DocTestParser().get_doctest(examples, {}, "archive.md", None, 0)
     assert len(test.examples) > 10
-    told = []
-    doctest.DocTestRunner(verbose=False).run(test, out=told.append)
-    assert told == []
+    reported = []
+    doctest.DocTestRunner(verbose=False).run(test, out=reported.append)
+    assert reported == []
 
 
 def test_it_tells_the_schema_that_is_written():

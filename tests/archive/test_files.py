@@ -140,7 +140,7 @@ def test_no_name_leads_out_of_the_folder(names, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("files", "told"),
+    ("files", "reported"),
     [
         ([kept("")], "'': is not the name of a file that a study could name"),
         ([kept("/etc/passwd")], "'/etc/passwd': is not the name of a file"),
@@ -153,10 +153,10 @@ def test_no_name_leads_out_of_the_folder(names, tmp_path_factory):
         ([kept("a/b"), kept("a")], '"a": two files are to lie in the same place'),
     ],
 )
-def test_what_cannot_be_in_a_folder_is_told(files, told, tmp_path):
+def test_what_cannot_be_in_a_folder_is_reported(files, reported, tmp_path):
     with pytest.raises(ArchiveError) as raised, extract_files(files, tmp_path):
         pass
-    assert told in str(raised.value)
+    assert reported in str(raised.value)
 
 
 def test_the_same_file_twice_is_one_file(tmp_path):

@@ -120,12 +120,12 @@ def have_close_runs(one, other):
 @pytest.mark.processor
 def test_its_differences_from_a_new_one_are_explained(kept):
     now = uqpen.run(uqpen.load_study(FOLDER / f"{kept.name}.toml"))
-    told = {section.name: section.lines for section in diff_archives(kept.tree, now)}
+    reported = {section.name: section.lines for section in diff_archives(kept.tree, now)}
     # What another version or processor brings along, but no other run or estimate.
-    is_close = "made with" in told and have_close_runs(kept.tree, now)
+    is_close = "made with" in reported and have_close_runs(kept.tree, now)
     last_bits = {"points", "outputs"} if is_close else set()
-    assert set(told) <= {"root", "groups", "made with", "equal", "other groups", *last_bits}
-    groups = told.get("groups", ())
+    assert set(reported) <= {"root", "groups", "made with", "equal", "other groups", *last_bits}
+    groups = reported.get("groups", ())
     assert all(line.endswith("is in the second only") for line in groups)
 
 

@@ -1,4 +1,4 @@
-"""What one part of an archive says of another holds, or is told; hashes do not show it."""
+"""What one part of an archive says of another holds, or is reported; hashes do not show it."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def without(group, name):
     return lambda tree: tree[group].__delitem__(name)
 
 
-def told(group, name, value):
+def reported(group, name, value):
     return lambda tree: tree[group].attrs.__setitem__(name, value)
 
 
@@ -66,11 +66,11 @@ FAULTS = {
     "input": (without("runs/second", "x1"), "/runs/second: other inputs or outputs than elsewhere"),
     "output": (without("runs/second", "y"), "/runs/second: other inputs or outputs than elsewhere"),
     "design": (
-        told("surrogates/chaos", "design", "third"),
+        reported("surrogates/chaos", "design", "third"),
         "/surrogates/chaos: fitted to runs of no design",
     ),
     "check": (
-        told("surrogates/chaos", "check", "x"),
+        reported("surrogates/chaos", "check", "x"),
         "/surrogates/chaos: checked by runs of no design",
     ),
     "statistics": (without("statistics", "first"), "/runs/first: without a group of statistics"),

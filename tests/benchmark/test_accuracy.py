@@ -56,7 +56,7 @@ class TestAccuracy:
         assert found.is_heavy
         assert np.isnan(found.bounds[1:]).all()
 
-    def test_errors_of_any_size_are_told(self):
+    def test_errors_of_any_size_are_reported(self):
         errors = np.random.default_rng(2).normal(size=30)
         for size in (1e-150, 1e100):
             assert root_mean_square_errors(size * errors).error == pytest.approx(
@@ -136,8 +136,8 @@ class TestVerdict:
         assert found is not None
         assert (found.winner, found.runner_up, found.level) == ("b", "a", ("b",))
         assert found.lead.factor == pytest.approx(math.e)
-        told = "at 1\u202f024 runs b leads a by a factor of 2.7 (2.0 … 3.6)"
-        assert verdict_sentence(found, 1024) == told
+        reported = "at 1\u202f024 runs b leads a by a factor of 2.7 (2.0 … 3.6)"
+        assert verdict_sentence(found, 1024) == reported
 
     def test_ties_are_named(self):
         found = find_verdict(self.NAMES, accuracies([0.0, -0.1, 1.0]))
@@ -183,14 +183,14 @@ class TestVerdict:
         assert find_verdict(self.NAMES, accuracies([0.0, math.nan, math.nan])) is None
         assert verdict_sentence(None, 128) == "at 128 runs no two methods have figures to compare"
 
-    def test_who_alone_is_exact_is_told(self):
+    def test_who_alone_is_exact_is_reported(self):
         found = find_verdict(self.NAMES, accuracies([0.0, -math.inf, 1.0]))
         assert verdict_sentence(found, 128) == "at 128 runs b alone is exact"
 
     @pytest.mark.parametrize(
-        ("half_width", "told"),
+        ("half_width", "reported"),
         [(0.1, ""), (0.6, "take a larger"), (2.0, "no larger than"), (math.nan, "no interval")],
     )
-    def test_a_reference_that_is_not_far_better_is_told(self, half_width, told):
-        assert told in reference_remark(1.0, half_width)
-        assert bool(reference_remark(1.0, half_width)) == bool(told)
+    def test_a_reference_that_is_not_far_better_is_reported(self, half_width, reported):
+        assert reported in reference_remark(1.0, half_width)
+        assert bool(reference_remark(1.0, half_width)) == bool(reported)

@@ -68,10 +68,10 @@ class TestCompare:
 
     def test_it_tells_what_is_to_come(self, uqpen):
         # Two budgets for three methods, ten times.
-        told = uqpen("compare", "small.toml", *SHORT).err
-        assert "1\u202f952 runs, 512 of them for the reference" in told
-        assert "repeat 1 of 10: about" in told
-        assert "repeat 10 of 10: done" in told
+        reported = uqpen("compare", "small.toml", *SHORT).err
+        assert "1\u202f952 runs, 512 of them for the reference" in reported
+        assert "repeat 1 of 10: about" in reported
+        assert "repeat 10 of 10: done" in reported
 
     @pytest.mark.parametrize(
         ("options", "complaint"),

@@ -135,7 +135,7 @@ class TestNumbers:
             found = self.TREE()[f"/statistics/{method}/y"]["mean"]
             assert (np.ptp(found.values, axis=-1) > 0).all()
 
-    def test_runs_and_replicates_are_told(self):
+    def test_runs_and_replicates_are_reported(self):
         found = self.TREE()["/statistics/sobol_sequence_replicated/y"].to_dataset()
         assert found["replicates"].values.tolist() == [16, 20]
         assert found["runs"].values.tolist() == [64, 100]

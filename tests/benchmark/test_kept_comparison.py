@@ -30,9 +30,9 @@ def path(tmp_path):
     return path
 
 
-def test_scripts_are_told_the_same(path):
-    told = json.loads(gzip.decompress((FOLDER / "schema_1.json.gz").read_bytes()))
-    assert json.loads(json.dumps(benchmark_json(open_archive(path)))) == told
+def test_scripts_get_the_same(path):
+    reported = json.loads(gzip.decompress((FOLDER / "schema_1.json.gz").read_bytes()))
+    assert json.loads(json.dumps(benchmark_json(open_archive(path)))) == reported
 
 
 def test_the_reference_keeps_how_each_interval_was_made(path):
@@ -67,7 +67,7 @@ def test_it_has_a_page_and_can_be_written_again(path, tmp_path):
         ("statistics/reference/y", "std"),
     ],
 )
-def test_one_that_is_damaged_is_told_as_such(path, group, variable):
+def test_one_that_is_damaged_is_reported_as_such(path, group, variable):
     with netCDF4.Dataset(path, "a") as dataset:
         dataset[group].renameVariable(variable, "lost")
     with pytest.raises(ArchiveError, match="is damaged"):

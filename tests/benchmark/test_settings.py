@@ -56,7 +56,7 @@ class TestTerms:
             ({"reference": 31}, "reference: found 31; expected a whole number, at least 32"),
         ],
     )
-    def test_what_is_out_of_range_is_told(self, terms, complaint):
+    def test_what_is_out_of_range_is_reported(self, terms, complaint):
         with pytest.raises(SettingsError, match=complaint):
             BenchmarkSettings(**terms)
 

@@ -123,10 +123,10 @@ def test_an_interruption_changes_no_byte(folder, whole, blocks_of, batches, size
     assert str(interrupted.value).startswith(f"{stopped.runs} runs are kept")
     for part in parts(folder):
         assert part.runs[0] // size == part.runs[-1] // size, "a file has runs of one block"
-    told = Interrupted()
-    assert make(folder, progress=told) == whole
-    assert told.before == [stopped.runs]
-    assert told.runs == 4_500 - stopped.runs
+    reported = Interrupted()
+    assert make(folder, progress=reported) == whole
+    assert reported.before == [stopped.runs]
+    assert reported.runs == 4_500 - stopped.runs
 
 
 def test_runs_that_were_kept_without_blocks_are_restored(folder, whole, blocks_of):
@@ -135,9 +135,9 @@ def test_runs_that_were_kept_without_blocks_are_restored(folder, whole, blocks_o
     blocks_of(1_500)
     (part,) = parts(folder)
     assert (part.runs[0], part.runs[-1]) == (0, 4_095)
-    told = Interrupted()
-    assert make(folder, progress=told) == whole
-    assert told.before == [4_096]
+    reported = Interrupted()
+    assert make(folder, progress=reported) == whole
+    assert reported.before == [4_096]
 
 
 def test_other_points_of_a_later_block_are_refused(folder, blocks_of):

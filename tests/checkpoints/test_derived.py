@@ -48,8 +48,8 @@ def calls(folder, text, name="study.nc", *, fresh=False):
     """Return the number of runs that the archive of a study takes."""
     (folder / "calls").write_text("")
     (folder / "study.toml").write_text(text)
-    study, told = uqpen.load_study(folder / "study.toml"), StudyCalls(folder / "calls")
-    uqpen.make_archive(study, folder / name, fresh=fresh, progress=told)
+    study, reported = uqpen.load_study(folder / "study.toml"), StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, fresh=fresh, progress=reported)
     return len((folder / "calls").read_text().split())
 
 

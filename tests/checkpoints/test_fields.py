@@ -55,8 +55,8 @@ def folder(tmp_path):
 
 def make(folder, name="study.nc", workers=1):
     study = uqpen.load_study(folder / "study.toml")
-    told = StudyCalls(folder / "calls")
-    uqpen.make_archive(study, folder / name, workers=workers, progress=told)
+    reported = StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, workers=workers, progress=reported)
     return (folder / name).read_bytes()
 
 

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 
-# Stops, as Ctrl-C would, at the run that it is told to: by the name of a file, as a file that a run
+# Stops, as Ctrl-C would, at the run that a file names: by the name of a file, as a file that a run
 # opens would belong to the model.
 MODEL = """\
 import pathlib, signal
@@ -99,14 +99,14 @@ def calls(folder):
 
 def make(folder, **options):
     """The bytes of the archive of the study in a folder."""
-    told = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
+    reported = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
     study = uqpen.load_study(folder / "study.toml")
-    uqpen.make_archive(study, folder / "study.nc", progress=told, **options)
+    uqpen.make_archive(study, folder / "study.nc", progress=reported, **options)
     return (folder / "study.nc").read_bytes()
 
 
 def interrupt(folder, after):
-    """Make an archive that is interrupted at a run, and what is told of it."""
+    """Make an archive that is interrupted at a run, and what is reported of it."""
     stop = folder / f"stop_{after}"
     stop.touch()
     with pytest.raises(KeyboardInterrupt) as interrupted:
@@ -121,8 +121,8 @@ def change(folder, old, new, file="study.toml"):
     (folder / file).write_text(text.replace(old, new))
 
 
-class Told(Progress):
-    """Progress as it was told."""
+class Recorded(Progress):
+    """Progress as it was reported."""
 
     def __init__(self):
         self.before = []
@@ -169,7 +169,7 @@ def test_an_interrupted_study_goes_on_where_it_was(of_two, whole_of_two, after):
     kept = after - 1  # the last call was not finished
     assert message.startswith(f"{kept} runs are kept" if kept else "nothing was written")
     assert not (of_two / "study.nc").exists()
-    progress = Told()
+    progress = Recorded()
     assert make(of_two, progress=progress) == whole_of_two
     assert sum(progress.before) == kept
     assert calls(of_two) == 71, "only the run that was interrupted is made twice"
@@ -211,7 +211,7 @@ def test_an_archive_stays_until_the_next_one_is_complete(of_two, whole_of_two):
 def test_what_decides_no_run_keeps_those_that_are_done(of_two, old, new):
     interrupt(of_two, 21)
     change(of_two, old, new)
-    progress = Told()
+    progress = Recorded()
     changed = make(of_two, progress=progress)
     assert progress.before == [20]
     shutil.rmtree(of_two / "study.nc.parts", ignore_errors=True)
@@ -219,7 +219,7 @@ def test_what_decides_no_run_keeps_those_that_are_done(of_two, old, new):
 
 
 @pytest.mark.parametrize(
-    ("file", "old", "new", "told"),
+    ("file", "old", "new", "reported"),
     [
         ("study.toml", "seed = 11", "seed = 12", "seed was 11, is 12"),
         ("study.toml", 'x = "0 ± 1"', 'x = "0 ± 2"', 'inputs.x was "0 ± 1", is "0 ± 2"'),
@@ -233,18 +233,18 @@ def test_what_decides_no_run_keeps_those_that_are_done(of_two, old, new):
         ("model.py", "x * y", "y * x", "file model.py has changed"),
     ],
 )
-def test_runs_that_the_study_would_not_make_are_refused(folder, file, old, new, told):
+def test_runs_that_the_study_would_not_make_are_refused(folder, file, old, new, reported):
     interrupt(folder, 21)
     change(folder, old, new, file)
     with pytest.raises(CheckpointError) as refused:
         make(folder)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
     assert "study.nc.parts: contains runs of one that were made with other settings" in str(
         refused.value
     )
     assert str(refused.value).endswith("or start over with --fresh")
     assert calls(folder) == 21, "no model has run"
-    progress = Told()
+    progress = Recorded()
     make(folder, fresh=True, progress=progress)
     assert progress.before == []
 
@@ -263,7 +263,7 @@ def test_another_time_limit_makes_only_late_runs_again(folder):
     change(folder, '"2 s"', '"60 s"')
     change(folder, '"10 %"', '"100 %"')
     assert calls(folder) == 4
-    progress = Told()
+    progress = Recorded()
     made = make(folder, progress=progress)
     assert progress.before == [2], "without those that were late"
     (folder / "study.nc").unlink()
@@ -308,7 +308,7 @@ def test_a_damaged_part_is_made_again_and_said(folder, whole, damage):
             "record": b"{",
         }[damage]
     )
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == []
     assert [text.partition(": ")[2][:10] for text in progress.warnings] == ["is damaged"]
@@ -397,7 +397,7 @@ def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path):
     whole_batches = calls(tmp_path)
     (tmp_path / "study.nc").unlink()
     interrupt(tmp_path, whole_batches + 5)
-    progress = Told()
+    progress = Recorded()
     assert make(tmp_path, progress=progress) == expected
     assert progress.before == [3000, 1024]
     assert calls(tmp_path) == 2 * whole_batches + 1
@@ -407,7 +407,7 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two):
     interrupt(of_two, 40)
     text = (of_two / "study.toml").read_text()
     change(of_two, "[designs.one]", "[designs.first]")
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     parts = of_two / "study.nc.parts"
     assert progress.before == [9], "those of the other design"
@@ -416,7 +416,7 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two):
         "remove them if they are not needed any more"
     ]
     (of_two / "study.toml").write_text(text)
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     assert (progress.before, progress.warnings) == ([30], [])
     assert not parts.exists()
@@ -425,11 +425,11 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two):
 def test_runs_of_a_model_that_gets_a_name_stay(folder):
     interrupt(folder, 21)
     change(folder, "[model]", "[models.a]")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert "still holds runs of one, which" in progress.warnings[0]
     change(folder, "[models.a]", "[model]")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert progress.before == [20]
 
@@ -437,7 +437,7 @@ def test_runs_of_a_model_that_gets_a_name_stay(folder):
 def test_runs_without_a_record_are_made_again(folder, whole):
     interrupt(folder, 21)
     (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
@@ -457,7 +457,7 @@ def test_a_flipped_bit_in_a_record_costs_no_run(folder, whole, place):
     }[place]
     content[at] ^= 1
     record.write_bytes(content)
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
     expected = f"{record}: is damaged; it was of this study, so its runs stay"
@@ -469,7 +469,7 @@ def test_the_runs_of_a_damaged_record_of_another_study_are_made_again(folder):
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     record.write_bytes(record.read_bytes().replace(b"11", b"13"))
     change(folder, "seed = 11", "seed = 12")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
@@ -480,7 +480,7 @@ def test_a_record_without_runs_refuses_nothing(of_two):
     (of_two / "study.nc.parts" / "runs" / "one" / "0_000000.npz").unlink()
     change(of_two, "seed = 11", "seed = 12")
     interrupt(of_two, 40)
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     assert progress.before == [18]
 
@@ -492,7 +492,7 @@ def test_what_others_put_beside_kept_runs_stays(folder, whole):
     for name in names:
         (parts / name).write_text("mine")
     (parts / "runs/one/0_000007.npz").mkdir()
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
     assert {str(file.relative_to(parts)) for file in parts.rglob("*") if file.is_file()} == names
@@ -500,7 +500,7 @@ def test_what_others_put_beside_kept_runs_stays(folder, whole):
     assert (parts / "runs/one/0_notes.npz").read_text() == "mine"
 
 
-def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder):
+def test_a_file_in_place_of_the_folder_is_reported_before_a_run(folder):
     (folder / "study.nc.parts").write_text("mine")
     for fresh in (False, True):
         with pytest.raises(ArchiveError, match=r"study\.nc\.parts: is no folder"):
@@ -513,7 +513,7 @@ def test_kept_runs_may_lie_behind_a_link(of_two, whole_of_two):
     parts = of_two / "study.nc.parts"
     parts.rename(of_two / "elsewhere")
     parts.symlink_to("elsewhere")
-    progress = Told()
+    progress = Recorded()
     assert make(of_two, progress=progress) == whole_of_two
     assert progress.before == [20]
     assert list((of_two / "elsewhere").iterdir()) == []
@@ -522,7 +522,7 @@ def test_kept_runs_may_lie_behind_a_link(of_two, whole_of_two):
     assert make(of_two, fresh=True) == whole_of_two
 
 
-def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder):
+def test_another_module_that_a_run_imports_is_reported_with_what_to_do(folder):
     (folder / "late.py").write_text("factor = 1\n")
     change(folder, '"z": x * y', '"z": x * y * __import__("late").factor', "model.py")
     interrupt(folder, 21)
@@ -569,13 +569,13 @@ def test_an_archive_behind_a_link_is_written_where_it_lies(folder, whole):
     assert [file.name for file in (folder / "far").iterdir()] == ["study.nc"]
 
 
-def test_a_name_that_is_too_long_is_told(folder):
+def test_a_name_that_is_too_long_is_reported(folder):
     study = uqpen.load_study(folder / "study.toml")
     with pytest.raises(ArchiveError, match="cannot be written: File name too long"):
         uqpen.make_archive(study, folder / f"{'n' * 300}.nc")
 
 
-def test_a_file_in_place_of_the_archive_s_folder_is_told(folder):
+def test_a_file_in_place_of_the_archive_s_folder_is_reported(folder):
     study = uqpen.load_study(folder / "study.toml")
     with pytest.raises(ArchiveError, match=r"cannot be written: .*model\.py is not a folder"):
         uqpen.make_archive(study, folder / "model.py" / "study.nc")
@@ -621,7 +621,7 @@ def test_a_lock_that_was_left_behind_means_nothing(folder):
     assert not (folder / ".study.nc.lock").exists()
 
 
-def test_a_full_disk_is_told_and_loses_nothing(folder, whole, monkeypatch):
+def test_a_full_disk_is_reported_and_loses_nothing(folder, whole, monkeypatch):
     interrupt(folder, 21)
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", _is_full)
@@ -630,7 +630,7 @@ def test_a_full_disk_is_told_and_loses_nothing(folder, whole, monkeypatch):
     assert "finished runs cannot be kept: No space left on device" in str(message.value)
     assert "those kept before stay there" in str(message.value)
     assert not list((folder / "study.nc.parts").rglob("*.tmp"))
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
 

@@ -126,7 +126,7 @@ def assert_same(found, expected):
 
 
 class Interrupted(Progress):
-    """Stops, as Ctrl-C would, after a number of batches; notes what it is told."""
+    """Stops, as Ctrl-C would, after a number of batches; notes what is reported."""
 
     def __init__(self, batches=0):
         self.left = batches

@@ -57,8 +57,8 @@ VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 EQUAL = "model.py is the same; 30 of 30 runs made again are equal"
 
 
-class Told(Progress):
-    """What a user is told."""
+class Recorded(Progress):
+    """What a user is shown."""
 
     def __init__(self):
         self.texts = []
@@ -86,7 +86,7 @@ class Studies:
 
     def __init__(self, folder):
         self.folder = folder
-        self.told = Told()
+        self.reported = Recorded()
         (folder / "model.py").write_text(MODEL)
         self.hide(2)
 
@@ -95,15 +95,15 @@ class Studies:
         (self.folder / "hidden").write_text("x" * size)
 
     def make(self, text=STUDY, name="study.nc", **options):
-        self.told = Told()
+        self.reported = Recorded()
         (self.folder / "study.toml").write_text(text)
         study = uqpen.load_study(self.folder / "study.toml")
         path = self.folder / name
-        uqpen.make_archive(study, path, progress=self.told, **options)
+        uqpen.make_archive(study, path, progress=self.reported, **options)
         return path.read_bytes()
 
     def stop(self, calls, text=STUDY, **options):
-        """Make an archive that is interrupted at a call, and what is told of it."""
+        """Make an archive that is interrupted at a call, and what is reported of it."""
         (self.folder / "calls").write_text("")
         (self.folder / f"stop_{calls}").touch()
         with pytest.raises(KeyboardInterrupt) as interrupted:
@@ -147,26 +147,28 @@ def made(studies):
 def test_an_archive_stays_only_if_its_runs_are_the_same(made):
     before = (made.folder / "study.nc").stat().st_mtime_ns
     made.make()
-    assert [text.rpartition("study.nc: ")[2] for text in made.told.texts] == [
+    assert [text.rpartition("study.nc: ")[2] for text in made.reported.texts] == [
         EQUAL,
         "nothing has changed, so it stays as it is",
     ]
-    assert made.told.steps == ["making finished runs again, for comparison"]
+    assert made.reported.steps == ["making finished runs again, for comparison"]
     assert (made.folder / "study.nc").stat().st_mtime_ns == before
     made.hide(3)
     changed = made.make()
-    [told] = made.told.texts
-    assert "study.nc: its runs are not taken: one: z of run " in told
-    assert "\n  the model has changed in a way that its files do not show, or its results " in told
-    assert told.endswith("\ntake them nevertheless with --no-recheck")
-    assert made.told.reused == 0
+    [reported] = made.reported.texts
+    assert "study.nc: its runs are not taken: one: z of run " in reported
+    assert (
+        "\n  the model has changed in a way that its files do not show, or its results " in reported
+    )
+    assert reported.endswith("\ntake them nevertheless with --no-recheck")
+    assert made.reported.reused == 0
     assert changed == made.make(name="afresh.nc", fresh=True)
 
 
 def test_equal_runs_leave_the_archive_as_if_all_were_made_here(made):
     taken = made.make(ASKED)
-    assert made.told.texts[0].endswith(EQUAL)
-    assert made.told.reused == 30
+    assert made.reported.texts[0].endswith(EQUAL)
+    assert made.reported.reused == 30
     assert taken == made.make(ASKED, "afresh.nc", fresh=True)
     assert "runs made again are equal" in (made.folder / "study.nc.log").read_text()
 
@@ -180,8 +182,8 @@ def test_a_named_archive_of_other_runs_is_an_error(made):
     assert str(refused.value).endswith(last)
     assert not (made.folder / "new.nc").exists()
     made.make(ASKED, "new.nc", reuse=named, recheck=False)
-    assert made.told.reused == 30
-    assert "no run is made again, as asked by --no-recheck" in made.told.texts[0]
+    assert made.reported.reused == 30
+    assert "no run is made again, as asked by --no-recheck" in made.reported.texts[0]
     new = open_archive(made.folder / "new.nc")
     assert new.attrs[REUSED_RUNS] == f"one: {NOT_MADE_AGAIN}"
 
@@ -213,14 +215,14 @@ def test_finished_runs_are_never_thrown_away(studies):
     assert sorted((studies.folder / "study.nc.parts").rglob("*.npz")) == parts != []
     studies.hide(2)
     assert studies.make() == whole
-    assert studies.told.restored == 20
-    assert "20 of 20 runs made again are equal" in studies.told.texts[0]
+    assert studies.reported.restored == 20
+    assert "20 of 20 runs made again are equal" in studies.reported.texts[0]
 
 
 def test_finished_runs_that_are_not_made_again_are_named(studies):
     studies.stop(21)
     studies.make(recheck=False)
-    assert studies.told.restored == 20
+    assert studies.reported.restored == 20
     tree = open_archive(studies.folder / "study.nc")
     assert tree.attrs[REUSED_RUNS] == f"one: {NOT_MADE_AGAIN}"
 
@@ -233,8 +235,8 @@ def test_runs_that_were_set_aside_are_made_again_too(studies):
         studies.make(more)
     studies.hide(2)
     studies.make(more)
-    assert "20 of 20 runs made again are equal" in studies.told.texts[0]
-    assert studies.told.reused == 20
+    assert "20 of 20 runs made again are equal" in studies.reported.texts[0]
+    assert studies.reported.reused == 20
 
 
 @pytest.mark.parametrize("stop_by", ["SIGINT", "SIGKILL"])
@@ -254,7 +256,7 @@ def test_an_interruption_meanwhile_loses_nothing(studies, stop_by):
         (studies.folder / "stop_7").unlink()
     assert len(studies.calls()) == 7
     assert studies.make() == whole
-    assert studies.told.restored == 20
+    assert studies.reported.restored == 20
 
 
 def test_a_model_with_noise_is_not_called_changed(studies):
@@ -262,13 +264,13 @@ def test_a_model_with_noise_is_not_called_changed(studies):
     studies.make()
     with pytest.raises(CheckpointError) as refused:
         studies.make(ASKED, "new.nc", reuse=[studies.folder / "study.nc"])
-    told = str(refused.value)
-    assert "its model gives other results for the same inputs:\n  one: z of run" in told
-    assert "at first and" in told
-    assert "when it is made once more" in told
-    assert "changed" not in told
+    reported = str(refused.value)
+    assert "its model gives other results for the same inputs:\n  one: z of run" in reported
+    assert "at first and" in reported
+    assert "when it is made once more" in reported
+    assert "changed" not in reported
     studies.make(ASKED, "new.nc", reuse=[studies.folder / "study.nc"], recheck=False)
-    assert studies.told.reused == 30
+    assert studies.reported.reused == 30
 
 
 def test_a_run_of_failed_ones_has_to_fail_alike(studies):
@@ -277,17 +279,17 @@ def test_a_run_of_failed_ones_has_to_fail_alike(studies):
     studies.hide(7)
     studies.make(text)
     studies.make(asked)
-    assert "1 of 30 runs made again is equal" in studies.told.texts[0]
+    assert "1 of 30 runs made again is equal" in studies.reported.texts[0]
     studies.hide(8)
     studies.make(text)
     expected = r"one: run \d+ was failed \(ValueError: no .* is failed \(ZeroDivisionError: another"
-    assert re.search(expected, studies.told.texts[0])
+    assert re.search(expected, studies.reported.texts[0])
 
 
 def test_a_run_that_fails_now_is_another_one(made):
     made.hide(9)
     made.make()
-    assert " was ok, and is failed (ZeroDivisionError: another cause" in made.told.texts[0]
+    assert " was ok, and is failed (ZeroDivisionError: another cause" in made.reported.texts[0]
 
 
 def test_runs_that_ended_by_the_machine_are_never_made_again(made):
@@ -298,7 +300,7 @@ def test_runs_that_ended_by_the_machine_are_never_made_again(made):
     tree["runs/one"]["z"].values[5:] = np.nan
     write(tree, made.folder / "late.nc")
     made.make(ASKED, "new.nc", reuse=[made.folder / "late.nc"])
-    assert "; 5 of 30 runs made again are equal" in made.told.texts[0]
+    assert "; 5 of 30 runs made again are equal" in made.reported.texts[0]
 
 
 COSTLY = "one: the first runs took 7200.000 s"
@@ -309,10 +311,10 @@ def test_costly_runs_are_not_made_again_unless_asked(made):
     made.calls()
     made.make()
     expected = "no run is made again, as that takes 120 min; --recheck makes one nevertheless"
-    assert made.told.texts[0].endswith(f"model.py is the same; {expected}")
+    assert made.reported.texts[0].endswith(f"model.py is the same; {expected}")
     assert made.calls() == []
     made.make(recheck=True)
-    assert made.told.texts[0].endswith(EQUAL)
+    assert made.reported.texts[0].endswith(EQUAL)
 
 
 @pytest.mark.parametrize(
@@ -332,7 +334,7 @@ def test_whether_runs_are_costly_depends_on_what_is_left(
     made.log(f"one: the first runs took {seconds}.000 s")
     made.log(f"one: 30 runs in {30 * seconds / workers:.3f} s, 0 of them failed")
     made.make(ASKED.replace("runs = 30", f"runs = {runs}"))
-    assert ("runs made again are equal" in made.told.texts[0]) == is_made_again
+    assert ("runs made again are equal" in made.reported.texts[0]) == is_made_again
     attributes = open_archive(made.folder / "study.nc").attrs
     assert (attributes.get(REUSED_RUNS) is None) == is_made_again
 
@@ -341,7 +343,7 @@ def test_whether_runs_are_costly_depends_on_what_is_left(
 def test_where_nothing_is_made_less_is_costly(made, seconds, is_made_again):
     made.log(f"one: the first runs took {seconds}.000 s")
     made.make()
-    assert ("made again are equal" in made.told.texts[0]) == is_made_again
+    assert ("made again are equal" in made.reported.texts[0]) == is_made_again
 
 
 def test_the_log_has_the_time_of_the_first_runs(made):
@@ -356,7 +358,7 @@ def test_runs_of_other_versions_are_equal_within_a_tolerance(made, factor, is_ta
     write(tree, made.folder / "old.nc")
     if is_taken:
         made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
-        assert "30 of 30 runs made again are equal within 1e-09" in made.told.texts[0]
+        assert "30 of 30 runs made again are equal within 1e-09" in made.reported.texts[0]
     else:
         with pytest.raises(CheckpointError, match=r"by up to [0-9.]+e-07 of the largest value"):
             made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
@@ -368,24 +370,24 @@ def test_of_a_vectorised_function_a_whole_batch_is_made_again(studies):
     studies.calls()
     studies.make(text)
     assert studies.calls() == [1024]
-    assert "1 024 of 2 500 runs made again are equal" in studies.told.texts[0]
+    assert "1 024 of 2 500 runs made again are equal" in studies.reported.texts[0]
     studies.hide(3)
     studies.make(text)
-    assert "its runs are not taken" in studies.told.texts[0]
+    assert "its runs are not taken" in studies.reported.texts[0]
 
 
 def test_runs_that_are_not_kept_are_compared_by_the_hash_of_a_batch(studies):
     text = STUDY.replace("[designs.one]", "[designs.one]\nkeep = 'statistics'")
     studies.make(text)
     studies.make(text)
-    assert studies.told.texts[0].endswith(EQUAL)
+    assert studies.reported.texts[0].endswith(EQUAL)
     studies.hide(3)
     studies.make(text)
-    assert "its runs are not taken: one: runs 0 to 29 are others now\n" in studies.told.texts[0]
+    assert "its runs are not taken: one: runs 0 to 29 are others now\n" in studies.reported.texts[0]
     studies.hide(5)
     studies.make(text)
     studies.make(text)
-    assert "gives other results for the same inputs\ntake" in studies.told.texts[0]
+    assert "gives other results for the same inputs\ntake" in studies.reported.texts[0]
 
 
 def test_runs_that_the_study_would_not_make_are_not_made_again(made):
@@ -393,7 +395,7 @@ def test_runs_that_the_study_would_not_make_are_not_made_again(made):
     made.calls()
     made.make(other, "new.nc", reuse=[made.folder / "study.nc"])
     assert len(made.calls()) == 30
-    assert made.told.steps[0] != "making finished runs again, for comparison"
+    assert made.reported.steps[0] != "making finished runs again, for comparison"
 
 
 def test_only_the_runs_of_the_model_that_differs_are_refused(studies):
@@ -406,13 +408,13 @@ def test_only_the_runs_of_the_model_that_differs_are_refused(studies):
     text = text.replace('"(0 ± 1) m"', '"0 ± 1"')
     studies.make(text)
     studies.make(text)
-    assert [each.partition("study.nc: ")[2] for each in studies.told.texts[:2]] == [
+    assert [each.partition("study.nc: ")[2] for each in studies.reported.texts[:2]] == [
         f"a: {EQUAL}",
         "b: other.py is the same; 30 of 30 runs made again are equal",
     ]
     studies.hide(3)
     studies.make(text)
-    assert studies.told.reused == 30
+    assert studies.reported.reused == 30
 
 
 @pytest.mark.processor
@@ -422,7 +424,7 @@ def test_the_archive_is_the_same_with_any_number_of_workers(made):
         for workers in (1, 2, 3)
     }
     assert len(archives) == 1
-    assert "runs made again are equal" in made.told.texts[0]
+    assert "runs made again are equal" in made.reported.texts[0]
     made.hide(3)
     with pytest.raises(CheckpointError, match="its runs are not taken"):
         made.make(ASKED, "new.nc", workers=2, reuse=[made.folder / "study.nc"])
@@ -454,7 +456,7 @@ runs = 3
     before = kept()
     assert len(before) > 3
     studies.make(text)
-    assert "3 of 3 runs made again are equal" in studies.told.texts[0]
+    assert "3 of 3 runs made again are equal" in studies.reported.texts[0]
     assert kept() == before
 
 
@@ -533,13 +535,13 @@ from uqpen.core.progress import Progress
 
 recheck._AT_MOST = 1e9  # on any machine, all are made again
 
-class Told(Progress):
+class Recorded(Progress):
     def inform(self, text): texts.append(text)
     def warn(self, text): texts.append(text)
 
 root, name = pathlib.Path(sys.argv[1]), sys.argv[2]
 sys.path.insert(0, str(root / "on_path"))
-told = {}
+reported = {}
 for pair, state in json.loads(sys.argv[3]).items():
     sine, precision, texts = math.sin, decimal.getcontext().prec, []
     exec(state)
@@ -547,12 +549,12 @@ for pair, state in json.loads(sys.argv[3]).items():
     reuse = [] if name == "first.nc" else [folder / "first.nc"]
     try:
         study = uqpen.load_study(folder / "study.toml")
-        uqpen.make_archive(study, folder / name, progress=Told(), reuse=reuse)
+        uqpen.make_archive(study, folder / name, progress=Recorded(), reuse=reuse)
     except UqpenError as error:
         texts.append(f"{type(error).__name__}: {error}")
     math.sin, decimal.getcontext().prec = sine, precision
-    told[pair] = texts
-print(json.dumps(told))
+    reported[pair] = texts
+print(json.dumps(reported))
 """
 ONE_INPUT = """\
 seed = 11
@@ -569,8 +571,8 @@ runs = 8
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
-    """What is told of each pair: made, taken without a change, taken after the change."""
+def reported(tmp_path_factory):
+    """What is reported of each pair: made, taken without a change, taken after the change."""
     root = tmp_path_factory.mktemp("pairs")
     pairs = {name: each for name, each in PAIRS.items() if name != "library" or shutil.which("cc")}
     for name, (model, *_) in pairs.items():
@@ -607,12 +609,12 @@ def told(tmp_path_factory):
 
 
 @pytest.mark.parametrize("pair", PAIRS)
-def test_a_changed_model_is_met_and_an_unchanged_one_is_not(told, pair):
-    if pair not in told["made"]:
+def test_a_changed_model_is_met_and_an_unchanged_one_is_not(reported, pair):
+    if pair not in reported["made"]:
         pytest.skip("no C compiler")
-    assert told["made"][pair] == []
-    [same, *bytes_] = told["same"][pair]
-    changed = told["changed"][pair][-1]
+    assert reported["made"][pair] == []
+    [same, *bytes_] = reported["same"][pair]
+    changed = reported["changed"][pair][-1]
     if pair == "noise":
         assert "gives other results for the same inputs" in same
         assert "gives other results for the same inputs" in changed

@@ -46,8 +46,8 @@ runs = 30
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 
 
-class Told(Progress):
-    """What a user is told of earlier runs."""
+class Recorded(Progress):
+    """What a user is shown of earlier runs."""
 
     def __init__(self, calls=None):
         self.calls = calls
@@ -74,18 +74,18 @@ class Studies:
 
     def __init__(self, folder):
         self.folder = folder
-        self.told = Told()
+        self.reported = Recorded()
         (folder / "model.py").write_text(MODEL)
 
     def make(self, text, name="study.nc", **options):
         """The sizes of the calls that the archive of a study takes, beside those for comparison."""
         calls = self.folder / "calls"
         calls.write_text("")
-        self.told = Told(calls)
+        self.reported = Recorded(calls)
         (self.folder / "study.toml").write_text(text)
         study = uqpen.load_study(self.folder / "study.toml")
-        uqpen.make_archive(study, self.folder / name, progress=self.told, **options)
-        if "nothing has changed" in "".join(self.told.texts):
+        uqpen.make_archive(study, self.folder / name, progress=self.reported, **options)
+        if "nothing has changed" in "".join(self.reported.texts):
             return []
         return [int(size) for size in calls.read_text().split()]
 
@@ -121,7 +121,7 @@ def studies(empty, archive):
 def test_only_runs_that_are_new_are_made(studies):
     asked = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
     assert studies.make(asked) == []
-    assert studies.told.reused == [(30, "study.nc")]
+    assert studies.reported.reused == [(30, "study.nc")]
     more = asked.replace("runs = 30", "runs = 50")
     assert len(studies.make(more)) == 20
     assert studies.is_as_afresh(more)
@@ -133,7 +133,7 @@ def test_nothing_is_made_where_nothing_has_changed(studies, monkeypatch):
     before = (studies.folder / "study.nc").stat().st_mtime_ns
     assert studies.make(STUDY) == []
     assert (studies.folder / "study.nc").stat().st_mtime_ns == before
-    compared, unchanged = studies.told.texts
+    compared, unchanged = studies.reported.texts
     assert compared.endswith("study.nc: model.py is the same; 25 of 30 runs made again are equal")
     assert unchanged.endswith("study.nc: nothing has changed, so it stays as it is")
     assert len(studies.make(STUDY, fresh=True)) == 30
@@ -147,7 +147,7 @@ def test_runs_come_from_any_number_of_archives(empty):
     text = STUDY + "".join(design.replace("one", name) for name in names[1:])
     others = [empty.folder / f"{name}.nc" for name in names]
     assert empty.make(text, reuse=others) == []
-    assert empty.told.reused == [(30, f"{name}.nc") for name in names]
+    assert empty.reported.reused == [(30, f"{name}.nc") for name in names]
     assert empty.is_as_afresh(text)
 
 
@@ -156,8 +156,8 @@ def test_runs_of_another_version_of_the_model_are_not_taken(studies):
     with pytest.raises(CheckpointError, match=r"another model:\n  file model\.py has changed\n"):
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
     assert len(studies.make(STUDY)) == 30
-    assert "none of its runs is taken" in studies.told.texts[0]
-    assert studies.told.texts[0].endswith("another model:\n  file model.py has changed")
+    assert "none of its runs is taken" in studies.reported.texts[0]
+    assert studies.reported.texts[0].endswith("another model:\n  file model.py has changed")
 
 
 def kept_archives(studies):
@@ -181,7 +181,7 @@ def test_an_archive_is_kept_whose_runs_the_new_one_lacks(studies, before, after)
     earlier = studies.bytes()
     studies.make(STUDY.replace(before, after))
     assert kept_archives(studies) == [earlier]
-    assert ": the earlier archive is kept as study." in studies.told.texts[-1]
+    assert ": the earlier archive is kept as study." in studies.reported.texts[-1]
     [kept] = studies.folder.glob("study.*.nc")
     assert studies.make(STUDY, "back.nc", reuse=[kept]) == []
     assert studies.bytes("back.nc") == earlier
@@ -319,7 +319,7 @@ def test_what_runs_have_imported_is_compared_too(empty):
     assert empty.make(more) == []
     (empty.folder / "late.py").write_text("factor = 2\n")
     assert len(empty.make(more)) == 40
-    assert empty.told.texts[0].endswith("file late.py has changed")
+    assert empty.reported.texts[0].endswith("file late.py has changed")
 
 
 def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies):
@@ -349,7 +349,7 @@ def test_another_model_runs_at_the_points_of_the_first(empty):
     text = STUDY.replace(f"[model]\n{model}", both).replace('"(0 ± 1) m"', '"1 m"')
     assert len(empty.make(text)) == 60, "y has another value in each"
     assert len(empty.make(text.replace('"2 m"', '"3 m"'))) == 30
-    assert empty.told.reused == [(30, "study.nc")]
+    assert empty.reported.reused == [(30, "study.nc")]
     assert empty.is_as_afresh(text.replace('"2 m"', '"3 m"'))
 
 
@@ -417,13 +417,13 @@ def test_runs_may_be_raised_in_an_interrupted_study(empty, monkeypatch):
             _make_until(empty, STUDY.replace("runs = 30", f"runs = {runs}"), stop=runs - 10)
     more = STUDY.replace("runs = 30", "runs = 50")
     assert len(empty.make(more)) == 20
-    assert empty.told.reused == [(20, "those kept before"), (10, "those kept before")]
+    assert empty.reported.reused == [(20, "those kept before"), (10, "those kept before")]
     assert empty.is_as_afresh(more)
     assert not (empty.folder / "study.nc.parts").exists()
 
 
 def _make_until(studies, text, stop):
-    class Stopped(Told):
+    class Stopped(Recorded):
         done = 0
 
         def count_reused(self, runs, place):
@@ -439,25 +439,25 @@ def _make_until(studies, text, stop):
     uqpen.make_archive(study, studies.folder / "study.nc", progress=Stopped())
 
 
-def test_a_changed_design_without_a_point_in_common_is_told(empty):
+def test_a_changed_design_without_a_point_in_common_is_reported(empty):
     cubes = STUDY.replace("monte-carlo", "latin-hypercube")
     changed = cubes.replace("runs = 30", "runs = 40")
     empty.make(cubes)
     assert len(empty.make(changed, "other.nc", reuse=[empty.folder / "study.nc"])) == 40
     expected = "one: none of its 30 earlier runs is at a point of the changed design"
-    assert empty.told.texts == [expected]
+    assert empty.reported.texts == [expected]
     # Of the archive that is replaced, also the settings that would keep them are known.
     assert len(empty.make(changed)) == 40
     expected = "one: 30 of its 30 earlier runs are not used; to use all of them: runs = 39"
-    [told] = empty.told.texts
-    assert told.startswith(expected)
+    [reported] = empty.reported.texts
+    assert reported.startswith(expected)
 
 
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty):
     with pytest.raises(KeyboardInterrupt):
         _make_until(empty, STUDY, stop=25)
     assert empty.make(STUDY.replace("runs = 30", "runs = 10")) == []
-    assert "still holds runs of one, which this study does not have" in empty.told.warnings[0]
+    assert "still holds runs of one, which this study does not have" in empty.reported.warnings[0]
     assert len(empty.make(STUDY, fresh=True)) == 30
 
 

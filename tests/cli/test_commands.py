@@ -67,7 +67,7 @@ class TestStudy:
     def test_a_title_is_text_and_no_markup(self, uqpen):
         assert "Small [bold]study[/bold]" in uqpen("study", "small.toml").out
 
-    def test_the_archive_goes_where_it_is_told_to(self, uqpen):
+    def test_the_archive_goes_where_it_is_given(self, uqpen):
         assert uqpen("study", "small.toml", "-o", "deep/er/mine.nc").code == 0
         assert Path("deep/er/mine.nc").is_file()
         assert not Path("archives").exists()
@@ -82,7 +82,7 @@ class TestStudy:
         assert "Traceback" not in done.err
         assert sorted(path.name for path in Path().iterdir()) == ["small.toml", "wrong.toml"]
 
-    def test_a_destination_that_is_none_is_told_before_any_run(self, uqpen):
+    def test_a_destination_that_is_none_is_reported_before_any_run(self, uqpen):
         Path("thesis.nc").write_text("years of work")
         done = uqpen("study", "small.toml", "-o", "thesis.nc")
         assert (done.code, done.out) == (2, "")
@@ -126,7 +126,7 @@ class TestStudy:
         assert done.code == 2
         assert "Usage" in done.err
 
-    def test_a_study_that_is_not_there_is_told(self, uqpen):
+    def test_a_study_that_is_not_there_is_reported(self, uqpen):
         done = uqpen("study", "absent.toml")
         assert done.code == 2
         assert "absent.toml: cannot be read: No such file" in done.err
@@ -285,7 +285,7 @@ class TestModels:
         assert '"faulty" has no outputs' in uqpen("models", "faulty").err
         assert "known: walker-anderson" in uqpen("models", "sprung").err
 
-    def test_an_unknown_one_is_told(self, uqpen):
+    def test_an_unknown_one_is_reported(self, uqpen):
         done = uqpen("models", "walker")
         assert done.code == 2
         assert 'no model "walker"' in done.err
@@ -342,12 +342,12 @@ class TestRun:
             (("crater_radius=170 mm",), "inadmissible: plasticity_radius > crater_radius"),
         ],
     )
-    def test_a_wrong_input_is_told(self, uqpen, more, complaint):
+    def test_a_wrong_input_is_reported(self, uqpen, more, complaint):
         done = uqpen("run", "walker-anderson", *self.settings(*more))
         assert done.code == 2
         assert complaint in done.err
 
-    def test_missing_inputs_are_told_with_their_units(self, uqpen):
+    def test_missing_inputs_are_reported_with_their_units(self, uqpen):
         done = uqpen("run", "rigid-penetration")
         assert done.code == 2
         assert '--set projectile_density="… kg m-3"' in done.err
@@ -543,7 +543,7 @@ def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path, module):
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
-def test_a_folder_that_has_been_removed_is_told(command_line, tmp_path):
+def test_a_folder_that_has_been_removed_is_reported(command_line, tmp_path):
     tmp_path.rmdir()
     outcome = command_line("study", "some.toml")
     assert outcome.code == 2
@@ -571,12 +571,12 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path):
             time.sleep(0.01)
         said = process.stderr.read() if process.stderr is not None else ""
     assert process.returncode == 130
-    # A busy machine takes so long to prepare the model that it is told.
+    # A busy machine takes so long to prepare the model that it is reported.
     assert said.removeprefix("preparing model.py:f\n").startswith("interrupted")
     assert "Traceback" not in said
 
 
-def test_a_misspelt_command_is_told_with_the_nearest_one(command_line):
+def test_a_misspelt_command_is_reported_with_the_nearest_one(command_line):
     outcome = command_line("stduy", "study.toml")
     assert outcome.code == 2
     assert "Did you mean 'study'?" in outcome.err

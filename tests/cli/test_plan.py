@@ -94,7 +94,7 @@ def test_a_study_without_independent_runs_gets_a_pilot_of_its_own():
         ("3", "--until: targets: found 3"),
     ],
 )
-def test_a_precision_that_makes_no_sense_is_told_before_any_run(tmp_path, until, message):
+def test_a_precision_that_makes_no_sense_is_reported_before_any_run(tmp_path, until, message):
     done = _plan(tmp_path, "--until", until)
     assert done.exit_code == 2
     assert message in done.output

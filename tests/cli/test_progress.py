@@ -75,7 +75,7 @@ def test_every_step_is_named_before_it_starts(study_of, tmp_path):
     steps = []
     designs = []
 
-    class Told(Progress):
+    class Recorded(Progress):
         def start_step(self, name, number=0, total=0):
             steps.append((name, number, total))
 
@@ -86,7 +86,7 @@ def test_every_step_is_named_before_it_starts(study_of, tmp_path):
             assert runs == {"some": 60, "more": 40}
             assert not designs
 
-    uqpen.make_archive(study_of("x", TWO, x=(0, 1)), tmp_path / "a.nc", progress=Told())
+    uqpen.make_archive(study_of("x", TWO, x=(0, 1)), tmp_path / "a.nc", progress=Recorded())
     assert designs == ["some", "more"]
     assert steps == [
         ("statistics of some", 1, 5),
@@ -110,11 +110,11 @@ def test_several_models_are_named_in_the_steps(tmp_path):
     )
     steps = []
 
-    class Told(Progress):
+    class Recorded(Progress):
         def start_step(self, name, number=0, total=0):
             steps.append((name, number, total))
 
-    uqpen.run(study, progress=Told())
+    uqpen.run(study, progress=Recorded())
     names = [name for name, _, _ in steps]
     assert names[0] == "statistics of some of a"
     assert names[-1] == "differences of b from a"
@@ -122,22 +122,22 @@ def test_several_models_are_named_in_the_steps(tmp_path):
 
 
 def test_the_log_passes_every_report_on(tmp_path):
-    told = []
+    reported = []
 
-    class Told(Progress):
+    class Recorded(Progress):
         def __getattribute__(self, name):
             if not name.startswith("_"):
-                told.append(name)
+                reported.append(name)
             return super().__getattribute__(name)
 
-    journal = Journal(tmp_path / "log", "title", Told())
+    journal = Journal(tmp_path / "log", "title", Recorded())
     reports = [name for name in vars(Progress) if not name.startswith("_") and name != "warn"]
     for name in reports:
         report = getattr(journal, name)
         kinds = {"str": "x", "int": 1, "Mapping[str, int]": {}}
         parameters = inspect.signature(report).parameters.values()
         report(*(kinds.get(str(each.annotation)) for each in parameters))
-    assert told == reports
+    assert reported == reports
 
 
 class TestPipe:

@@ -24,8 +24,8 @@ def test_a_heading_has_a_name_and_perhaps_a_unit(tmp_path):
 def test_another_heading_is_shown(tmp_path, heading):
     with pytest.raises(TableError) as refused:
         columns(tmp_path, f"{heading}\n1\n")
-    told = f'"table.csv": heading "{heading}" is not of the form "name [unit]"'
-    assert str(refused.value) == told
+    reported = f'"table.csv": heading "{heading}" is not of the form "name [unit]"'
+    assert str(refused.value) == reported
 
 
 @pytest.mark.parametrize(
@@ -33,8 +33,8 @@ def test_another_heading_is_shown(tmp_path, heading):
 )
 def test_a_heading_that_is_far_too_long_is_refused(tmp_path, start, end):
     heading = start + " " * HUNDRED_THOUSAND + end
-    told = f"found a heading of {len(heading)} characters, expected at most 1000"
-    with pytest.raises(TableError, match=told):
+    reported = f"found a heading of {len(heading)} characters, expected at most 1000"
+    with pytest.raises(TableError, match=reported):
         columns(tmp_path, f"{heading}\n1\n")
 
 

@@ -361,30 +361,30 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_refused_names_its_remedy(name, tmp_path):
-    write, told = REFUSED[name]
+    write, reported = REFUSED[name]
     write(tmp_path / "runs.nc")
     with pytest.raises(TableError) as caught:
         loaded(tmp_path / "runs.nc")
     assert str(caught.value).startswith('"runs.nc" cannot be read as NetCDF: it')
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     with pytest.raises(SettingsError) as noted:
         read_data_file(tmp_path / "runs.nc")
-    assert told.partition("; ")[0] in str(noted.value)
+    assert reported.partition("; ")[0] in str(noted.value)
     with pytest.raises(UnreadableError, match=r"runs\.nc cannot be read as NetCDF"):
         NetcdfReader("runs.nc", variable="a").values(RunFiles(tmp_path))
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("h5py_default", 'an HDF5 file that is no NetCDF; write it with xarray ("to_netcdf")'),
         ("h5py_lzf", f"compressed by filter 32000, lzf; {COPY}"),
     ],
 )
-def test_what_h5py_writes_is_refused_with_a_remedy(name, told, tmp_path):
+def test_what_h5py_writes_is_refused_with_a_remedy(name, reported, tmp_path):
     with pytest.raises(TableError, match="cannot be read as NetCDF") as caught:
         read_columns(stored(tmp_path, f"netcdf/{name}"))
-    assert str(caught.value).endswith(told)
+    assert str(caught.value).endswith(reported)
 
 
 @pytest.mark.slow
@@ -527,17 +527,17 @@ def test_no_command_reads_another_file_by_way_of_a_hostile_one(command_line, tmp
         root.createVariable("x1", "f8", ("point",))[:] = [1, 2, 3]
     assert command_line("study", "study.toml", "-o", "good.nc").code == 0
     stored(tmp_path, "hostile/external_storage").replace("points.nc")
-    told = "its variable /x refers to another file"
+    reported = "its variable /x refers to another file"
     done = command_line("study", "study.toml", "-o", "other.nc")
     assert (done.code, done.err.count("Traceback")) == (2, 0)
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     done = command_line("predict", "good.nc:pce", "points.nc")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     Path("data.toml").write_text('seed = 1\n[model]\ndata = "points.nc"\noutputs = ["x"]\n')
     done = command_line("check", "data.toml")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
 
     # A stranger's archive, whose hashes are right.
     content = Path("points.nc").read_bytes()
@@ -555,7 +555,7 @@ def test_no_command_reads_another_file_by_way_of_a_hostile_one(command_line, tmp
     for words in (("verify", "hostile.nc"), ("rerun", "hostile.nc", "-o", "again.nc")):
         done = command_line(*words)
         assert done.code in (2, 4)
-        assert told in " ".join((done.out + done.err).split())
+        assert reported in " ".join((done.out + done.err).split())
     assert not Path("again.nc").exists()
 
 

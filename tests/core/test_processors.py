@@ -43,7 +43,7 @@ def test_the_environment_limits_threads_and_adds_none(monkeypatch):
 
 
 @pytest.mark.parametrize("mistake", ["0", "-2", "two", "1.5"])
-def test_a_mistake_in_the_environment_is_told(mistake, monkeypatch):
+def test_a_mistake_in_the_environment_is_reported(mistake, monkeypatch):
     monkeypatch.setenv(MOST_THREADS, mistake)
     with pytest.raises(SettingsError, match=f"UQPEN_THREADS.*{mistake}.*1 or more"):
         thread_count()

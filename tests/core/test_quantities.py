@@ -215,11 +215,13 @@ def test_a_number_is_read_in_linear_time(tail):
     ],
 )
 def test_a_text_that_is_far_too_long_for_a_quantity_is_refused(text):
-    told = f"found a text of {len(text)} characters; expected a quantity of at most 2000 characters"
+    reported = (
+        f"found a text of {len(text)} characters; expected a quantity of at most 2000 characters"
+    )
     for parse in (parse_quantity, parse_spread):
         with pytest.raises(QuantityError) as refused:
             parse(text, "m")
-        assert str(refused.value) == told
+        assert str(refused.value) == reported
 
 
 def test_a_unit_that_is_far_too_long_is_refused():

@@ -1,4 +1,4 @@
-"""A design that decides a claim on a probability: the test, when it ends, and what is told."""
+"""A design that decides a claim on a probability: the test, when it ends, and what is reported."""
 
 import itertools
 import math
@@ -245,7 +245,7 @@ class TestSameBytes:
         ),
     ],
 )
-def test_a_claim_that_makes_no_sense_is_told_before_any_run(settings, key, found, expected):
+def test_a_claim_that_makes_no_sense_is_reported_before_any_run(settings, key, found, expected):
     with pytest.raises(StudyError) as caught:
         study(settings)
     (problem,) = caught.value.problems

@@ -352,7 +352,7 @@ def test_a_sparse_grid_over_many_inputs_is_made_or_refused():
     assert problem.expected == "at most 5000 grids: a lower order, or fewer inputs"
 
 
-def test_rows_are_told_apart_alike_with_and_without_numbers_of_them():
+def test_rows_are_distinguished_alike_with_and_without_numbers_of_them():
     rows = np.random.default_rng(1).integers(0, 3, (200, 4))
     short = quadrature._distinct_rows(rows, [3] * 4)
     long = quadrature._distinct_rows(rows, [2**16] * 4)

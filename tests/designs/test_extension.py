@@ -99,7 +99,7 @@ def pairs_of_designs(draw):
 
 @settings(max_examples=20)
 @given(pair=pairs_of_designs())
-def test_what_is_kept_and_what_would_keep_all_is_told(pair):
+def test_what_is_kept_and_what_would_keep_all_is_reported(pair):
     check_extension(*pair)
 
 
@@ -197,7 +197,7 @@ def test_a_larger_design_keeps_what_was_drawn_again(
     ],
     ids=str,
 )
-def test_a_loss_is_told_with_the_nearest_that_has_none(new, earlier, text):
+def test_a_loss_is_reported_with_the_nearest_that_has_none(new, earlier, text):
     joint = example_joint_distribution()
     found = new.extension(earlier, joint)
     assert found.text(earlier.run_count(joint), new.run_count(joint)) == text

@@ -194,7 +194,7 @@ def test_failed_runs_are_neither_safe_nor_in_the_event():
     assert "for any outcome of the missing runs" in found.attrs["interval"]
 
 
-def test_few_runs_in_a_replicate_are_told():
+def test_few_runs_in_a_replicate_are_reported():
     few = probability(uqpen.run(study(event="depth > 3 m", samples=400)))
     assert "replicates of fewer than 1000 runs" in few.attrs["note"]
     enough = probability(uqpen.run(study(event="depth > 3 m", samples=1000)))
@@ -226,8 +226,8 @@ def test_a_part_that_no_search_leads_to_is_in_the_interval_or_a_note_says_so():
 
     found = probability(uqpen.run(study(spot, "depth > 4.5 m", samples=200)))
     exact = stats.ncx2.cdf(0.5, 2, 8.0) + special.ndtr(-4.5)
-    is_told = "some have met a part of the event that others have not" in found.attrs["note"]
-    assert is_told or found.values[1] <= exact <= found.values[2]
+    is_reported = "some have met a part of the event that others have not" in found.attrs["note"]
+    assert is_reported or found.values[1] <= exact <= found.values[2]
 
 
 @pytest.mark.parametrize(

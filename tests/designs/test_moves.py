@@ -181,8 +181,8 @@ class TestMorris:
             found = analyze(
                 runs.isel(run=slice(start, start + 40)), [QuantityOfInterest(OUTPUT, "m")]
             )
-            told = found["y"]["mu_star"].sel(input="a")
-            held += bool(told.sel(bound="lower") <= truth <= told.sel(bound="upper"))
+            reported = found["y"]["mu_star"].sel(input="a")
+            held += bool(reported.sel(bound="lower") <= truth <= reported.sel(bound="upper"))
         # Of ten trajectories each, 93 % to 98 % were measured; four standard errors below.
         assert held > 84
 
@@ -209,9 +209,11 @@ class TestMorris:
         runs = runs.assign(status=("run", status, runs["status"].attrs), y=("run", values))
         found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
         notes = [note(found, "mu", name) for name in "abc"]
-        told = sum(int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text)
+        reported = sum(
+            int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text
+        )
         # Run 7 ends its trajectory; run 41 stands inside one.
-        assert told == 1 + 2
+        assert reported == 1 + 2
         assert figure(found, "mu", "a") == pytest.approx(3.0, rel=1e-12)
 
     @pytest.mark.parametrize("bad", [lambda: math.nan, lambda: 1 // 0], ids=["nan", "exception"])
@@ -353,10 +355,10 @@ class TestOneAtATime:
             ("crater_radius", 59.4, 10.5),
         ):
             at = {"input": name, "bound": "estimate"}
-            told = found["response"].sel(at)
-            assert 100 * float(told) == pytest.approx(response, abs=0.1)
-            told = found["contribution"].sel(at)
-            assert 100 * float(told) == pytest.approx(contribution, abs=0.1)
+            reported = found["response"].sel(at)
+            assert 100 * float(reported) == pytest.approx(response, abs=0.1)
+            reported = found["contribution"].sel(at)
+            assert 100 * float(reported) == pytest.approx(contribution, abs=0.1)
 
 
 @pytest.mark.parametrize("design", [Morris(4), OneAtATime()], ids=str)

@@ -136,7 +136,7 @@ def test_a_run_that_one_of_several_models_refuses_is_refused():
     assert Feedback(runs, no_estimates).status.tolist() == [1, 2, 0, 1]
 
 
-def test_a_name_that_is_unknown_is_told_with_the_nearest():
+def test_a_name_that_is_unknown_is_reported_with_the_nearest():
     _, heard = listen()
     with pytest.raises(UnknownNameError, match=r"no output 'z'; .*y"):
         heard[0].estimates("", "z")

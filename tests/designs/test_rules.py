@@ -204,19 +204,19 @@ class TestLosses:
             assert f"{lost} of {design.run_count(joint)} nodes" in note(found, statistic)
             assert "biased" in note(found, statistic)
 
-    def test_a_run_that_is_not_finite_is_told(self, design):
+    def test_a_run_that_is_not_finite_is_reported(self, design):
         found = self.lossy(design, lambda x: math.nan)
         self.counted(found, design, self.LAW)
         counts = found["mean"].attrs
         assert counts["runs_not_finite"] == counts["runs"] - counts["runs_used"]
         assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
 
-    def test_an_exception_is_told(self, design):
+    def test_an_exception_is_reported(self, design):
         found = self.lossy(design, lambda x: 1 // 0)
         self.counted(found, design, self.LAW)
         assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
 
-    def test_an_inadmissible_node_is_told(self, design):
+    def test_an_inadmissible_node_is_reported(self, design):
         found = moments(design, self.LAW, lambda x1, x2: 5.0 + x1 * x2)
         self.counted(found, design, self.LAW)
         assert found["mean"].attrs["conditional_on"] == "admissible inputs"

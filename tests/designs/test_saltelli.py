@@ -31,7 +31,7 @@ LAW = JointDistribution(
 )
 NAMES = ("length", "share", "width")
 
-# What becomes of points, told from their values.
+# What becomes of points, distinguished from their values.
 
 
 def everything_is_fine(length, share, width):
@@ -61,7 +61,7 @@ DESIGNS = [Saltelli(64, 4), Saltelli(64, 4, second_order=True)]
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
-def test_the_first_round_is_the_size_that_is_told(design):
+def test_the_first_round_is_the_size_that_is_given(design):
     runs = made(design)
     assert runs.sizes["run"] == design.run_count(LAW) == 64 * (8 if design.second_order else 5)
     assert "round" not in runs.coords

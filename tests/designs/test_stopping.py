@@ -278,7 +278,7 @@ class TestSameBytes:
         ("until = 3", "until", "3", "a table of outputs"),
     ],
 )
-def test_a_target_that_makes_no_sense_is_told_before_any_run(settings, key, found, expected):
+def test_a_target_that_makes_no_sense_is_reported_before_any_run(settings, key, found, expected):
     with pytest.raises(StudyError) as caught:
         study(f"{settings}\nat_most = 2_000")
     (problem,) = caught.value.problems
@@ -342,7 +342,7 @@ class TestContracts:
     def test_a_design_with_a_rule_meets_its_own(self):
         check_design(MonteCarlo(until=Precision({"y": {"mean": 0.05}}), at_most=10_000))
 
-    def test_a_rule_that_never_asks_for_an_interval_is_told(self):
+    def test_a_rule_that_never_asks_for_an_interval_is_reported(self):
         with pytest.raises(AssertionError, match="without an interval"):
             check_stopping_rule(_Content({"y": {"mean": 1}}))
 
@@ -377,7 +377,7 @@ def test_the_summary_of_a_study_says_that_it_may_end_earlier():
 
 
 class TestShown:
-    """What a reader is told of a rule: in the tables, in JSON and on the page."""
+    """What a reader is shown of a rule: in the tables, in JSON and on the page."""
 
     EARLY = "until = { y = { mean = 0.4 } }\nat_most = 20_000"
     NEVER = "until = { y = { mean = 1e-6 } }\nat_most = 1_500"

@@ -130,7 +130,7 @@ def test_looks_double_as_often_as_the_largest_number_allows(design, first, most)
         (lambda: SobolSequence(768, 32, RULE, 5_000), "runs", "times a power of two"),
     ],
 )
-def test_settings_that_do_not_go_together_are_told(make, key, expected):
+def test_settings_that_do_not_go_together_are_reported(make, key, expected):
     with pytest.raises(SettingsError) as caught:
         make()
     (problem,) = caught.value.problems

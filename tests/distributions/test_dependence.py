@@ -268,7 +268,7 @@ def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name):
 
 
 @pytest.mark.parametrize(
-    ("make", "key", "told"),
+    ("make", "key", "reported"),
     [
         (lambda: GaussianCopula(("a",), ((1.0,),)), "inputs", "at least two"),
         (lambda: GaussianCopula(("a", "a"), _pair(0.5)), "inputs[1]", "each input once"),
@@ -290,12 +290,12 @@ def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name):
         (lambda: FrankCopula(THREE, 1.0), "inputs", "two inputs"),
     ],
 )
-def test_parameters_that_make_no_copula_are_refused(make, key, told):
+def test_parameters_that_make_no_copula_are_refused(make, key, reported):
     with pytest.raises(SettingsError) as caught:
         make()
     problem = caught.value.problems[0]
     assert problem.key == key
-    assert told in problem.expected
+    assert reported in problem.expected
 
 
 def test_correlations_that_cannot_hold_together_tell_the_smallest_eigenvalue():

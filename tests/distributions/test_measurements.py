@@ -221,7 +221,7 @@ class TestMeasurements:
         assert Measurements(path).column("strength").values("Pa").tolist() == [400e6, 410e6]
 
     @pytest.mark.parametrize(
-        ("heading", "told"),
+        ("heading", "reported"),
         [
             ("", "has the columns a [m], b [m], b [s]"),
             ("c", 'no column "c"'),
@@ -229,12 +229,12 @@ class TestMeasurements:
             ("a [s]", 'no column "a [s]"; did you mean'),
         ],
     )
-    def test_a_column_that_is_none_is_told(self, tmp_path, heading, told):
+    def test_a_column_that_is_none_is_reported(self, tmp_path, heading, reported):
         path = tmp_path / "m.csv"
         path.write_text("a [m],b [m],b [s]\n1,2,3\n")
         with pytest.raises(TableError) as caught:
             Measurements(path).column(heading)
-        assert told in str(caught.value)
+        assert reported in str(caught.value)
 
     @pytest.mark.parametrize(
         ("values", "found"),
@@ -244,7 +244,7 @@ class TestMeasurements:
             ([*range(1, 10), -3.0], "-3 mm as measurement 10"),
         ],
     )
-    def test_what_cannot_be_measurements_is_told(self, tmp_path, values, found):
+    def test_what_cannot_be_measurements_is_reported(self, tmp_path, values, found):
         path = tmp_path / "m.csv"
         path.write_text("x [mm]\n" + "\n".join(map(str, values)))
         column = Measurements(path).column("")

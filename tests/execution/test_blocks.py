@@ -209,16 +209,16 @@ def test_whole_blocks_that_were_made_before_are_not_piled_up(small_blocks, map):
     small_blocks(1_024)
     # One run of the first block, and all but some of the last, are still to be made.
     kept = Kept([restored(x, 1, 9_300)])
-    told = Counted()
+    reported = Counted()
     blocks = evaluate_blocks(
         Evaluator(function(True)),
         LoadedDataset(points),
         {},
-        EvaluationOptions(map=map, checkpoint=kept, progress=told),
+        EvaluationOptions(map=map, checkpoint=kept, progress=reported),
     )
     drawn_at_each = [(len(kept.restored), block.sizes[RUN]) for block in blocks]
-    assert told.before == [9_299]
-    assert told.runs == 1_024 + (10_000 - 9_216), "a batch is made again as a whole"
+    assert reported.before == [9_299]
+    assert reported.runs == 1_024 + (10_000 - 9_216), "a batch is made again as a whole"
     assert kept.saved == ([0, 9_216] if map is not backwards else [512, 0, 9_608, 9_216])
     assert all(read - number <= 2 for number, (read, _) in enumerate(drawn_at_each))
     kept = Kept([restored(x, 1, 9_300)])
@@ -232,13 +232,16 @@ def test_all_runs_of_a_scalar_function_may_have_been_made_before(
     x = np.linspace(1, 2, 3_000)
     small_blocks(1_000)
     kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])
-    told = Counted()
+    reported = Counted()
     points = xr.Dataset({"x": (RUN, x)})
     found = evaluate(
-        Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept, progress=told)
+        Evaluator(function(False)),
+        points,
+        {},
+        EvaluationOptions(checkpoint=kept, progress=reported),
     )
     assert np.array_equal(found["y"].values, x**2)
-    assert told.runs == 100
+    assert reported.runs == 100
     kept = Kept([restored(x, 0, 3_000)])
     assert evaluate(
         Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept)

@@ -258,7 +258,7 @@ def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(tmp_path, monk
     assert texts[-1].startswith("the cluster has workers again, after 0:00:")
 
 
-def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path, two):
+def test_a_model_that_cannot_be_loaded_there_is_reported(tmp_path, two):
     (tmp_path / "slow.py").write_text("def simulate(x): return {'y': x}")
     (tmp_path / "study.toml").write_text(SLOW)
     study = uqpen.load_study(tmp_path / "study.toml")
@@ -268,20 +268,22 @@ def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path, two):
 
 
 @pytest.mark.parametrize(
-    ("scheduler", "told"),
+    ("scheduler", "reported"),
     [
         ("none.json", "--scheduler: found none.json; expected an address such as tcp://host:8786"),
         ("tcp://127.0.0.1:1", "no Dask scheduler responds at tcp://127.0.0.1:1"),
         ("http://127.0.0.1:1", "no Dask scheduler responds at http://127.0.0.1:1"),
     ],
 )
-def test_a_scheduler_that_is_not_there_leaves_with_2(command_line, monkeypatch, scheduler, told):
+def test_a_scheduler_that_is_not_there_leaves_with_2(
+    command_line, monkeypatch, scheduler, reported
+):
     monkeypatch.setattr("uqpen.execution.cluster._PATIENCE", 0.5)
     Path("study.toml").write_text(BUILT_IN)
     with quietly():
         outcome = command_line("study", "study.toml", "--scheduler", scheduler)
     assert outcome.code == 2
-    assert told in outcome.err
+    assert reported in outcome.err
 
 
 def test_a_study_on_a_cluster_from_the_command_line(command_line, dask):

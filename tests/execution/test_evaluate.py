@@ -28,8 +28,8 @@ def runs_of(function, x, y=1.0, **options):
     return evaluate(Evaluator(model(function, **options), constraints), points, {})
 
 
-class Told(Progress):
-    """Progress as it was told."""
+class Recorded(Progress):
+    """Progress as it was reported."""
 
     def __init__(self):
         self.runs = []
@@ -149,7 +149,7 @@ def test_an_answer_that_makes_no_sense_is_a_failed_run(returned, reason):
     assert reasons(runs) == {0: reason}
 
 
-def test_a_vectorised_answer_without_runs_is_told_with_what_to_return():
+def test_a_vectorised_answer_without_runs_is_reported_with_what_to_return():
     runs = runs_of(lambda x, y: {"z": 1.0, "w": y}, [1.0, 2.0], vectorized=True)
     expected = 'returned a "z" of shape (), not (1,); expected an array with a number for each run'
     assert set(reasons(runs).values()) == {expected}
@@ -304,10 +304,10 @@ def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs():
 
 def test_progress_counts_every_run_once():
     points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
-    told = Told()
-    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=told))
-    assert sum(told.runs) == 1000
-    assert told.runs[0] == 1, "the first report must not wait for many slow runs"
+    reported = Recorded()
+    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=reported))
+    assert sum(reported.runs) == 1000
+    assert reported.runs[0] == 1, "the first report must not wait for many slow runs"
 
 
 def test_variables_say_what_they_are():

@@ -98,14 +98,14 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(command_line, tmp_p
     (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "5 %"\n')
     outcome = command_line("study", "study.toml")
     assert outcome.code == 3
-    told = outcome.err.splitlines()
+    reported = outcome.err.splitlines()
     allowed = r"more than the 5 % that \[failures\] at_most allows"
     # How many are made before it is seen is a matter of pace.
     assert re.fullmatch(
-        rf"some: (\d) of 50 runs have failed so far \(\1 failed\), {allowed}", told[-4]
+        rf"some: (\d) of 50 runs have failed so far \(\1 failed\), {allowed}", reported[-4]
     )
     assert "the most frequent reason, " in outcome.err
-    assert told[-1] == "with --lost-again, it repeats the failed ones"
+    assert reported[-1] == "with --lost-again, it repeats the failed ones"
     assert not (tmp_path / "archives" / "study.nc").exists()
     again = ("study", "study.toml", "--no-recheck")
     assert command_line(*again).code == 3, "as long as nothing changes"
@@ -160,7 +160,7 @@ def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path):
         ("often = 2", "an unknown key", "retry"),
     ],
 )
-def test_a_mistake_in_failures_is_told(folder, text, found, expected):
+def test_a_mistake_in_failures_is_reported(folder, text, found, expected):
     with pytest.raises(StudyError) as message:
         uqpen.parse_study(f"{STUDY}[failures]\n{text}\n", folder=folder)
     said = " ".join(str(message.value).split())
@@ -178,7 +178,7 @@ def test_a_mistake_in_failures_is_told(folder, text, found, expected):
         ('time_limit = "1 s"\nvectorized = true', "a limit of one run", "vectorized = false"),
     ],
 )
-def test_a_limit_that_is_none_is_told(folder, text, found, expected):
+def test_a_limit_that_is_none_is_reported(folder, text, found, expected):
     with pytest.raises(StudyError) as message:
         uqpen.parse_study(STUDY.replace("[model]", f"[model]\n{text}"), folder=folder)
     said = " ".join(str(message.value).split())

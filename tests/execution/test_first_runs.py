@@ -82,13 +82,13 @@ def test_whether_a_study_stops_depends_on_its_runs_in_order_alone(data, outcomes
 
 
 class Recorder(Progress):
-    """What is told of a trial run, and the warnings."""
+    """What is reported of a trial run, and the warnings."""
 
     def __init__(self):
-        self.told = []
+        self.reported = []
 
     def report_trial(self, text):
-        self.told.append(text)
+        self.reported.append(text)
 
 
 class RecordedMap:
@@ -115,12 +115,14 @@ def test_the_first_run_of_a_model_of_ones_own_is_made_alone(tmp_path):
 
 
 def test_inadmissible_runs_are_no_trial(tmp_path):
-    recorded, told = RecordedMap(), Recorder()
+    recorded, reported = RecordedMap(), Recorder()
     text = '[constraints]\nkeep = ["x < -1"]\n'
-    runs = uqpen.run(study_of(tmp_path, HALF_FAIL, text), map=recorded, progress=told)["runs/some"]
+    runs = uqpen.run(study_of(tmp_path, HALF_FAIL, text), map=recorded, progress=reported)[
+        "runs/some"
+    ]
     first = int(np.flatnonzero(runs["x"].values < -1)[0])
     assert [call[0][0] for call in recorded.calls] == list(range(first + 2))
-    assert len(told.told) == 1
+    assert len(reported.reported) == 1
 
 
 def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there():
@@ -141,12 +143,14 @@ def test_a_study_stops_after_ten_runs_that_failed_alike_with_any_workers(tmp_pat
     study = study_of(tmp_path, ALL_FAIL)
     with processes(2) as pool, pytest.raises(FirstRunsFailedError) as by_two:
         uqpen.run(study, map=pool)
-    told = Recorder()
+    reported = Recorder()
     with pytest.raises(FirstRunsFailedError) as alone:
-        uqpen.run(study, progress=told)
+        uqpen.run(study, progress=reported)
     assert str(by_two.value) == str(alone.value)
     assert str(alone.value).startswith("some: the first 10 runs have all failed alike, for example")
-    assert told.told[0].startswith("the trial run has failed:\n  ValueError: no convergence at ")
+    assert reported.reported[0].startswith(
+        "the trial run has failed:\n  ValueError: no convergence at "
+    )
     runs = uqpen.run(study_of(tmp_path, ALL_FAIL, "[failures]\nstop_after = 0\n"))["runs/some"]
     assert runs.sizes["lost_run"] == 50
 

@@ -295,7 +295,7 @@ def test_there_is_at_least_one_worker():
         pass
 
 
-def test_what_goes_wrong_in_a_worker_is_told(tmp_path, two):
+def test_what_goes_wrong_in_a_worker_is_reported(tmp_path, two):
     loaded = uqpen.parse_study(study(tmp_path, "def f(x): return {'y': x}"), folder=tmp_path)
     (tmp_path / "function.py").unlink()
     with pytest.raises(ModelError, match="no file"):
@@ -310,7 +310,7 @@ with processes(2) as pool:
 """
 
 
-def test_a_script_that_would_start_itself_again_is_told(tmp_path):
+def test_a_script_that_would_start_itself_again_is_reported(tmp_path):
     (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     (tmp_path / "script.py").write_text(SCRIPT)
     done = subprocess.run(

@@ -71,7 +71,7 @@ def test_both_can_be_on_a_page(benchmark, tmp_path):
     assert (tmp_path / "both.svg").read_text("utf-8").startswith("<?xml")
 
 
-def test_mistakes_are_told(benchmark):
+def test_mistakes_are_reported(benchmark):
     with pytest.raises(UnknownNameError, match="known: errors, rates, coverage"):
         panels(benchmark, "cdf")
     with pytest.raises(UnknownNameError, match='no output "xy"; did you mean "y"'):

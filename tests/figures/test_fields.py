@@ -151,9 +151,9 @@ def test_lines_stand_where_fewer_curves_go_on(tree):
     }
     assert len(expected) >= 2
     assert marks == pytest.approx(expected)
-    told = notes(tree, "fan", output="ending")
-    assert "Where curves end: estimates at a place are of the curves that get there." in told
-    assert "Upright lines: shares of the curves that get there." in told
+    reported = notes(tree, "fan", output="ending")
+    assert "Where curves end: estimates at a place are of the curves that get there." in reported
+    assert "Upright lines: shares of the curves that get there." in reported
 
 
 def test_the_share_of_the_curves_that_go_on_is_a_panel(tree):
@@ -204,10 +204,10 @@ def test_indices_without_intervals_say_why(tree):
     made = with_statistics(tree, {"first_order": indices})
     lines = drawn(made, "sensitivity-along", output="ending")[1]
     assert lines.get_title(loc="left") == "ending: First order by mc"
-    told = notes(made, "sensitivity-along", output="ending")
-    assert "No interval of the first order: too few runs." in told
-    assert "An index below 0, by its error, is stacked as 0." in told
-    assert "What remains (interactions) also has the errors of the indices." in told
+    reported = notes(made, "sensitivity-along", output="ending")
+    assert "No interval of the first order: too few runs." in reported
+    assert "An index below 0, by its error, is stacked as 0." in reported
+    assert "What remains (interactions) also has the errors of the indices." in reported
 
 
 def test_a_map_has_the_values_of_the_field(tree):
@@ -226,7 +226,7 @@ def test_a_study_of_numbers_has_none_of_them(tree):
         uqpen.figure(tree, "map", output="ending")
 
 
-def test_bands_are_told_from_intervals_at_each_place(tree):
+def test_bands_are_distinguished_from_intervals_at_each_place(tree):
     mean = tree["statistics/mc/ending"]["mean"].values
     wide = mean + np.array([0.0, -0.5, 0.5])
     content = {"band_content": [0.9]}

@@ -183,8 +183,8 @@ class TestFiles:
             path = tmp_path / f"here.{kind}"
             figure(archives["beam"], "cdf").save(path)
             here[kind] = path.read_bytes()
-            told = rb"CreationDate|dc:date|atplotlib v|Software"
-            assert not re.search(told, here[kind]), "no time and no version"
+            reported = rb"CreationDate|dc:date|atplotlib v|Software"
+            assert not re.search(reported, here[kind]), "no time and no version"
         settings = tmp_path / "matplotlibrc"
         settings.write_text("font.size: 20\nlines.linewidth: 9\nsvg.fonttype: none\n")
         code = (

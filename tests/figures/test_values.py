@@ -24,9 +24,9 @@ def line(axes, label):
     return found
 
 
-def filled(told):
+def filled(reported):
     """Estimates of an archive with their bounds, as `dots` returns them."""
-    bounds = np.asarray(told)
+    bounds = np.asarray(reported)
     return np.where(np.isnan(bounds), bounds[:, :1], bounds)
 
 
@@ -115,7 +115,7 @@ class TestDistributions:
         assert marked == pytest.approx([60, 90])
         assert [each.get_text() for each in axes.texts] == ["60 cm", "90 cm"]
 
-    def test_one_far_away_is_told_and_does_not_stretch_the_axis(self, study_of):
+    def test_one_far_away_is_reported_and_does_not_stretch_the_axis(self, study_of):
         text = "[outputs.y]\nexceeds = [0.5, 0.501, 1000]"
         page = uqpen.figure(uqpen.run(study_of("x", text, x=(0, 1))), "exceedance")
         assert page.axes[0].get_xlim()[1] < 2
@@ -144,10 +144,10 @@ class TestDistributions:
         tree = archives["schema_1"]
         (axes,) = drawn(tree, "exceedance", source="chaos")
         at, share = line(axes, "_chaos").get_data()
-        told = tree["statistics/chaos/y/cdf_value"].values
-        expected = [np.mean(told > each) for each in at[:-1]]
+        reported = tree["statistics/chaos/y/cdf_value"].values
+        expected = [np.mean(reported > each) for each in at[:-1]]
         np.testing.assert_allclose(share[:-1], expected, atol=2e-3)
-        assert at[-1] == pytest.approx(told.max())
+        assert at[-1] == pytest.approx(reported.max())
         notes = axes.figure.legends[0].get_title().get_text()
         assert notes.startswith("no band of chaos: ")
         assert "run" not in notes, "a surrogate has none"
@@ -158,8 +158,8 @@ class TestEstimates:
         tree = archives["schema_1"]
         axes = drawn(tree, "methods")[0]
         rows = [each.get_text() for each in axes.get_yticklabels()]
-        told = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
-        np.testing.assert_allclose(dots(axes), filled(told))
+        reported = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
+        np.testing.assert_allclose(dots(axes), filled(reported))
 
     def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives):
         page = uqpen.figure(archives["schema_1"], "methods")
@@ -174,10 +174,12 @@ class TestEstimates:
         page = uqpen.figure(archives["rods"], "convergence", output="penetration_depth")
         axes = page.axes[0]
         assert axes.get_title(loc="left").startswith("original: penetration_depth: mean")
-        told = 100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        reported = (
+            100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        )
         last = axes.containers[-1]
         low, high = last.lines[2][0].get_segments()[0][:, 1]
-        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(told.values))
+        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(reported.values))
         assert line(axes, "by all runs").is_dashed()
         notes = page.legends[0].get_title().get_text()
         assert notes.startswith("By latin, the design of the main results")
@@ -186,24 +188,24 @@ class TestEstimates:
     def test_indices_are_those_of_the_archive(self, archives):
         tree = archives["schema_1"]
         axes = drawn(tree, "sensitivity", source="blocks")[0]
-        told = tree["statistics/blocks/y"]
-        expected = np.concatenate([told["first_order"], told["total_order"]])
+        reported = tree["statistics/blocks/y"]
+        expected = np.concatenate([reported["first_order"], reported["total_order"]])
         np.testing.assert_allclose(dots(axes), filled(expected))
         assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
 
     def test_responses_are_magnitudes_in_per_cent(self, archives):
         tree = archives["schema_1"]
         axes = drawn(tree, "responses", source="steps")[0]
-        told = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
-        largest_first = sorted(told[np.isfinite(told)].tolist(), reverse=True)
+        reported = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
+        largest_first = sorted(reported[np.isfinite(reported)].tolist(), reverse=True)
         assert [dot[0] for dot in dots(axes)] == pytest.approx(largest_first)
 
     def test_losses_have_their_probabilities(self, archives):
         first, inputs = drawn(archives["beam"], "losses")
-        told = archives["beam"]["failures/only"].to_dataset()
-        np.testing.assert_allclose(dots(first), [told["probability"].sel(status="failed")])
-        told_larger = told["larger"].values[:, 0]
-        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told_larger)
+        reported = archives["beam"]["failures/only"].to_dataset()
+        np.testing.assert_allclose(dots(first), [reported["probability"].sel(status="failed")])
+        reported_larger = reported["larger"].values[:, 0]
+        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(reported_larger)
 
     def test_a_figure_says_nothing_of_a_table(self, archives):
         (page, *_) = drawn(archives["beam"], "losses")
@@ -235,9 +237,9 @@ class TestRuns:
         (axes,) = drawn(archives["beam"], "histogram")
         counted = axes.patches[0].get_data().values.sum()
         assert counted == (archives["beam"]["runs/only"]["status"].values == 0).sum()
-        told = archives["beam"]["statistics/only/deflection"]
+        reported = archives["beam"]["statistics/only/deflection"]
         upright = [each.get_xdata()[0] for each in axes.lines if len(each.get_xdata())]
-        marked = [told["mean"].values[0], *told["quantile"].values[:, 0]]
+        marked = [reported["mean"].values[0], *reported["quantile"].values[:, 0]]
         np.testing.assert_allclose(upright[:4], 1e3 * np.array(marked), rtol=1e-12)
         legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
         assert legend[0] == "runs"
@@ -255,9 +257,9 @@ class TestRuns:
         tree = archives["schema_1"]
         (axes,) = drawn(tree, "surrogate")
         truth, guess = axes.lines[1].get_data()
-        told = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
+        reported = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
         unexplained = np.mean((truth - guess) ** 2) / np.var(truth, ddof=1)
-        assert 1 - unexplained == pytest.approx(told)
+        assert 1 - unexplained == pytest.approx(reported)
         assert len(truth) == (tree["runs/monte_carlo"]["status"].values == 0).sum()
 
 
@@ -279,10 +281,10 @@ class TestSeveralModels:
         axes = {each.get_ylabel(): each for each in drawn(tree, "trajectory")}
         assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
         for name in ("original", "smoothed", "rigid"):
-            told = tree[f"models/{name}/trajectory"]
+            reported = tree[f"models/{name}/trajectory"]
             shown = line(axes["s [mm]"], f"_{name} plastic_extent")
-            np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])
-            np.testing.assert_allclose(shown.get_xdata(), 100 * told["penetration_depth"])
+            np.testing.assert_allclose(shown.get_ydata(), 1e3 * reported["plastic_extent"])
+            np.testing.assert_allclose(shown.get_xdata(), 100 * reported["penetration_depth"])
         titles = {each.get_title(loc="left") for each in axes.values()}
         assert "Length of the projectile, L" in titles, "of all models, so it names none"
 

@@ -19,7 +19,7 @@ STATES = Path(__file__).parents[1] / "model_states.py"
 
 @pytest.fixture(scope="module")
 def found():
-    """What is told of each change, and of the same model unchanged."""
+    """What is reported of each change, and of the same model unchanged."""
     environment = {**os.environ, "PYTHONPATH": str(STATES.parent), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, str(STATES)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -29,20 +29,20 @@ def found():
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
 def test_a_changed_model_is_met(change, found):
-    told = found[change.name]["changed"]
+    reported = found[change.name]["changed"]
     if change.met.startswith(NAMED):
-        assert told["changes"] == []
-        assert change.met.removeprefix(NAMED) in told["uncompared"]
+        assert reported["changes"] == []
+        assert change.met.removeprefix(NAMED) in reported["uncompared"]
     elif change.met == RECHECK:
-        assert told["changes"] == []
+        assert reported["changes"] == []
     else:
-        assert change.met in "; ".join(told["changes"])
+        assert change.met in "; ".join(reported["changes"])
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
 def test_an_unchanged_model_raises_no_alarm(change, found):
-    told = found[change.name]["unchanged"]["changes"]
-    assert [text for text in told if "versions that cannot be distinguished" not in text] == []
+    reported = found[change.name]["unchanged"]["changes"]
+    assert [text for text in reported if "versions that cannot be distinguished" not in text] == []
 
 
 def test_of_the_silent_changes_few_are_left_to_runs_made_again():

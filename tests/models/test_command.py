@@ -344,8 +344,8 @@ def test_a_program_that_is_run_by_one_that_is_not_there_is_a_failed_run(home):
     (home / "solver").write_text("#!/no/such/python3\n")
     (home / "solver").chmod(0o755)
     results = run(model_of(home, 'command = ["./solver", "{inputs}"]'))
-    told = "cannot be started: what its first line names to run it with is not there"
-    assert results.reasons[0] == told
+    reported = "cannot be started: what its first line names to run it with is not there"
+    assert results.reasons[0] == reported
 
 
 def test_a_program_for_another_machine_is_a_failed_run(home):
@@ -571,7 +571,7 @@ def test_a_folder_that_cannot_be_kept_changes_no_result(home):
     assert outcome(home, "exit 3") == (Status.FAILED, "exit code 3")
 
 
-def test_a_model_is_told_from_another_by_its_files(home):
+def test_a_model_is_distinguished_from_another_by_its_files(home):
     (home / "deck").write_text("{width} {load}")
     (home / "table").write_text("1")
     program(home, "true", "s.sh")
@@ -687,13 +687,13 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("model", "messages"), MISTAKES.items(), ids=range(len(MISTAKES)))
-def test_a_mistake_is_told_before_anything_runs(home, model, messages):
+def test_a_mistake_is_reported_before_anything_runs(home, model, messages):
     program(home, "exit 99")
     (home / "deck").write_text("{width} {load}\n{hight}\n")
     (home / "latin").write_bytes(b"\xe6")
-    told = mistakes(home, model)
+    reported = mistakes(home, model)
     for message in messages:
-        assert message in told, told
+        assert message in reported, reported
 
 
 def test_no_input_can_be_called_as_a_file(home):
@@ -726,9 +726,9 @@ STEADY = {
 }
 
 
-@pytest.mark.parametrize(("said", "told"), STEADY.items(), ids=range(len(STEADY)))
-def test_a_reason_is_the_same_each_time(said, told):
-    assert remove_variable_parts(said, [Path("/"), Path("/tmp/run")]) == told
+@pytest.mark.parametrize(("said", "reported"), STEADY.items(), ids=range(len(STEADY)))
+def test_a_reason_is_the_same_each_time(said, reported):
+    assert remove_variable_parts(said, [Path("/"), Path("/tmp/run")]) == reported
 
 
 # --- whatever stands there -----------------------------------------------------------------------

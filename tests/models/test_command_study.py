@@ -82,7 +82,7 @@ def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(beam, co
     assert (folders[0] / "stderr").read_text() == "no licence\n"
 
 
-def test_another_program_of_the_same_name_is_told(beam, command_line, monkeypatch):
+def test_another_program_of_the_same_name_is_reported(beam, command_line, monkeypatch):
     program = Path("beam-solver").absolute()
     shutil.copy(beam.parent / "solver", program)
     monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)

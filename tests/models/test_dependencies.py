@@ -127,7 +127,7 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("k.txt", "file k.txt has changed"),
         ("../lib/far.txt", "file ../lib/far.txt has changed"),
@@ -136,7 +136,7 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder, tmp_path):
         ("", "environment variable FACTOR_OF_MODEL has changed"),
     ],
 )
-def test_what_has_changed_is_told(folder, monkeypatch, name, told):
+def test_what_has_changed_is_reported(folder, monkeypatch, name, reported):
     make(folder)
     if name:
         (folder / name).write_text("3" if name.endswith("txt") else "k = 3\n")
@@ -144,10 +144,10 @@ def test_what_has_changed_is_told(folder, monkeypatch, name, told):
         monkeypatch.setenv("FACTOR_OF_MODEL", "3")
     with pytest.raises(CheckpointError) as caught:
         make(folder, "other.nc", reuse=[folder / "study.nc"])
-    assert [line.strip() for line in str(caught.value).splitlines()[1:-1]] == [told]
+    assert [line.strip() for line in str(caught.value).splitlines()[1:-1]] == [reported]
 
 
-def test_a_file_that_is_gone_is_told(folder):
+def test_a_file_that_is_gone_is_reported(folder):
     (folder / "m.py").write_text(MODEL.replace("text()) * float", "text() or 1) * float"))
     make(folder)
     (folder / "k.txt").unlink()

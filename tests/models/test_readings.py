@@ -51,9 +51,9 @@ def test_a_reading_says_which_match_counts(tmp_path, keys, expected):
 
 
 def test_several_matches_are_counted_where_nothing_says_which(tmp_path):
-    with pytest.warns(RunWarning, match="several matches .* the last is taken") as told:
+    with pytest.warns(RunWarning, match="several matches .* the last is taken") as reported:
         assert number(tmp_path, TextReader("out", r"s = (\S+)"), LOG) == 8.0
-    (warning,) = (each.message for each in told)
+    (warning,) = (each.message for each in reported)
     assert isinstance(warning, RunWarning)
     assert warning.of_one_run.startswith("4 matches for ")
 
@@ -75,9 +75,9 @@ class TestEndlessPattern:
 
     def test_its_time_is_limited(self, endless):
         reason = r'reading what "\(a\+\)\+\$" matches in out took longer than 0.05 s'
-        with pytest.raises(UnreadableError, match=reason) as told:
+        with pytest.raises(UnreadableError, match=reason) as reported:
             endless(Limits(0.05))
-        assert told.value.status == Status.TIMED_OUT
+        assert reported.value.status == Status.TIMED_OUT
 
     @pytest.mark.parametrize("seconds", [3600, None])
     def test_ctrl_c_ends_it(self, endless, seconds):
@@ -177,12 +177,12 @@ class TestStudy:
     def study(self, folder, model='delimiters = ["<<", ">>"]', n="3"):
         return uqpen.parse_study(STUDY.format(model=model, n=n), folder=folder, name="deck")
 
-    def test_numbers_arrive_as_they_are_written_and_several_matches_are_told_once(self, folder):
+    def test_numbers_arrive_as_they_are_written_and_several_matches_are_reported_once(self, folder):
         text = "{n}\nL = <<length>> \nL = <<length>>\nn = <<n:d>>; <<x:.0f>>"
         (folder / "deck.template").write_text(text)
-        with pytest.warns(RuntimeWarning, match="several matches for") as told:
+        with pytest.warns(RuntimeWarning, match="several matches for") as reported:
             runs = uqpen.run(self.study(folder, 'delimiters = ["<<", ">>"]\nkeep = "all"'))
-        assert len({str(each.message) for each in told}) == 1
+        assert len({str(each.message) for each in reported}) == 1
         assert runs["runs/some"]["y"].values.tolist() == [0.007, 0.007]
         kept = next((folder / "deck_runs").iterdir())
         assert (kept / "deck.in").read_text().startswith("{n}\nL = 7.0 \nL = 7.0\nn = 3; ")

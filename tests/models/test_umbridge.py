@@ -155,7 +155,7 @@ class TestRuns:
         made = runs(study(address, 'name = "sum"\nconfig = { factor = 0.0 }'))
         assert set(made["y"].values) == {20.0}
 
-    def test_what_decides_the_numbers_is_told(self, address):
+    def test_what_decides_the_numbers_is_reported(self, address):
         model = study(address, 'name = "sum"\nconfig = { b = [1], a = "x" }').model
         assert model.identity() == {
             "name": "sum",
@@ -273,8 +273,8 @@ class TestLostRuns:
         endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
         with dripping(*BEFORE, start=endless, drop=b"H", end=b"") as address:
             made = runs(study(address, "", ("runs = 20", "runs = 1")))
-        told = "the server's answer has more than 16777216 bytes"
-        assert made["lost_reason"].values.tolist() == [told]
+        reported = "the server's answer has more than 16777216 bytes"
+        assert made["lost_reason"].values.tolist() == [reported]
 
     def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self):
         with serving() as (address, process):
@@ -310,7 +310,7 @@ ADDRESS = 'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"'
 
 
 class TestMistakes:
-    """Each: what the study has in place of what, and where it is told what."""
+    """Each: what the study has in place of what, and where which message stands."""
 
     @pytest.mark.parametrize(
         ("changes", "where", "found", "expected"),

@@ -284,7 +284,7 @@ def test_a_mistake_of_an_object_names_the_argument(tmp_path, variables, found):
     assert problem.found == found
 
 
-def test_a_name_that_no_file_can_have_is_told(tmp_path):
+def test_a_name_that_no_file_can_have_is_reported(tmp_path):
     with pytest.raises(ModelError, match="there is no file"):
         load_module(f"{'a' * 5000}.py:f", tmp_path)
 

@@ -39,7 +39,7 @@ def _texts(blocks):
     return [text.replace("\u00a0", " ").replace("\u202f", " ") for text in found]
 
 
-def _told(tree, model=""):
+def _reported(tree, model=""):
     return _texts(answer(ArchiveView(tree, model)))
 
 
@@ -54,7 +54,7 @@ def test_the_first_screen_answers_one_question_after_the_other(
     archives,
 ):
     tree = archives["schema_1"]
-    assert _told(tree)[:8] == [
+    assert _reported(tree)[:8] == [
         "y above 10: In 2.0 % of cases (0.4 % to 7.7 %, 95 % interval, as from 130 plain runs).",
         "y is at most 11.5 in 80 of 100 cases. Best estimate 5.9; the 11.5 allow for the finite "
         "number of runs (95 % confidence).",
@@ -82,7 +82,7 @@ def test_the_first_screen_answers_one_question_after_the_other(
 def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
     archives,
 ):
-    said = _told(archives["beam"])
+    said = _reported(archives["beam"])
     assert said[:2] == [
         "Deflection above 2 mm: In all 98 completed runs: at least 73 % of cases (95 % interval).",
         "The median of deflection is 3.66 mm (3.52 mm to 3.91 mm, 95 % interval): half of all "
@@ -107,21 +107,21 @@ def test_the_picture_has_the_limits_of_the_study(archives):
 
 
 def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(concrete, archives):
-    told = {}
+    reported = {}
     for name, tree in (("concrete", concrete), ("beam", archives["beam"])):
         (columns, *_) = answer(ArchiveView(tree, ""))
         assert isinstance(columns, Columns)
-        told[name] = " ".join(columns.picture.notes)
-    assert "intervals of the marked estimates, of these runs alone." in told["concrete"]
-    assert "alone" not in told["beam"]
+        reported[name] = " ".join(columns.picture.notes)
+    assert "intervals of the marked estimates, of these runs alone." in reported["concrete"]
+    assert "alone" not in reported["beam"]
 
 
 def test_the_largest_part_that_a_publication_names_is_compared(concrete):
-    told = " ".join(_told(concrete))
-    assert "Outer radius of plastic flow in the target causes about " in told
-    assert "of the variance of depth of penetration by itself (" in told
-    assert "the largest contribution differs (target yield limit, which has " in told
-    assert "Depth of penetration: mean agrees (0.493 m, " in told
+    reported = " ".join(_reported(concrete))
+    assert "Outer radius of plastic flow in the target causes about " in reported
+    assert "of the variance of depth of penetration by itself (" in reported
+    assert "the largest contribution differs (target yield limit, which has " in reported
+    assert "Depth of penetration: mean agrees (0.493 m, " in reported
     assert len(_alerts(concrete)) <= 5
 
 
@@ -130,21 +130,23 @@ def test_what_all_means_of_few_runs_have_in_common_is_said_once(study_of, runs, 
     text = f'[designs.some]\nkind = "monte-carlo"\nruns = {runs}'
     tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))
     assert _alerts(tree) == ["Scope"]
-    assert " ".join(_told(tree)).count("extreme values are more frequent than in these") == times
+    assert (
+        " ".join(_reported(tree)).count("extreme values are more frequent than in these") == times
+    )
 
 
-def test_a_single_run_is_told_in_the_singular(study_of):
+def test_a_single_run_is_reported_in_the_singular(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
-    told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
-    assert told[1].endswith("in the study: a single run of the model line.py:f.")
-    assert "Did all runs succeed?: The only run completed." in told
+    reported = _reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
+    assert reported[1].endswith("in the study: a single run of the model line.py:f.")
+    assert "Did all runs succeed?: The only run completed." in reported
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(
     study_of,
 ):
-    told = _told(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
-    assert told[0] == "y is 2 in every run."
+    reported = _reported(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
+    assert reported[0] == "y is 2 in every run."
 
 
 def test_where_no_run_came_back_there_is_no_answer(archives):
@@ -162,13 +164,15 @@ def test_of_several_models_the_differences_stand_first(
     archives,
 ):
     tree = archives["rods"]
-    told = _told(tree, "original")
-    assert told[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
-    assert told[1].startswith("rigid minus original: Mean difference: depth of penetration ")
-    assert told[2].startswith("How much is model form?: Of the variance of depth of penetration, ")
-    assert told[3].startswith("Did all runs succeed?: original: ")
-    at = [told.index(f"By {model} alone") for model in ("original", "smoothed", "rigid")]
-    first, other = told[at[0] : at[1]], told[at[2] :]
+    reported = _reported(tree, "original")
+    assert reported[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
+    assert reported[1].startswith("rigid minus original: Mean difference: depth of penetration ")
+    assert reported[2].startswith(
+        "How much is model form?: Of the variance of depth of penetration, "
+    )
+    assert reported[3].startswith("Did all runs succeed?: original: ")
+    at = [reported.index(f"By {model} alone") for model in ("original", "smoothed", "rigid")]
+    first, other = reported[at[0] : at[1]], reported[at[2] :]
     assert first[1].startswith("Depth of penetration above 60 cm: In 11.0 % of cases (")
     assert other[1].startswith(
         "Depth of penetration above 60 cm: In all 100 completed runs: at least "
@@ -220,9 +224,9 @@ def test_of_several_models_the_differences_stand_first(
 def test_what_a_design_cannot_tell_is_said(study_of, design, said):
     asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
     text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"
-    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
     for each in said:
-        assert each in told
+        assert each in reported
 
 
 def test_every_entry_that_a_study_asks_for_is_stated(
@@ -234,7 +238,7 @@ def test_every_entry_that_a_study_asks_for_is_stated(
         "return_periods = [50]"
     )
     text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
-    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
     for said in (
         "y above 1: In ",
         "y below 0.1: In ",
@@ -246,7 +250,7 @@ def test_every_entry_that_a_study_asks_for_is_stated(
         "Beyond its 90 % quantile, the mean of y is ",
         "exceeded once in 50 cases: No estimate: the tail ends so abruptly",
     ):
-        assert said in told
+        assert said in reported
 
 
 def test_only_some_of_many_outputs_have_sentences(tmp_path):
@@ -264,11 +268,11 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path):
             folder=tmp_path,
         )
     )
-    told = _told(tree)
+    reported = _reported(tree)
     # What was asked comes first.
-    assert told[0].startswith("y7 above 0.5: In ")
-    assert sum(text.startswith("The median of ") for text in told) == 6
-    assert any(text.endswith("Further down: 2 more outputs.") for text in told)
+    assert reported[0].startswith("y7 above 0.5: In ")
+    assert sum(text.startswith("The median of ") for text in reported) == 6
+    assert any(text.endswith("Further down: 2 more outputs.") for text in reported)
 
 
 @pytest.mark.parametrize(

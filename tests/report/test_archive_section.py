@@ -26,7 +26,7 @@ def test_the_study_comes_first_word_for_word(archives):
     assert first == Listing("The study: schema_1", tree.attrs["study_text"])
 
 
-def test_inputs_are_told_as_run_and_as_written(archives):
+def test_inputs_are_reported_as_run_and_as_written(archives):
     tree = archives["beam"]
     table = _tables(archive(ArchiveView(tree, "")))[
         "Inputs, over the runs of only, failed ones included"
@@ -49,8 +49,8 @@ def test_inputs_are_told_as_run_and_as_written(archives):
 def test_designs_say_what_they_are_for(archives):
     table = _tables(archive(ArchiveView(archives["schema_1"], "")))["Designs"]
     assert table.columns == ["points", "runs", "completed", "replicates", "purpose"]
-    told = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
-    assert told == {
+    reported = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
+    assert reported == {
         "monte_carlo": ["independent", "20", "19", "a sample of the inputs; checks chaos"],
         "latin_hypercube": [
             "stratified",
@@ -74,16 +74,16 @@ def test_designs_say_what_they_are_for(archives):
     }
 
 
-def test_what_made_it_is_told_whole(archives):
+def test_what_made_it_is_reported_whole(archives):
     tree = archives["schema_1"]
     blocks = list(archive(ArchiveView(tree, "")))
-    told = {name: cells[0] for name, cells in _tables(blocks)["Provenance"].rows}
-    assert told["seed"] == "11"
-    assert told["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
-    assert told["model name"] == "ishigami"
-    assert told["model source SHA-256"] == tree.attrs["model_source_sha256"]
-    assert told["version of numpy"] == tree.attrs["version_numpy"]
-    assert told["schema of the archive"] == "1"
+    reported = {name: cells[0] for name, cells in _tables(blocks)["Provenance"].rows}
+    assert reported["seed"] == "11"
+    assert reported["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
+    assert reported["model name"] == "ishigami"
+    assert reported["model source SHA-256"] == tree.attrs["model_source_sha256"]
+    assert reported["version of numpy"] == tree.attrs["version_numpy"]
+    assert reported["schema of the archive"] == "1"
     listings = _listings(blocks)
     assert "uqpen verify ARCHIVE\n" in listings["Commands"].text
     hashes = listings["SHA-256 of the content of each of the archive's groups"]
@@ -91,7 +91,7 @@ def test_what_made_it_is_told_whole(archives):
     assert hashes.is_folded
 
 
-def test_what_several_models_share_is_told_once(archives):
+def test_what_several_models_share_is_reported_once(archives):
     blocks = list(archive(ArchiveView(archives["schema_1_several"], "one")))
     headings = [block.text for block in blocks if isinstance(block, Heading)]
     assert headings == ["one", "other", "The archive of all models"]
@@ -130,14 +130,14 @@ def test_warnings_are_counted(archives):
         "4 estimates: fewer than 200 runs are too few to detect a heavy tail; "
         "see the rank correlations",
     )
-    told = archive_notes(archives["schema_1"])
-    assert told[0] == "22 estimates: 19 runs are too few"
+    reported = archive_notes(archives["schema_1"])
+    assert reported[0] == "22 estimates: 19 runs are too few"
     assert (
         "7 estimates: no correction by runs is known for it: this is the surrogate's own figure"
-        in told
+        in reported
     )
     # What is published elsewhere is no warning.
-    assert not any("published" in line for line in told)
+    assert not any("published" in line for line in reported)
 
 
 def test_warnings_come_before_provenance(archives):

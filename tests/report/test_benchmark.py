@@ -192,7 +192,7 @@ class TestRates:
             tree["statistics/monte_carlo/y/mean_slope"].values[0], rel=1e-5
         )
 
-    def test_coverage_is_told_with_what_chance_does(self, tree):
+    def test_coverage_is_reported_with_what_chance_does(self, tree):
         (block,) = blocks_of(tree, "coverage", Charts)
         assert block.notes[0] == (
             "Each marker is for one number of runs. Shaded: shares from 80 %, which 10 intervals "
@@ -256,7 +256,7 @@ class TestPage:
         names = re.findall(r'<section id="(\w+)"', report_page(lost))
         assert names == ["leaders", "cost", "reference", "tables", "archive"]
 
-    def test_losses_are_told(self, tmp_path):
+    def test_losses_are_reported(self, tmp_path):
         terms = BenchmarkSettings(budgets=(16,), repeats=10, reference=512)
         some = compared(tmp_path, "np.where(a < 1, np.nan, b)", "np.exp(4 * b)", terms)
         lines = blocks_of(some, "leaders", Remarks)[0].lines

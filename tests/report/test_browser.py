@@ -111,9 +111,9 @@ class TestReadingOff:
             x = float(np.quantile(runs.values, p))
             page.mouse.move(*_on_curve(page, x, p, ALL_CURVES))
             at, lines = _hovered(page, x)
-            told = {line.rpartition(" ")[2]: line.rpartition(" ")[0] for line in lines}
-            assert list(told)[::-1] == list(runs.sources)
-            figures = re.fullmatch(rf"{NUMBER} \({NUMBER} … {NUMBER}\)", told["monte_carlo"])
+            reported = {line.rpartition(" ")[2]: line.rpartition(" ")[0] for line in lines}
+            assert list(reported)[::-1] == list(runs.sources)
+            figures = re.fullmatch(rf"{NUMBER} \({NUMBER} … {NUMBER}\)", reported["monte_carlo"])
             np.testing.assert_allclose(
                 [float(figure) for figure in figures.groups()], runs.at_most(at), atol=5.1e-5
             )

@@ -30,10 +30,10 @@ def bunker():
 
 
 def test_all_models_answer_the_same_questions(bunker):
-    told = archive_json(bunker)
-    assert list(told["models"]) == MODELS
+    reported = archive_json(bunker)
+    assert list(reported["models"]) == MODELS
     for model in MODELS:
-        depth = told["models"][model]["designs"]["monte_carlo"]["outputs"]["penetration_depth"]
+        depth = reported["models"][model]["designs"]["monte_carlo"]["outputs"]["penetration_depth"]
         assert depth["caveat"] == CAVEAT
         thresholds = [54, 60, 80, 100, 150, 200, 300]
         assert list(depth["exceedance"]) == [f"{each} cm" for each in thresholds]
@@ -41,7 +41,7 @@ def test_all_models_answer_the_same_questions(bunker):
         # Too few runs for a bound, and how many it takes.
         assert depth["hold"]["0.9999"]["upper"] is None
         assert depth["hold"]["0.9999"]["runs_needed"] == 29_956
-    shares = told["model_form"]["monte_carlo"]["penetration_depth"]
+    shares = reported["model_form"]["monte_carlo"]["penetration_depth"]
     parts = [shares[name]["estimate"] for name in ("model_form_share", "parameter_share")]
     # Rods that never erode go twice as deep as all others.
     assert parts[0] > 0.5 > parts[1] > 0
@@ -105,10 +105,10 @@ def test_the_thickness_stands_beside_the_verdict(bunker, show):
         ].values[0, 2]
         for model in MODELS
     ]
-    told = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
+    reported = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
     # Rounded up to the digits that are shown, so that each remains a bound.
-    np.testing.assert_allclose(told, sorted(bounds), rtol=0.02)
-    assert (np.array(told) >= np.sort(bounds) * (1 - 1e-12)).all()
+    np.testing.assert_allclose(reported, sorted(bounds), rtol=0.02)
+    assert (np.array(reported) >= np.sort(bounds) * (1 - 1e-12)).all()
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -68,7 +68,7 @@ class TestMistakes:
         assert done.err == "beam.nc: found the ending .nc; expected .html or .htm\n"
         assert (tmp_path / "beam.nc").read_bytes() == before
 
-    def test_a_file_that_is_no_archive_is_told(self, command_line, study):
+    def test_a_file_that_is_no_archive_is_reported(self, command_line, study):
         done = command_line("report", "sum.toml")
         assert (done.code, done.err) == (
             2,
@@ -86,7 +86,7 @@ class TestMistakes:
         assert (done.code, done.err) == (2, said)
         assert (tmp_path / "pipe.html").is_fifo()
 
-    def test_a_page_that_cannot_be_written_is_told(self, command_line, archives, tmp_path):
+    def test_a_page_that_cannot_be_written_is_reported(self, command_line, archives, tmp_path):
         uqpen.write(archives["beam"], tmp_path / "beam.nc")
         (tmp_path / "file").touch()
         done = command_line("report", "beam.nc", "-o", "file/page.html")

@@ -23,7 +23,7 @@ x3 = 1
 """
 
 
-def told(tree, model=""):
+def reported(tree, model=""):
     return list(convergence(ArchiveView(tree, model)))
 
 
@@ -44,7 +44,7 @@ def of(design):
 
 
 def test_which_design_it_is_of_and_how_to_read_it(concrete):
-    text, remarks, heading, *_ = told(concrete)
+    text, remarks, heading, *_ = reported(concrete)
     assert text == Text(
         "By monte_carlo, the design of the main results, the first of the study that is a sample "
         "of the inputs. Its 400 runs are independent draws. Each part has the first few of these."
@@ -60,7 +60,7 @@ def test_which_design_it_is_of_and_how_to_read_it(concrete):
 
 
 def test_the_last_dots_are_the_archives_figures(concrete):
-    depth, residue, end, kinds = charts(told(concrete))
+    depth, residue, end, kinds = charts(reported(concrete))
     assert [each.title for each in depth.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in residue.charts] == ["mean", "median"]
     assert [each.title for each in end.charts] == ["mean", "median"]
@@ -81,7 +81,7 @@ def test_the_last_dots_are_the_archives_figures(concrete):
 
 
 def test_the_table_has_the_same_figures(concrete, archives):
-    depth = charts(told(concrete))[0]
+    depth = charts(reported(concrete))[0]
     (table,) = depth.tables
     assert table.title == "depth of penetration by monte_carlo, by its runs so far"
     assert table.columns == ["mean [m]", "median [m]", "P(> 60 cm)"]
@@ -93,7 +93,7 @@ def test_the_table_has_the_same_figures(concrete, archives):
 
 
 def test_replicates_are_not_divided(archives):
-    text, *_ = blocks = told(archives["rods"], "smoothed")
+    text, *_ = blocks = reported(archives["rods"], "smoothed")
     assert text == Text(
         "By latin, the design of the main results, the first of the study that is a sample of the "
         "inputs. Its 100 runs are 10 independent replicates. Each part has the first few of these: "
@@ -107,7 +107,7 @@ def test_replicates_are_not_divided(archives):
 
 def test_an_axis_cuts_off_what_is_far_too_wide():
     tree = of('kind = "latin-hypercube"\nruns = 4000\nreplicates = 200')
-    mean = charts(told(tree))[0].charts[0]
+    mean = charts(reported(tree))[0].charts[0]
     drawn = bounds(mean)
     assert mean.y.ends is not None
     lower, upper = mean.y.ends
@@ -131,7 +131,7 @@ def test_an_axis_cuts_off_what_is_far_too_wide():
     ],
 )
 def test_what_cannot_be_divided_says_why(design, reason):
-    assert told(of(design)) == [
+    assert reported(of(design)) == [
         Text("Convergence cannot be shown for some, the design of the main results: " + reason)
     ]
 
@@ -140,7 +140,7 @@ def test_an_archive_without_convergence_says_so():
     tree = of('kind = "monte-carlo"\nruns = 40')
     group = tree["statistics/some/y"]
     group.dataset = group.to_dataset().drop_dims("runs_so_far")
-    assert told(tree) == [
+    assert reported(tree) == [
         Text(
             "Convergence cannot be shown for some, the design of the main results: the archive "
             "has no estimates from parts of its runs."
@@ -148,8 +148,8 @@ def test_an_archive_without_convergence_says_so():
     ]
 
 
-def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample():
-    text, *_ = told(of('kind = "saltelli"\nbase = 64'))
+def test_pick_freeze_blocks_are_reported_where_there_is_no_other_sample():
+    text, *_ = reported(of('kind = "saltelli"\nbase = 64'))
     assert text == Text(
         "By some, the design of the main results, as no other design is a sample of the inputs. "
         "Its 128 runs that are a sample are 16 independent replicates. Each part has the first few "
@@ -157,5 +157,5 @@ def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample():
     )
 
 
-def test_nothing_is_told_where_all_runs_were_lost(archives):
-    assert told(archives["lost"]) == []
+def test_nothing_is_reported_where_all_runs_were_lost(archives):
+    assert reported(archives["lost"]) == []

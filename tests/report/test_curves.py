@@ -131,7 +131,7 @@ def test_the_chart_says_which_places_have_no_band_and_why(moving):
     assert tolerance.notes == (f"Without bounds (tolerance band): {left_out}.",)
 
 
-def test_where_all_curves_have_ended_only_their_share_is_told(moving):
+def test_where_all_curves_have_ended_only_their_share_is_reported(moving):
     read = chart(moving, "Ending along time").place
     assert read is not None
     assert read.text(40).startswith("At 40 day: share of runs that get this far 0")

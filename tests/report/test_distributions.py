@@ -99,7 +99,7 @@ def test_the_tail_is_drawn_run_by_run(archives, beam):
     np.testing.assert_allclose(drawn["y"], [*share, share[-1]], rtol=1e-5)
 
 
-def test_the_largest_run_is_marked_and_told(archives, beam):
+def test_the_largest_run_is_marked_and_reported(archives, beam):
     values = deflections(archives["beam"])
     name = f"largest of {values.size} runs"
     _, tail = find_charts(beam)
@@ -142,7 +142,7 @@ def test_only_the_leading_curve_is_drawn_and_the_others_on_demand(concrete):
     ]
 
 
-def test_what_is_lost_is_told_with_the_curves(beam):
+def test_what_is_lost_is_reported_with_the_curves(beam):
     cdf, tail = find_charts(beam)
     note = (
         "The curve uses the completed runs; 18.3 % of the admissible runs failed. A band includes "
@@ -154,24 +154,26 @@ def test_what_is_lost_is_told_with_the_curves(beam):
 
 class TestThresholdsFarAway:
     @pytest.fixture
-    def told(self, study_of):
+    def reported(self, study_of):
         asked = '[outputs.y]\nexceeds = ["1e9", "1.5", "-1e9"]'
         text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 40'
         tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
         return list(find_charts(distributions(ArchiveView(tree, ""))))
 
-    def test_the_tail_can_be_seen_all_the_same(self, told):
-        (asked,) = (trace for trace in traces(told[1].marks) if trace.get("name") == "requested")
+    def test_the_tail_can_be_seen_all_the_same(self, reported):
+        (asked,) = (
+            trace for trace in traces(reported[1].marks) if trace.get("name") == "requested"
+        )
         assert asked["x"] == [1.5]
-        assert told[1].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
-        assert [label for label, _ in told[1].tables[0].rows] == [
+        assert reported[1].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
+        assert [label for label, _ in reported[1].tables[0].rows] == [
             "P(> 1e9)",
             "P(> 1.5)",
             "P(> -1e9)",
         ]
 
-    def test_the_threshold_begins_at_the_first_on_the_axis(self, told):
-        reading = told[0].reading
+    def test_the_threshold_begins_at_the_first_on_the_axis(self, reported):
+        reading = reported[0].reading
         assert reading is not None
         assert reading.start == pytest.approx(1.5)
 
@@ -189,8 +191,8 @@ def test_quantiles_have_the_intervals_that_the_archive_gives_them(archives, beam
     (table,) = (block.table for block in beam if isinstance(block, Table))
     rows = dict(table.rows)
     assert rows["median"] == ["3.66 (3.52 … 3.91)"]
-    told = 1000 * archives["beam"]["statistics/only/deflection"]["quantile"].values[1]
-    np.testing.assert_allclose(told, [3.66, 3.52, 3.91], atol=0.006)
+    reported = 1000 * archives["beam"]["statistics/only/deflection"]["quantile"].values[1]
+    np.testing.assert_allclose(reported, [3.66, 3.52, 3.91], atol=0.006)
     assert rows["99 % quantile"] == ["5.87 (5.16 … ?) ²"]
     assert table.notes[1] == "98 runs are too few for an upper bound"
 

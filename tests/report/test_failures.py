@@ -22,7 +22,7 @@ def _folded(block):
     return block.blocks
 
 
-def test_losses_are_told_by_reason_and_design(archives):
+def test_losses_are_reported_by_reason_and_design(archives):
     table, places, fold = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(table, Table)
     assert table.table.columns == ["only\nof 120 runs"]
@@ -33,7 +33,7 @@ def test_losses_are_told_by_reason_and_design(archives):
     assert chances.y.rows == ("only",)
     assert chances.notes == ("Bars: 95 % intervals.",)
     group = read_group(archives["beam"], "failures", "only")
-    told = group["probability"].sel(status="failed").values
+    reported = group["probability"].sel(status="failed").values
     (trace,) = traces(chances.marks)
     sides = trace["error_x"]
     drawn = [
@@ -41,7 +41,7 @@ def test_losses_are_told_by_reason_and_design(archives):
         trace["x"][0] - sides["arrayminus"][0],
         trace["x"][0] + sides["array"][0],
     ]
-    np.testing.assert_allclose(drawn, told, rtol=1e-4)
+    np.testing.assert_allclose(drawn, reported, rtol=1e-4)
     assert isinstance(places, Chart)
 
 
@@ -54,7 +54,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives):
         "The input with the strongest association is load: P(larger) 1.000, P(further out) 0.888 "
         "(0.812 … 0.935)."
     )
-    # All lost runs have larger loads than the others, which no interval can be told of.
+    # All lost runs have larger loads than the others, which there is no interval for.
     larger, further = traces(chart.marks)
     assert larger["marker"]["symbol"] == ["pentagon-open", "pentagon"]
     assert further["marker"]["symbol"] == ["cross", "cross"]
@@ -88,7 +88,7 @@ def test_where_all_are_lost_no_input_goes_with_it(archives):
     assert places.table.notes[2:] == ["no run completed"]
 
 
-def test_where_none_is_lost_a_bound_is_told(archives):
+def test_where_none_is_lost_a_bound_is_reported(archives):
     (block,) = failures(ArchiveView(archives["schema_1_several"], "one"))
     assert block == Text(
         "All 16 runs completed. By monte_carlo, the model fails at a random point with a "

@@ -149,8 +149,10 @@ class TestThreshold:
         count = int((values.y > 0.7).sum())
         assert 0 < count < values.y.size
         assert page.locator(".parallel .beyond").count() == count
-        told = page.locator(".told").inner_text()
-        assert told.startswith(f"{count} of the {values.y.size} completed runs shown have y above")
+        reported = page.locator(".told").inner_text()
+        assert reported.startswith(
+            f"{count} of the {values.y.size} completed runs shown have y above"
+        )
         colours = page.evaluate(
             COLOURS, page.locator("#scatter .charts .plot").first.element_handle()
         )
@@ -211,7 +213,7 @@ class TestThreshold:
             half = 10.0 ** -len(shares[1].partition(".")[2]) / 2 + 1e-9
             assert float(shares[1]) - half <= exact <= float(shares[2] or shares[1]) + half
 
-    def test_what_is_no_number_is_told(self, page):
+    def test_what_is_no_number_is_reported(self, page):
         assert _type(page, 0, "deep") == "“deep” is not understood; type a number in m."
         box = page.locator(".threshold").first
         assert box.get_attribute("aria-invalid") == "true"
@@ -252,8 +254,8 @@ class TestSelection:
         count = int((column >= lower).sum())
         assert 0 < count < column.size
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
-        told = page.locator(".told").inner_text()
-        assert told.startswith(f"{count} of the {column.size} completed runs shown have")
+        reported = page.locator(".told").inner_text()
+        assert reported.startswith(f"{count} of the {column.size} completed runs shown have")
         assert page.locator(".parallel .in:not(.failed)").count() == count
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()

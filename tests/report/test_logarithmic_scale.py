@@ -140,8 +140,8 @@ class TestTexts:
         assert "0.0001 …" not in median
 
     def test_scripts_know_it(self, view):
-        told = archive_json(view.archive)["designs"]["mc"]["outputs"]["y"]
-        assert told["scale"] == "log"
+        reported = archive_json(view.archive)["designs"]["mc"]["outputs"]["y"]
+        assert reported["scale"] == "log"
 
     def test_a_linear_page_of_tenfolds_names_the_key(self, view, tenfolds_linear):
         assert _alerts(view) == []
@@ -157,7 +157,7 @@ def some(module_study_of):
 
 
 class TestValuesWithoutALogarithm:
-    def test_they_are_told_in_words_and_all_runs_are_drawn(self, some):
+    def test_they_are_reported_in_words_and_all_runs_are_drawn(self, some):
         zeros = int((some.tree["runs/mc"]["y"].values == 0).sum())
         assert 0 < zeros < 100
         said = (

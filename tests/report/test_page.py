@@ -45,17 +45,17 @@ class Outline(HTMLParser):
         self.faults += [f"<{tag}> is not closed" for tag in self._open]
 
     def handle_starttag(self, tag, attrs):
-        told = dict(attrs)
-        if len(told) < len(attrs):
+        reported = dict(attrs)
+        if len(reported) < len(attrs):
             self.faults.append(f"<{tag}> has an attribute twice")
         if "p" in self._open and tag in (*self.BLOCKS, *self.HEADINGS):
             self.faults.append(f"<{tag}> in a paragraph")
         self.counts[tag] += 1
         self.levels += [int(tag[1])] if tag in self.HEADINGS else []
-        self.ids += filter(None, [told.get("id")])
-        self.links += [target for target in [told.get("href")] if target and target != "data:,"]
-        if told.get("role") == "img":
-            self.labels.append(told.get("aria-label") or "")
+        self.ids += filter(None, [reported.get("id")])
+        self.links += [target for target in [reported.get("href")] if target and target != "data:,"]
+        if reported.get("role") == "img":
+            self.labels.append(reported.get("aria-label") or "")
         if tag not in self.EMPTY:
             self._open.append(tag)
 

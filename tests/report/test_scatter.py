@@ -54,9 +54,9 @@ def test_the_numbers_behind_are_measures_of_association(archives):
     (table,) = group.tables
     assert table.title == "deflection and its inputs, by only"
     assert table.columns == ["Spearman", "Pearson", "first order"]
-    told = archives["beam"]["statistics/only/deflection"]["spearman"][0]
+    reported = archives["beam"]["statistics/only/deflection"]["spearman"][0]
     assert table.rows[0] == ("load", [*table.rows[0][1]])
-    assert table.rows[0][1][0].startswith(table.cell(told, lambda values: values).split(" ")[0])
+    assert table.rows[0][1][0].startswith(table.cell(reported, lambda values: values).split(" ")[0])
 
 
 def test_a_list_that_charts_share_is_written_once(archives):

@@ -26,7 +26,7 @@ SOURCES = [
 
 
 @pytest.fixture(scope="module")
-def told(concrete):
+def reported(concrete):
     return list(source_comparison(ArchiveView(concrete, "")))
 
 
@@ -47,10 +47,10 @@ def chart(charts, title):
     return next(each for each in charts.charts if each.title == title)
 
 
-def test_each_statistic_has_a_chart_with_a_row_for_each_source(told):
-    assert told[0] == Heading("depth of penetration (penetration_depth)")
-    assert [type(block) for block in told] == [Heading, Charts, Fold, Fold]
-    side_by_side, others = groups(told)[:2]
+def test_each_statistic_has_a_chart_with_a_row_for_each_source(reported):
+    assert reported[0] == Heading("depth of penetration (penetration_depth)")
+    assert [type(block) for block in reported] == [Heading, Charts, Fold, Fold]
+    side_by_side, others = groups(reported)[:2]
     assert [each.title for each in side_by_side.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in others.charts] == ["sd", "5 % quantile", "95 % quantile"]
     for each in (*side_by_side.charts, *others.charts):
@@ -58,13 +58,13 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told):
     assert chart(side_by_side, "mean").x.title == "mean [m]"
     assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
     assert side_by_side.notes == ("Bars: 95 % intervals.",)
-    table = next(block.table for block in flat(told) if isinstance(block, Table))
+    table = next(block.table for block in flat(reported) if isinstance(block, Table))
     assert table.title == "penetration_depth [m]"
     assert table.rows[0] == ("runs", ["400", "400", "256", "384", "80", "480", "–"])
 
 
-def test_dots_are_the_archives_figures(concrete, told):
-    main, others = groups(told)[:2]
+def test_dots_are_the_archives_figures(concrete, reported):
+    main, others = groups(reported)[:2]
     for group, title, name in ((main, "mean", "mean"), (others, "sd", "std")):
         drawn = traces(chart(group, title).marks)
         assert [trace["name"] for trace in drawn][:7] == list(chart(group, title).y.rows)
@@ -81,14 +81,14 @@ def test_dots_are_the_archives_figures(concrete, told):
             else:
                 assert (left, right) == ("none", "none")
             assert symbol.endswith("-open") == bool(np.isnan(lower))
-    (shown, *_) = (block.table for block in flat(told) if isinstance(block, Table))
+    (shown, *_) = (block.table for block in flat(reported) if isinstance(block, Table))
     table = dict(shown.rows)
     hover = traces(chart(main, "mean").marks)[0]["text"][0]
     assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
 
 
-def test_widths_stand_against_runs(concrete, told):
-    widths = groups(told)[2]
+def test_widths_stand_against_runs(concrete, reported):
+    widths = groups(reported)[2]
     assert [each.title for each in widths.charts] == [
         "Width of the interval: mean",
         "Width of the interval: median",
@@ -112,8 +112,8 @@ def test_widths_stand_against_runs(concrete, told):
     )
 
 
-def test_a_table_says_how_many_draws_give_as_narrow_an_interval(concrete, told):
-    _, table, *_ = (block.table for block in flat(told) if isinstance(block, Table))
+def test_a_table_says_how_many_draws_give_as_narrow_an_interval(concrete, reported):
+    _, table, *_ = (block.table for block in flat(reported) if isinstance(block, Table))
     assert (
         table.title
         == "Cost of an interval: its half-width, and the independent draws needed for it"
@@ -144,7 +144,7 @@ def test_one_source_has_a_table(archives):
     assert table.table.columns == ["only"]
 
 
-def test_nothing_is_told_where_all_runs_were_lost(archives):
+def test_nothing_is_reported_where_all_runs_were_lost(archives):
     assert list(source_comparison(ArchiveView(archives["lost"], ""))) == []
 
 
@@ -194,8 +194,8 @@ def test_of_many_outputs_the_last_have_tables_only(
     assert other.is_folded
 
 
-def test_what_is_drawn_stays_small(told):
-    charts = [each for charts in groups(told) for each in charts.charts]
+def test_what_is_drawn_stays_small(reported):
+    charts = [each for charts in groups(reported) for each in charts.charts]
     assert len(charts_json(charts)) < 70_000
 
 

@@ -25,7 +25,7 @@ def test_one_thing_is_in_the_singular(number, said):
         ((0.35, math.nan, math.nan), ("35 %", "– %", "– %")),
     ],
 )
-def test_probabilities_are_told_in_per_cent(probabilities, said):
+def test_probabilities_are_reported_in_per_cent(probabilities, said):
     assert percent_texts(*probabilities) == said
 
 

@@ -73,8 +73,8 @@ def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
     ]
     (drawn,) = [trace for trace in traces(chart.marks) if trace["name"] == "first order by large"]
     assert set(drawn["marker"]["symbol"]) == {"circle"}
-    told = tree["statistics/large/y/first_order"].values
-    assert np.isfinite(told).all()
+    reported = tree["statistics/large/y/first_order"].values
+    assert np.isfinite(reported).all()
     assert "First-order indices by other plain samples are in the table only." in chart.notes
     (table,) = [each for each in output_tables(without) if "its variance" in each.title]
     assert "first order\nlarge" in table.columns

@@ -71,18 +71,18 @@ def test_its_columns_say_what_of_what_and_how_sure(table):
 
 
 def test_it_agrees_with_the_json(tree, table):
-    told = archive_json(tree)["models"]["two"]["designs"]["plain"]["outputs"]["y"]
+    reported = archive_json(tree)["models"]["two"]["designs"]["plain"]["outputs"]["y"]
     of_model = _rows(table, model="two", source="plain", output="y")
     for statistic, coordinates, expected in (
-        ("mean", "", told["mean"]),
-        ("quantile", "probability=0.95", told["quantiles"]["0.95"]),
-        ("tolerance_limit", "content=0.9", told["hold"]["0.9"]),
-        ("exceedance", "threshold=4", told["exceedance"]["4"]),
-        ("first_order", "input=x2", told["sensitivity"]["x2"]["first_order"]),
+        ("mean", "", reported["mean"]),
+        ("quantile", "probability=0.95", reported["quantiles"]["0.95"]),
+        ("tolerance_limit", "content=0.9", reported["hold"]["0.9"]),
+        ("exceedance", "threshold=4", reported["exceedance"]["4"]),
+        ("first_order", "input=x2", reported["sensitivity"]["x2"]["first_order"]),
         (
             "exceedance_first_order",
             "threshold=4, input=x1",
-            told["sensitivity_of_exceedance"]["4"]["x1"]["first_order"],
+            reported["sensitivity_of_exceedance"]["4"]["x1"]["first_order"],
         ),
     ):
         (row,) = _rows(of_model, statistic=statistic, coordinates=coordinates).to_dict("records")
@@ -93,7 +93,7 @@ def test_it_agrees_with_the_json(tree, table):
         assert row["note"] == expected.get("note", "")
 
 
-def test_an_entry_is_told_by_its_coordinates(table):
+def test_an_entry_is_reported_by_its_coordinates(table):
     quantiles = _rows(table, model="one", source="plain", statistic="quantile")
     assert quantiles["probability"].tolist() == [0.05, 0.5, 0.95]
     assert quantiles["input"].isna().all()

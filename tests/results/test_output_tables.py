@@ -161,7 +161,7 @@ def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_the
     assert [label for label, _ in table.rows][-1] == "crater_radius"
 
 
-def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
+def test_all_that_is_reported_of_the_inputs_part_is_shown_when_it_is_asked_for(
     tree,
 ):
     shown = {table.title: table for table in output_tables(tree, everything=True)}
@@ -208,7 +208,7 @@ def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path):
     assert abs(float(cell(table, "skewness", "a").split()[0].replace("−", "-"))) < 1
 
 
-def test_lost_runs_are_counted_and_their_probability_told(tables):
+def test_lost_runs_are_counted_and_their_probability_reported(tables):
     table = tables["penetration_depth [cm]"]
     assert "inadmissible" in cell(table, "lost", "few")
     assert "±" in cell(table, "P(inadmissible)", "few") or "…" in cell(
@@ -244,7 +244,7 @@ def test_kinds_have_shares_and_no_mean(tables):
     assert "mean" not in labels
 
 
-def test_what_was_lost_is_told_with_its_reasons(tree):
+def test_what_was_lost_is_reported_with_its_reasons(tree):
     found = list(failed_runs(tree, "few"))
     counted = archive_json(tree)["designs"]["few"]
     assert sum(loss.runs for loss in found) == counted["status"]["inadmissible"]

@@ -75,9 +75,9 @@ def test_a_temperature_changes_by_degrees(celsius):
     table = tables(celsius)["wall: change per standard deviation of an input [degC]"]
     found = {name: float(cells[0].split()[0]) for name, cells in table.rows}
     assert found == {"flow": 0.05, "inlet": 0.5, "ambient": 3}
-    told = celsius["statistics/steps/wall/change_per_std"]
-    assert told.attrs["units"] == "K"
-    np.testing.assert_allclose(told.values[:, 0], [0.05, 0.5, 3], rtol=1e-9)
+    reported = celsius["statistics/steps/wall/change_per_std"]
+    assert reported.attrs["units"] == "K"
+    np.testing.assert_allclose(reported.values[:, 0], [0.05, 0.5, 3], rtol=1e-9)
 
 
 def test_json_says_what_a_relative_change_is_of(celsius):

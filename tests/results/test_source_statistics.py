@@ -154,8 +154,8 @@ order = 2
 
 def test_each_source_has_what_a_study_asks_for_or_says_why_not(study_of):
     tree = uqpen.run(study_of("a + b", REQUESTS, a=(0.0, 1.0), b=(0.0, 1.0)))
-    statistics, told = SourceStatistics(tree), archive_json(tree)
-    sources = {**told["designs"], **told["surrogates"]}
+    statistics, reported = SourceStatistics(tree), archive_json(tree)
+    sources = {**reported["designs"], **reported["surrogates"]}
     assert sources.keys() == {*statistics.sources}
     for source, found in sources.items():
         output = found["outputs"]["y"]

@@ -52,7 +52,7 @@ def test_without_limits_there_is_no_verdict():
     assert Acceptance.from_array(probability(0.1, 0.2, at_most=NAN)) is None
 
 
-def test_limits_are_told_in_per_cent():
+def test_limits_are_reported_in_per_cent():
     for limits, text in (
         ({"at_most": 0.2}, "at most 20 %"),
         ({"at_least": 0.999}, "at least 99.9 %"),
@@ -95,13 +95,16 @@ def test_tables_and_json_have_the_verdicts(tree):
     assert rows["accepted: at most 50 %"][0] == "not decided"
     assert rows["accepted: at most 40 %"] == ["met", "met", "met"]
     assert rows["accepted: at least 95 %"][0] == "not met"
-    told = json.loads(json.dumps(archive_json(tree)))["designs"]["mc"]["outputs"]["y"]
-    assert (told["exceedance"]["1.5 m"]["at_most"], told["exceedance"]["1.5 m"]["verdict"]) == (
+    reported = json.loads(json.dumps(archive_json(tree)))["designs"]["mc"]["outputs"]["y"]
+    assert (
+        reported["exceedance"]["1.5 m"]["at_most"],
+        reported["exceedance"]["1.5 m"]["verdict"],
+    ) == (
         0.4,
         "met",
     )
-    assert "verdict" not in told["exceedance"]["1.9 m"]
-    assert told["below"]["1.5 m"]["verdict"] == "not met"
+    assert "verdict" not in reported["exceedance"]["1.9 m"]
+    assert reported["below"]["1.5 m"]["verdict"] == "not met"
 
 
 def test_the_page_says_whether_they_are_met(tree):
@@ -139,7 +142,7 @@ def test_the_study_states_them_in_its_text_and_its_summary(study_of):
         ('{ "0.5" = {}, " 0.5" = {} }', "exceeds. 0.5", "a second time", "each threshold once"),
     ],
 )
-def test_a_mistake_is_told_with_its_place(study_of, written, place, found, expected):
+def test_a_mistake_is_reported_with_its_place(study_of, written, place, found, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("a", f"[outputs.y]\nexceeds = {written}", a=(0, 1))
     for part in (place, found, expected, "study.toml:12"):

@@ -25,7 +25,7 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 
-# In metres, so that values of the output and plain numbers are told apart.
+# In metres, so that values of the output and plain numbers are distinguished.
 LENGTH = QuantityOfInterest(
     Output("y", "m"),
     "m",

@@ -68,7 +68,7 @@ def runs_of(sampling, count, replicate=None):
 def convergence(runs, quantities):
     """What follows the runs so far, by output and by the statistic that it is of."""
     found = analyze(runs, quantities, only=("convergence",))
-    return {output: followed(told) for output, told in found.items()}
+    return {output: followed(reported) for output, reported in found.items()}
 
 
 def followed(statistics):
@@ -80,8 +80,8 @@ def followed(statistics):
 
 
 def sizes(runs):
-    told = convergence(runs, [Y])["y"]
-    return [int(size) for size in told["mean"]["runs_so_far"].values] if told else []
+    reported = convergence(runs, [Y])["y"]
+    return [int(size) for size in reported["mean"]["runs_so_far"].values] if reported else []
 
 
 def assert_same(last, whole):

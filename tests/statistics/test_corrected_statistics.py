@@ -343,14 +343,16 @@ def test_a_bad_surrogate_has_no_wider_interval_than_the_runs_alone(study_of):
         "np.sign(np.sin(31 * a)) + a", "[outputs.y]\nexceeds = [1]", a=(0, 1), b=(0, 1)
     )
     found = corrected(study, made(study, MonteCarlo(runs=200)))
-    told = set()
+    reported = set()
     for name in ("mean", "std", "half_spread", "quantile", "exceedance"):
         equivalent = found[name].coords["equivalent_runs"].values.ravel()
         notes = found[name].coords["note"].values.ravel()
         contradicts = np.array(["does not hold this estimate" in str(note) for note in notes])
         assert (equivalent[np.isfinite(equivalent) & ~contradicts] >= 200 - 1e-6).all(), name
-        told |= {name for note in notes if "the interval is that of the runs alone" in str(note)}
-    assert {"std", "half_spread"} <= told
+        reported |= {
+            name for note in notes if "the interval is that of the runs alone" in str(note)
+        }
+    assert {"std", "half_spread"} <= reported
     assert (np.diff(found["quantile"].values[:, 0]) >= 0).all()
 
 
@@ -427,7 +429,7 @@ def test_errors_of_both_ends_of_the_half_spread_add_up(missing):
     assert upper - value == pytest.approx(combined(low - low_least, high_most - high) / 2)
 
 
-def test_failed_runs_widen_and_are_told(study_of):
+def test_failed_runs_widen_and_are_reported(study_of):
     study = study_of("a + b", "[outputs.y]\nexceeds = [1.3]", a=(0, 1), b=(0, 1))
     runs = made(study, MonteCarlo(runs=200))
     is_missing = (runs["a"].values > 0.7) & (runs["b"].values > 0.7)

@@ -52,7 +52,7 @@ def sample(seed, plan="independent", runs=RUNS):
     )
 
 
-def told(array, what):
+def reported(array, what):
     return list(array.coords[what].values.tolist())
 
 
@@ -148,7 +148,7 @@ def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed, shift):
 def test_what_has_no_correlation_says_why(change, reason):
     for _, array in correlations(replace(sample(0), **change), QUESTION):
         assert np.isnan(array.values).all()
-        assert told(array, "note") == [reason] * 3
+        assert reported(array, "note") == [reason] * 3
 
 
 def test_an_output_that_is_an_input_has_no_interval():
@@ -171,7 +171,7 @@ def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals():
     for drawn in (heavy, sample(0, runs=100)):
         answers = dict(correlations(drawn, QUESTION))
         assert np.isnan(answers["pearson"].values[:, 1:]).all()
-        assert "rank correlations" in told(answers["pearson"], "note")[0]
+        assert "rank correlations" in reported(answers["pearson"], "note")[0]
         assert not np.isnan(answers["spearman"].values).any()
 
 

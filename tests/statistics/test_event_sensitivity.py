@@ -168,8 +168,8 @@ def test_first_order_indices_of_the_event_stand_beside_for_a_sample(tree):
 
 
 def test_an_input_of_two_values_is_refused_with_the_reason(tree):
-    told = archive_json(tree)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
-    refused = told["mean_sensitivity"]["c"]
+    reported = archive_json(tree)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
+    refused = reported["mean_sensitivity"]["c"]
     assert refused["estimate"] is None
     assert refused["note"] == (
         "its distribution has no mean that can move without its standard deviation"
@@ -179,8 +179,8 @@ def test_an_input_of_two_values_is_refused_with_the_reason(tree):
 def test_archive_tables_json_and_the_long_table_agree(tree):
     assert list(find_faults(tree)) == []
     array = tree["joint_probabilities/subset"]["mean_elasticity"]
-    told = archive_json(tree)["designs"]["subset"]["joint_probabilities"]["deep"]
-    assert told["sensitivities"]["mean_elasticity"]["b"]["estimate"] == float(array[0, 1, 0])
+    reported = archive_json(tree)["designs"]["subset"]["joint_probabilities"]["deep"]
+    assert reported["sensitivities"]["mean_elasticity"]["b"]["estimate"] == float(array[0, 1, 0])
     assert (
         "sensitivities" not in archive_json(tree)["designs"]["mc"]["joint_probabilities"]["other"]
     )
@@ -213,8 +213,8 @@ def test_dependent_inputs_are_refused_with_the_reason():
             dependence={"copula": "gumbel", "inputs": ["a", "b"], "theta": 2.0},
         )
     )
-    told = archive_json(found)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
-    assert "depend on each other" in told["mean_sensitivity"]["a"]["note"]
+    reported = archive_json(found)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
+    assert "depend on each other" in reported["mean_sensitivity"]["a"]["note"]
 
 
 def test_a_part_of_many_runs_says_so():

@@ -97,7 +97,7 @@ def indices(sample, quantity=QUESTION, kind=""):
     return dict(first_order(sample, quantity))[f"{kind}first_order"]
 
 
-def told(array, what):
+def reported(array, what):
     return list(array.coords[what].values.tolist())
 
 
@@ -197,7 +197,7 @@ def test_equal_values_of_an_input_are_no_neighbours_in_others():
     array = indices(of(lambda x: x[:, 0], sample))
     assert abs(array.values[1, 0]) < 0.1
     # What has no known origin has no interval.
-    assert set(told(array, "interval_label")) == {"none"}
+    assert set(reported(array, "interval_label")) == {"none"}
 
 
 def test_levels_of_an_input_are_not_mixed():
@@ -225,7 +225,7 @@ def test_what_has_no_index_says_why(change, reason):
     sample = of(ishigami, drawn(DESIGNS["monte-carlo"], 0))
     array = indices(replace(sample, **change))
     assert np.isnan(array.values).all()
-    assert told(array, "note") == [reason] * 3
+    assert reported(array, "note") == [reason] * 3
 
 
 def test_points_moved_apart_have_no_interval_without_replicates():
@@ -237,9 +237,9 @@ def test_points_moved_apart_have_no_interval_without_replicates():
 
 def test_few_runs_and_heavy_tails_are_warned_of():
     few = indices(of(additive, drawn(MonteCarlo(runs=100), 0)))
-    assert set(told(few, "note")) == {"only 100 runs: the coverage may be below nominal"}
+    assert set(reported(few, "note")) == {"only 100 runs: the coverage may be below nominal"}
     heavy = indices(of(lambda x: 1 / x[:, 0], drawn(MonteCarlo(runs=1000), 0)))
-    assert all("heavy tail" in note for note in told(heavy, "note"))
+    assert all("heavy tail" in note for note in reported(heavy, "note"))
 
 
 @pytest.mark.parametrize(("runs", "is_doubted"), [(1000, True), (5000, False)])
@@ -274,6 +274,6 @@ def test_kinds_have_indices():
     assert array.values[:, 0, 0] == pytest.approx(1.0, abs=0.02)
 
 
-def test_dependent_inputs_are_told():
+def test_dependent_inputs_are_reported():
     sample = replace(of(ishigami, drawn(DESIGNS["monte-carlo"], 0)), dependence="Gaussian copula")
     assert "includes correlation" in indices(sample).attrs["long_name"]

@@ -117,10 +117,10 @@ def test_replicates_give_a_conditional_probability_as_a_ratio(conditional):
 
 
 def test_a_condition_that_no_run_meets_gives_no_number(conditional):
-    told = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["impossible"]
-    assert told["estimate"] is None
-    assert told["note"] == "no completed run meets the condition: width > 2 m"
-    assert told["condition"] == "depth > 0.6 m, given width > 2 m"
+    reported = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["impossible"]
+    assert reported["estimate"] is None
+    assert reported["note"] == "no completed run meets the condition: width > 2 m"
+    assert reported["condition"] == "depth > 0.6 m, given width > 2 m"
 
 
 def test_a_conditional_probability_by_blocks_is_the_same(conditional):
@@ -153,10 +153,10 @@ def test_archive_tables_json_and_the_long_table_agree(tree):
         "depth > 60 cm or width > 0.5 m",
         "depth > 0.7 m and rest > 0.7 m",
     ]
-    told = archive_json(tree)["designs"]["mc"]["joint_probabilities"]
-    assert told["safe"]["estimate"] == float(found[0, 0])
-    assert told["unsafe"]["condition"] == "depth > 60 cm or width > 0.5 m"
-    assert (told["unsafe"]["verdict"], told["never"]["verdict"]) == ("not met", "met")
+    reported = archive_json(tree)["designs"]["mc"]["joint_probabilities"]
+    assert reported["safe"]["estimate"] == float(found[0, 0])
+    assert reported["unsafe"]["condition"] == "depth > 60 cm or width > 0.5 m"
+    assert (reported["unsafe"]["verdict"], reported["never"]["verdict"]) == ("not met", "met")
     table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
     rows = dict(table.rows)
     assert table.columns == ["mc", "sobol"]
@@ -191,7 +191,7 @@ def test_without_events_there_is_no_group():
         ({"any": [3]}, "safe.any[0]", "3", 'such as "depth < 60 cm"'),
     ],
 )
-def test_a_mistake_is_told_with_its_place(written, place, found, expected):
+def test_a_mistake_is_reported_with_its_place(written, place, found, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study({"safe": written})
     for part in (f"joint_probabilities.{place}", found, expected):

@@ -60,9 +60,9 @@ def test_tolerance_limits_lie_above_them(tree):
 
 
 def test_what_no_run_reaches_has_no_number(tree):
-    told = archive_json(tree)["designs"]["rare"]["outputs"]["y"]["hold"]["0.99999999999"]
-    assert told["estimate"] is None
-    assert told["note"] == "too far out: the runs do not reach it in all replicates"
+    reported = archive_json(tree)["designs"]["rare"]["outputs"]["y"]["hold"]["0.99999999999"]
+    assert reported["estimate"] is None
+    assert reported["note"] == "too far out: the runs do not reach it in all replicates"
 
 
 def test_the_archive_is_whole_and_tables_show_it(tree):
@@ -86,9 +86,12 @@ def test_an_event_below_its_limit_has_the_mirrored_quantiles():
 
 def test_several_limits_are_refused_with_the_reason():
     found = uqpen.run(study("y > 2.5 m and z > 2 m", hold=[0.9999]))
-    told = archive_json(found)["designs"]["rare"]["outputs"]["y"]["hold"]["0.9999"]
-    assert told["estimate"] is None
-    assert told["note"] == "the event has several limits, so its levels are not those of one output"
+    reported = archive_json(found)["designs"]["rare"]["outputs"]["y"]["hold"]["0.9999"]
+    assert reported["estimate"] is None
+    assert (
+        reported["note"]
+        == "the event has several limits, so its levels are not those of one output"
+    )
 
 
 def test_failed_runs_move_the_upper_end_to_what_they_may_have_given():

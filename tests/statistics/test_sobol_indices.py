@@ -126,7 +126,7 @@ def test_intervals_hold_the_exact_indices(name):
     assert inside(found["first_order"], first)
     assert inside(found["total_order"], total)
     assert set(found["first_order"]["interval_label"].values) == {"nominal"}
-    # What takes part in a twentieth of the variance is told from what takes part in none.
+    # What takes part in a twentieth of the variance is distinguished from what takes part in none.
     _, lower, upper = found["total_order"].values.T
     assert (upper - lower < 2 * 0.05).all()
 

@@ -228,11 +228,11 @@ def test_archive_tables_json_and_the_long_table_agree(tree):
     assert list(find_faults(tree)) == []
     found = tree["statistics/mc/y"]
     assert found["return_period"].values.tolist() == [1000, 10_000]
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
-    shown = told["expected_shortfall"]["0.95"]
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
+    shown = reported["expected_shortfall"]["0.95"]
     assert shown["estimate"] == float(found["expected_shortfall"][0, 0])
-    assert told["return_levels"]["1000.0"]["estimate"] == float(found["return_level"][0, 0])
-    assert told["tail_runs"]["estimate"] == float(found["tail_runs"][0])
+    assert reported["return_levels"]["1000.0"]["estimate"] == float(found["return_level"][0, 0])
+    assert reported["tail_runs"]["estimate"] == float(found["tail_runs"][0])
     rows = [label for table in output_tables(tree) for label, _ in table.rows]
     assert "mean beyond the 95 % quantile" in rows
     assert "exceeded once in 10000 cases" in rows
@@ -242,10 +242,10 @@ def test_archive_tables_json_and_the_long_table_agree(tree):
 
 
 def test_what_the_study_asks_for_is_in_the_answer(tree):
-    told = str(list(answer(ArchiveView(tree, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
-    assert "Beyond its 95 % quantile, the mean of y is " in told
-    assert "Once in 1000 cases on average, y exceeds " in told
-    assert "Once in 10000 cases on average, y exceeds " in told
+    reported = str(list(answer(ArchiveView(tree, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
+    assert "Beyond its 95 % quantile, the mean of y is " in reported
+    assert "Once in 1000 cases on average, y exceeds " in reported
+    assert "Once in 10000 cases on average, y exceeds " in reported
 
 
 def test_what_has_no_estimate_or_no_room_among_the_sentences_stands_below_them():
@@ -294,10 +294,10 @@ def test_those_of_a_surrogate_say_why_no_run_corrects_them():
 
 
 def test_failed_runs_are_named_at_the_tail(tree):
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["return_levels"]["1000.0"]
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["return_levels"]["1000.0"]
     failed = int((tree["runs/mc"]["status"].values != 0).sum())
     assert failed > 0
-    assert f"{failed} failed runs may lie in the tail" in told["note"]
+    assert f"{failed} failed runs may lie in the tail" in reported["note"]
 
 
 def test_nothing_is_computed_that_is_not_requested():

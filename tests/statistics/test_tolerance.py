@@ -218,11 +218,11 @@ def test_tables_show_the_bounds_rounded_outward(tree):
 
 def test_json_has_the_bounds_and_the_runs_needed(tree):
     assert list(find_faults(tree)) == []
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
-    between = told["hold_between"]["0.9"]
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
+    between = reported["hold_between"]["0.9"]
     _, low, high = tree["statistics/mc/y"]["tolerance_interval"].values[0].tolist()
     assert (between["estimate"], between["lower"], between["upper"]) == (None, low, high)
-    assert (between["runs_needed"], told["hold_above"]["0.999"]["runs_needed"]) == (46, 2995)
+    assert (between["runs_needed"], reported["hold_above"]["0.999"]["runs_needed"]) == (46, 2995)
 
 
 def test_the_page_has_a_sentence_of_each(tree):

@@ -194,12 +194,12 @@ class TestShown:
         assert done.code == 0, done.err
         assert "interquartile range " in done.out
         done = uqpen_beside("show", "a.nc", "--json")
-        told = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
-        assert list(told) == ["interquartile_range", "trimmed_range"]
+        reported = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
+        assert list(reported) == ["interquartile_range", "trimmed_range"]
 
     def test_in_the_json(self, tree):
-        told = archive_json(tree)["designs"]["plain"]["outputs"]
-        other = told["penetration_depth"]["other"]
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]
+        other = reported["penetration_depth"]["other"]
         archived = tree["statistics/plain/penetration_depth"]
         assert other["interquartile_range"] == {
             "estimate": archived["interquartile_range"].values[0],
@@ -213,7 +213,7 @@ class TestShown:
         }
         assert list(other["trimmed_range"]) == ["0.1", "0.2"]
         assert other["trimmed_range"]["0.2"]["estimate"] == archived["trimmed_range"].values[1, 0]
-        assert "other" not in told["termination"]
+        assert "other" not in reported["termination"]
 
     def test_on_the_page(self, uqpen_beside):
         assert uqpen_beside("report", "a.nc").code == 0
@@ -235,8 +235,8 @@ class TestShown:
         table = "Estimate.table([[FOUND] * 2], ('a', 'b'), units='1', long_name='both')"
         _write(tmp_path, f"yield 'own', {table}.assign_coords(a=['x'], b=[1, 2])")
         tree = uqpen.run(_study(SMALL, tmp_path))
-        told = archive_json(tree)["designs"]["plain"]["outputs"]["termination"]["other"]["own"]
-        assert told["x"]["2"]["estimate"] == 1
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]["termination"]["other"]["own"]
+        assert reported["x"]["2"]["estimate"] == 1
         tables = {table.title: table for table in output_tables(tree)}
         assert [label for label, _ in tables["termination"].rows][-2:] == [
             "both (a=x, b=1)",
@@ -268,8 +268,8 @@ class TestWithARecord:
 
     def test_it_is_in_the_json_and_in_the_long_table(self, archive):
         tree = uqpen.open_archive(archive)
-        told = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
-        assert told["other"]["trimmed_mean"]["units"] == "m"
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
+        assert reported["other"]["trimmed_mean"]["units"] == "m"
         assert "trimmed_mean" in set(long_table(tree)["statistic"])
 
     @pytest.mark.parametrize("sentence", ["{estimate:>999999999}", "{output.__class__} {estimate}"])
@@ -300,7 +300,7 @@ class TestWithARecord:
             ("Statistic('own', 'x', group='m', shown=Shown('x'))", "built-in", "name, title"),
         ],
     )
-    def test_a_wrong_one_is_told_before_any_run(self, tmp_path, record, found, expected):
+    def test_a_wrong_one_is_reported_before_any_run(self, tmp_path, record, found, expected):
         text = f"""yield
 from uqpen.core.statistic import Shown, Statistic
 analysis.record = {record}
@@ -312,7 +312,7 @@ analysis.record = {record}
         assert found in problem.found
         assert expected in problem.expected
 
-    def test_a_result_unlike_its_record_is_told(self, tmp_path):
+    def test_a_result_unlike_its_record_is_reported(self, tmp_path):
         text = """yield 'own', array('m2')
 from uqpen.core.statistic import Shown, Statistic
 analysis.record = Statistic('own', 'x', shown=Shown('x'))
@@ -345,7 +345,7 @@ class TestTrust:
         assert "analyses" not in checks
         assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
 
-    def test_what_it_did_not_yield_is_told(self, made, tmp_path):
+    def test_what_it_did_not_yield_is_reported(self, made, tmp_path):
         groups = uqpen.open_archive(made / "a.nc").to_dict()
         path = "/statistics/plain/penetration_depth"
         for name, trusted in (("interquartile_range", True), ("mean", False)):
@@ -377,7 +377,7 @@ class TestTrust:
         assert uqpen_beside("rerun", "a.nc", "--trust").code == 0
         assert Path("a_rerun.nc").read_bytes() == Path("a.nc").read_bytes()
 
-    def test_one_that_fails_now_is_told(self, uqpen_beside):
+    def test_one_that_fails_now_is_reported(self, uqpen_beside):
         Path("spread.py").write_text("def interquartile_range(sample, quantity):\n    1 / 0\n")
         done = uqpen_beside("verify", "a.nc", "--trust", "--folder", ".")
         assert done.code == 4
@@ -404,7 +404,9 @@ class TestMistakesInTheStudy:
             ),
         ],
     )
-    def test_is_told_with_line_key_found_and_expected(self, tmp_path, value, key, found, expected):
+    def test_is_reported_with_line_key_found_and_expected(
+        self, tmp_path, value, key, found, expected
+    ):
         _write(tmp_path, "yield\ndef few(sample):\n    yield\n")
         with pytest.raises(StudyError) as raised:
             uqpen.parse_study(STUDY.replace(KEY, f"analyses = {value}"), folder=tmp_path)
@@ -452,7 +454,7 @@ class TestMistakesInTheStudy:
         ("yield 'a', array(); yield 'b', along('a', 1, 2)", "a is a statistic", "an estimate"),
     ],
 )
-def test_what_it_must_not_yield_is_told(tmp_path, yields, found, expected):
+def test_what_it_must_not_yield_is_reported(tmp_path, yields, found, expected):
     _write(tmp_path, yields)
     study = _study(SMALL, tmp_path)
     if not found:

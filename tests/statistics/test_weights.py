@@ -154,7 +154,7 @@ def test_a_small_effective_size_has_no_interval():
     assert interval_text(mean, NOTE) == "weights: an effective sample size of 3 is too small"
 
 
-def test_a_hidden_tail_is_told_by_the_effective_size():
+def test_a_hidden_tail_is_reported_by_the_effective_size():
     weights = np.where(np.arange(400) < 100, 1.0, 1e-9)
     std = analyze(runs_of(NORMAL, weights), [Y])["y"]["std"]
     expected = "weights: an effective sample size below 200 is too small to detect a heavy tail"

@@ -1,4 +1,4 @@
-"""Mistakes of all sections of a study file are told at once, and none that only follows."""
+"""Mistakes of all sections of a study file are reported at once, and none that only follows."""
 
 import pytest
 
@@ -108,16 +108,18 @@ def keys(text, folder):
         ("model = 3\n", "model"),
     ],
 )
-def test_one_mistake_in_each_section_is_told(folder, model, key):
+def test_one_mistake_in_each_section_is_reported(folder, model, key):
     assert keys(model + OTHERS, folder) == ([] if key is None else [key]) + KEYS
 
 
 def test_a_mistake_has_line_found_and_expected_though_the_model_is_unknown(folder):
     with pytest.raises(StudyError) as caught:
         parse_study(f'seed = 1\n[model]\nuse = "ishigamy"\n{OTHERS}', folder=folder)
-    told = str(caught.value)
-    assert "9 mistakes" in told
-    assert '  study.toml:6  inputs.b.uniform.upper\n    found     "1 kg"\n    expected  ' in told
+    reported = str(caught.value)
+    assert "9 mistakes" in reported
+    assert (
+        '  study.toml:6  inputs.b.uniform.upper\n    found     "1 kg"\n    expected  ' in reported
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,9 +127,9 @@ def test_a_mistake_has_line_found_and_expected_though_the_model_is_unknown(folde
     ["", '[model]\nuse = "ishigamy"\n', "[model]\n", "model = 3\n", "[models.a]\nuse = 3\n"],
 )
 def test_nothing_follows_from_an_unknown_model(folder, model):
-    told = keys(model + RIGHT, folder)
-    assert len(told) == 1
-    assert told[0].startswith("model")
+    reported = keys(model + RIGHT, folder)
+    assert len(reported) == 1
+    assert reported[0].startswith("model")
 
 
 @pytest.mark.parametrize(
@@ -151,8 +153,8 @@ def test_nothing_follows_from_a_mistake_in_another_section(folder, old, new, key
 def test_inputs_and_outputs_are_checked_though_the_function_cannot_be_loaded(folder):
     right = RIGHT.replace(', "c > a"', "").replace("(2 ± 0.1) m", "(2 ± 0.1) s")
     model = MODEL.replace("line.py:f", "absent.py:f")
-    told = keys(model + right.replace('"cm"', '"kg"'), folder)
-    assert told == ["model.python", "inputs.a", "outputs.y.unit"]
+    reported = keys(model + right.replace('"cm"', '"kg"'), folder)
+    assert reported == ["model.python", "inputs.a", "outputs.y.unit"]
 
 
 def test_no_dimension_is_guessed_where_quantities_differ(folder):
@@ -179,7 +181,7 @@ runs = 10
     assert keys(models, folder) == ["models.one.b", "models.two.with.x1", "inputs.x2"]
 
 
-def test_a_value_out_of_range_is_told_beside_one_of_another_type(folder):
+def test_a_value_out_of_range_is_reported_beside_one_of_another_type(folder):
     failures = '[failures]\nretry = -1\nat_most = "5 kg"\n'
     right = RIGHT.replace(', "c > a"', "").replace("runs = 10", "runs = 0\nseed = 1")
     assert keys(MODEL + right + failures, folder) == [

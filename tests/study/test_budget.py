@@ -171,11 +171,11 @@ FIXED = ISHIGAMI.partition("[inputs]")[0] + "[inputs]\nx1 = 1\nx2 = 1\nx3 = 1\n"
         ("seed = 1\nbudget = 20\n[model]\ndata = 'a.csv'\noutputs = ['y']\n", "20 runs to make"),
     ],
 )
-def test_a_budget_that_cannot_be_planned_is_told_with_its_line(text, found, tmp_path):
+def test_a_budget_that_cannot_be_planned_is_reported_with_its_line(text, found, tmp_path):
     (tmp_path / "a.csv").write_text("x,y\n1,2\n2,3\n")
-    with pytest.raises(StudyError) as told:
+    with pytest.raises(StudyError) as reported:
         parse_study(text, folder=tmp_path)
     assert (
         f": 1 mistake; nothing was run\n\n  study.toml:2  budget\n    found     {found}\n"
-        in str(told.value)
+        in str(reported.value)
     )

@@ -1,4 +1,4 @@
-"""A data file in place of a model: what is read, told and refused."""
+"""A data file in place of a model: what is read, reported and refused."""
 
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def test_inputs_outputs_and_units_come_from_the_headings(written):
     assert [name for name in runs if runs[name].attrs.get("role") == "input"] == ["load", "length"]
 
 
-def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_told(
+def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_reported(
     written,
 ):
     found = uqpen.run(written())["statistics/data/deflection"]
@@ -177,7 +177,7 @@ def test_weights_are_those_of_the_file(written):
     assert tree["statistics/given/deflection/mean"].values[0] == pytest.approx(expected)
 
 
-def test_how_points_follow_the_stated_inputs_is_told(written):
+def test_how_points_follow_the_stated_inputs_is_reported(written):
     text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n"
     good = str(runs_of(written(text)).attrs[AGREEMENT])
     assert good.startswith("Kolmogorov's distance from [inputs]: load 0.")
@@ -343,7 +343,7 @@ def test_every_mistake_is_met_before_anything_is_read(written):
     ]
 
 
-def test_a_mistake_of_the_data_file_is_told_beside_a_design_of_its_runs(written):
+def test_a_mistake_of_the_data_file_is_reported_beside_a_design_of_its_runs(written):
     text = STUDY.replace('outputs = ["deflection"]', "") + DESIGN
     assert mistakes(text, "", written) == [("model.outputs", "no output")]
 
@@ -373,12 +373,12 @@ def test_a_replicate_has_a_whole_number(written):
     study = f'{STUDY}{DESIGN}follows = "sobol-sequence"\n'
     with pytest.raises(uqpen.StudyError) as caught:
         written(study, table(replicate=np.repeat([0, 0.5], 100)))
-    told = " ".join(str(caught.value).split())
-    assert '0.5 in column "replicate", runs.csv, line 102' in told
-    assert "expected a whole number for each run: that of its replicate" in told
+    reported = " ".join(str(caught.value).split())
+    assert '0.5 in column "replicate", runs.csv, line 102' in reported
+    assert "expected a whole number for each run: that of its replicate" in reported
 
 
-def test_a_name_that_no_file_can_have_is_told(written):
+def test_a_name_that_no_file_can_have_is_reported(written):
     with pytest.raises(uqpen.StudyError, match="no file"):
         written(STUDY.replace("runs.csv", "a\\u0000b"))
 

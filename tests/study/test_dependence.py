@@ -56,7 +56,7 @@ def changed(old, new, text=STUDY):
     return text.replace(old, new)
 
 
-def told(text, folder=Path()):
+def reported(text, folder=Path()):
     with pytest.raises(StudyError) as caught:
         parse_study(text, folder=folder)
     return str(caught.value)
@@ -151,8 +151,8 @@ class TestDependence:
             ("[dependence]", "[dependence]\nthetta = 2", 10, "thetta", "an unknown key", "known: "),
         ],
     )
-    def test_a_mistake_is_told_with_its_line(self, old, new, line, key, found, expected):
-        report = told(changed(old, new))
+    def test_a_mistake_is_reported_with_its_line(self, old, new, line, key, found, expected):
+        report = reported(changed(old, new))
         assert f"study.toml:{line}  dependence{'.' * bool(key)}{key}\n" in report
         assert found in report
         assert expected in report
@@ -215,8 +215,8 @@ class TestDependence:
             ),
         ],
     )
-    def test_a_wrong_matrix_is_told(self, lines, key, found, expected):
-        report = told(with_three(f'of = "normal-scores"\n{lines}\n'))
+    def test_a_wrong_matrix_is_reported(self, lines, key, found, expected):
+        report = reported(with_three(f'of = "normal-scores"\n{lines}\n'))
         assert f"dependence.{key}\n" in report
         assert found in report
         assert expected in report
@@ -228,7 +228,7 @@ class TestDependence:
             "matrix = [[1, -0.4995, -0.4995], [-0.4995, 1, -0.4995], [-0.4995, -0.4995, 1]]\n"
         )
         parse_study(with_three('of = "normal-scores"\n' + lines))
-        assert "smallest eigenvalue -0.0" in told(with_three('of = "ranks"\n' + lines))
+        assert "smallest eigenvalue -0.0" in reported(with_three('of = "ranks"\n' + lines))
 
     @pytest.mark.parametrize(
         ("lines", "key", "expected"),
@@ -245,13 +245,13 @@ class TestDependence:
             ('"student"\n' + PAIRS, "of", '"kendall"'),
         ],
     )
-    def test_a_wrong_parameter_is_told(self, lines, key, expected):
-        report = told(changed('"gaussian"\n' + PAIRS, lines))
+    def test_a_wrong_parameter_is_reported(self, lines, key, expected):
+        report = reported(changed('"gaussian"\n' + PAIRS, lines))
         assert f"dependence.{key}\n" in report
         assert expected in report
 
-    def test_inputs_that_are_not_understood_are_told_alone(self):
-        report = told(changed("std = 0.5", "std = 0"))
+    def test_inputs_that_are_not_understood_are_reported_alone(self):
+        report = reported(changed("std = 0.5", "std = 0"))
         assert "1 mistake;" in report
         assert "inputs.x2.normal.std" in report
 
@@ -282,7 +282,7 @@ def _independent_design(monkeypatch):
 
 @pytest.mark.usefixtures("_independent_design")
 def test_a_design_that_assumes_independence_is_refused_and_what_is_valid_offered():
-    report = told(STUDY)
+    report = reported(STUDY)
     assert "study.toml:14  designs.mc.kind\n" in report
     assert '"monte-carlo" with inputs that depend on each other ([dependence])' in report
     assert "split the variance among inputs that vary independently" in report
@@ -393,8 +393,8 @@ class TestMeasured:
             ('[%]"', '[%]", family = 3', "family", "3", "the name of a distribution"),
         ],
     )
-    def test_a_mistake_is_told_with_its_line(self, folder, old, new, key, found, expected):
-        report = told(changed(old, new, MEASURED), folder)
+    def test_a_mistake_is_reported_with_its_line(self, folder, old, new, key, found, expected):
+        report = reported(changed(old, new, MEASURED), folder)
         assert f"study.toml:6  inputs.x1.measured.{key}\n" in report
         assert found in report
         assert expected in report
@@ -411,14 +411,16 @@ class TestMeasured:
             ("strength [%]\n-2\n1\n2\n3\n4\n", "gamma", "a measurement of -0.02", "above 0"),
         ],
     )
-    def test_measurements_that_will_not_do_are_told(self, folder, content, family, found, expected):
+    def test_measurements_that_will_not_do_are_reported(
+        self, folder, content, family, found, expected
+    ):
         (folder / "m.csv").write_text(content)
         text = changed("strength [%]", "strength", MEASURED)
         if family:
             text = changed('"strength"', f'"strength", family = "{family}"', text)
         if found == "heading":
             found, expected = 'is in "kg"', "the heading of a column"
-        report = told(text, folder)
+        report = reported(text, folder)
         assert found in report
         assert expected in report
 

@@ -14,7 +14,7 @@ REST = '[designs.some]\nkind = "monte-carlo"\nruns = 10\n'
 UNREADABLE = "study.toml: cannot be read as a study; nothing was run\n\n"
 
 
-def told(text):
+def reported(text):
     with pytest.raises(StudyError) as refused:
         uqpen.parse_study(text)
     return str(refused.value)
@@ -42,7 +42,7 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path):
 def test_a_key_with_too_many_parts_is_refused(before):
     text = f"{HEAD}{before}{'a.' * 100_000}b{']' if before == '[x.' else ' = 1'}\n{REST}"
     found = "found     keys with too many dots"
-    assert told(text) == f"{UNREADABLE}  study.toml\n    {found}\n    expected  a study"
+    assert reported(text) == f"{UNREADABLE}  study.toml\n    {found}\n    expected  a study"
 
 
 def test_many_dots_that_are_in_no_key_are_no_hindrance():
@@ -52,7 +52,7 @@ def test_many_dots_that_are_in_no_key_are_no_hindrance():
 
 
 def test_tables_nested_too_deeply_are_refused():
-    said = told(f"{HEAD}[inputs]\nx1 = {'{ a = ' * 60}1{' }' * 60}\n{REST}")
+    said = reported(f"{HEAD}[inputs]\nx1 = {'{ a = ' * 60}1{' }' * 60}\n{REST}")
     assert "study.toml:5  inputs.x1\n    found     tables nested 51 deep" in said
 
 
@@ -67,7 +67,7 @@ def test_thousands_of_mistakes_are_counted(monkeypatch):
 
     monkeypatch.setattr(table_reader, "choices", counted)
     unknown = "".join(f"a{number} = 1\n" for number in range(20_000))
-    said = told(f"{HEAD}[inputs]\n{unknown}{REST}")
+    said = reported(f"{HEAD}[inputs]\n{unknown}{REST}")
     assert said.startswith("study.toml: 20000 mistakes; nothing was run")
     assert said.endswith("and 19950 more")
     # To compare a name with all that are known takes most of the time.
@@ -79,7 +79,7 @@ def test_lines_that_would_take_too_long_to_find_are_left_out(
 ):
     monkeypatch.setattr(document, "_MOST_PARSED", 100_000)
     entries = "1,\n" * 5_000
-    said = told(f"{HEAD}[inputs]\nx1 = 1\nx2 = [\n{entries}]\nx3 = 1\n{REST}")
+    said = reported(f"{HEAD}[inputs]\nx1 = 1\nx2 = [\n{entries}]\nx3 = 1\n{REST}")
     assert "  study.toml  inputs.x2\n    found     a list" in said
 
 
@@ -88,7 +88,7 @@ def test_an_integer_with_thousands_of_digits_is_refused(key):
     name = key.rpartition(".")[2]
     lines = {"seed": "1", "time_limit": '"2 s"', "x1": "1", "runs": "10"}
     lines[name] = f"0x{'f' * 5000}"
-    said = told(
+    said = reported(
         f"seed = {lines['seed']}\n[model]\nuse = 'ishigami'\ntime_limit = {lines['time_limit']}\n"
         f"[inputs]\nx1 = {lines['x1']}\n[designs.some]\nruns = {lines['runs']}\n"
     )
@@ -117,7 +117,7 @@ def test_a_time_that_no_system_can_wait_for_is_refused(tmp_path):
 def test_a_size_of_hundreds_of_digits_is_refused():
     with pytest.raises(SettingsError, match="memory_limit"):
         Limits(bytes=10**400)
-    said = told(
+    said = reported(
         f"seed = 1\n[model]\npython = 'm.py:f'\nmemory_limit = '{'9' * 400} GB'\n"
         "inputs = { x = '1' }\noutputs = { y = '1' }\n[inputs]\nx = '1 ± 1'\n" + REST
     )

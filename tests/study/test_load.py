@@ -265,22 +265,24 @@ def test_the_studies_that_come_with_it_are_right(path):
         ),
     ],
 )
-def test_a_mistake_is_told_with_line_key_found_and_expected(old, new, line, key, found, expected):
+def test_a_mistake_is_reported_with_line_key_found_and_expected(
+    old, new, line, key, found, expected
+):
     text = report(changed(old, new))
     where = f"study.toml:{line}" if line else "study.toml"
     blocks = {head: rest for head, *rest in map(str.splitlines, text.split("\n\n")[1:])}
-    told_found, told_expected = blocks[f"  {where}  {key}"]
-    assert told_found.startswith("    found     ")
-    assert found in told_found
-    assert told_expected.startswith("    expected  ")
-    assert expected in told_expected
+    reported_found, reported_expected = blocks[f"  {where}  {key}"]
+    assert reported_found.startswith("    found     ")
+    assert found in reported_found
+    assert reported_expected.startswith("    expected  ")
+    assert expected in reported_expected
 
 
-def test_all_mistakes_are_told_at_once_in_the_order_of_their_lines():
+def test_all_mistakes_are_reported_at_once_in_the_order_of_their_lines():
     text = changed('"16 cm"', '"5 kg"').replace("seed = 1", "seed = -1").replace("100\n", "0\n")
-    told = report(text)
-    assert "3 mistakes" in told
-    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", told)] == [2, 10, 29]
+    reported = report(text)
+    assert "3 mistakes" in reported
+    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", reported)] == [2, 10, 29]
 
 
 def test_lines_are_counted_as_toml_counts_them():
@@ -290,11 +292,11 @@ def test_lines_are_counted_as_toml_counts_them():
 
 
 @pytest.mark.slow
-def test_many_mistakes_are_told_in_a_moment_and_not_all():
+def test_many_mistakes_are_reported_in_a_moment_and_not_all():
     text = changed("hold = [0.9]", "hold = [\n" + "2,\n" * 1000 + "]")
-    told = report(text)
-    assert "1000 mistakes" in told
-    assert "and 950 more" in told
+    reported = report(text)
+    assert "1000 mistakes" in reported
+    assert "and 950 more" in reported
 
 
 def test_a_number_with_too_many_digits_is_no_traceback():
@@ -312,21 +314,21 @@ def test_a_number_with_too_many_digits_is_no_traceback():
         'weibull = { shape = 1e-3, scale = "1 m" }',
     ],
 )
-def test_a_law_that_cannot_be_drawn_from_is_told(distribution):
+def test_a_law_that_cannot_be_drawn_from_is_reported(distribution):
     text = changed('uniform = { lower = "14 mm", upper = "20 mm" }', distribution)
     assert "too wide or too narrow to draw from" in report(text)
 
 
-def test_every_missing_input_is_told():
+def test_every_missing_input_is_reported():
     text = WHOLE.replace('projectile_length = "16 cm"\n', "")
-    told = report(text.replace('projectile_sound_speed = "3071 m/s"\n', ""))
-    assert "inputs.projectile_length" in told
-    assert "inputs.projectile_sound_speed" in told
-    assert 'or "projectile_young_modulus"' in told
+    reported = report(text.replace('projectile_sound_speed = "3071 m/s"\n', ""))
+    assert "inputs.projectile_length" in reported
+    assert "inputs.projectile_sound_speed" in reported
+    assert 'or "projectile_young_modulus"' in reported
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "told"),
+    ("text", "line", "reported"),
     [
         ("title = \n", 1, "Invalid value"),
         ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in straight quotes, such as "5 mm"'),
@@ -345,14 +347,14 @@ def test_every_missing_input_is_told():
         ("seed = 1\n\nx = 'never closed\n", 3, ""),
     ],
 )
-def test_what_is_not_toml_is_told_alone_with_its_line(text, line, told):
+def test_what_is_not_toml_is_reported_alone_with_its_line(text, line, reported):
     complaint = report(text)
     assert f"study.toml:{line}" in complaint
-    assert told in complaint
+    assert reported in complaint
     assert "cannot be read as a study" in complaint
 
 
-def test_a_file_in_another_encoding_is_told_with_its_line(tmp_path):
+def test_a_file_in_another_encoding_is_reported_with_its_line(tmp_path):
     path = tmp_path / "old.toml"
     path.write_bytes("seed = 1\ntitle = 'Größe'\n".encode("latin-1"))
     with pytest.raises(StudyError, match=r"old\.toml:2\n.*not UTF-8"):
@@ -366,7 +368,7 @@ def test_a_byte_order_mark_is_no_matter(tmp_path):
 
 
 @pytest.mark.parametrize("what", ["absent.toml", "."])
-def test_a_file_that_is_none_is_told(tmp_path, what):
+def test_a_file_that_is_none_is_reported(tmp_path, what):
     with pytest.raises(StudyError, match="cannot be read"):
         load_study(tmp_path / what)
 
@@ -384,8 +386,8 @@ class TestSoundSpeed:
 
     def test_both_are_refused_where_they_disagree(self):
         both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "175 GPa"'
-        told = report(changed('projectile_sound_speed = "3071 m/s"', both))
-        assert "within 1 %" in told
+        reported = report(changed('projectile_sound_speed = "3071 m/s"', both))
+        assert "within 1 %" in reported
 
 
 def test_a_nominal_point_outside_the_models_domain_is_a_mistake():
@@ -420,9 +422,9 @@ class TestTable:
     def test_a_mistake_in_a_table_is_one_of_the_study(self, tmp_path):
         (tmp_path / "points.csv").write_text("projectile_length [kg]\n15\n")
         text = changed('kind = "monte-carlo"\nruns = 100', 'kind = "table"\nfile = "points.csv"')
-        told = report(text, tmp_path)
-        assert "designs.mc.file" in told
-        assert "expected a length" in told
+        reported = report(text, tmp_path)
+        assert "designs.mc.file" in reported
+        assert "expected a length" in reported
 
 
 PYTHON = """\
@@ -448,7 +450,7 @@ class TestPythonModel:
         (folder / "mine.py").write_text(source, encoding="utf-8")
         return parse_study(text, folder=folder)
 
-    def told(self, folder, source, text=PYTHON):
+    def reported(self, folder, source, text=PYTHON):
         with pytest.raises(StudyError) as caught:
             self.study(folder, source, text)
         return str(caught.value)
@@ -528,10 +530,10 @@ class TestPythonModel:
             ("import sys\nsys.exit(0)\n", "failed: SystemExit: 0 (mine.py, line 2: sys.exit(0))"),
         ],
     )
-    def test_a_function_that_cannot_be_used_is_told(self, tmp_path, source, complaint):
-        told = self.told(tmp_path, source)
-        assert "model.python" in told
-        assert complaint in told
+    def test_a_function_that_cannot_be_used_is_reported(self, tmp_path, source, complaint):
+        reported = self.reported(tmp_path, source)
+        assert "model.python" in reported
+        assert complaint in reported
 
     @pytest.mark.parametrize(
         ("old", "new", "complaint"),
@@ -547,9 +549,9 @@ class TestPythonModel:
             ('python = "mine', 'use = "ishigami"\npython = "mine', "use and python"),
         ],
     )
-    def test_a_wrong_declaration_is_told(self, tmp_path, old, new, complaint):
+    def test_a_wrong_declaration_is_reported(self, tmp_path, old, new, complaint):
         source = "def simulate(rod_length, speed): return {}"
-        assert complaint in self.told(tmp_path, source, PYTHON.replace(old, new))
+        assert complaint in self.reported(tmp_path, source, PYTHON.replace(old, new))
 
 
 @settings(max_examples=150, deadline=None)

@@ -218,7 +218,7 @@ class TestModels:
 
 
 class TestMistakes:
-    def test_they_name_the_argument_and_all_are_told_at_once(self):
+    def test_they_name_the_argument_and_all_are_reported_at_once(self):
         text = message(
             inputs={"length": uqpen.Normal("2 m", "1 kg"), "width": "30 cm"},
             dependence=None,
@@ -291,7 +291,7 @@ class TestArchives:
         outcomes = self.outcomes(made_here, model=area, runs=20)
         assert {outcome for outcome, _ in outcomes.values()} == {"EQUAL"}
 
-    def test_another_function_is_told(self, made_here):
+    def test_another_function_is_reported(self, made_here):
         def other(length, width):
             return {"area": length * width / 101}
 
@@ -373,7 +373,7 @@ class TestOtherLibraries:
             ({"name": "norm", "unit": "kg"}, "kg", "a length, such as"),
         ],
     )
-    def test_a_mistake_in_one_is_told(self, table, found, expected):
+    def test_a_mistake_in_one_is_reported(self, table, found, expected):
         model = uqpen.PythonModel(area, {"length": "m", "width": "cm"}, {"area": "m2"})
         text = message(
             model=model,

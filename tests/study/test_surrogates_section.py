@@ -131,15 +131,15 @@ def test_what_is_not_given_has_a_default():
         ('design = "training"\nordr = 3', ["found an unknown key", 'did you mean "order"?']),
     ],
 )
-def test_mistakes_are_told(text, parts):
-    told = report(surrogate(text))
+def test_mistakes_are_reported(text, parts):
+    reported = report(surrogate(text))
     for part in parts:
-        assert part in told
+        assert part in reported
 
 
 def test_designs_and_surrogates_share_their_names():
-    told = report(surrogate('design = "training"', name="fresh"))
-    assert 'found "fresh", which is a design expected a name that no design has' in told
+    reported = report(surrogate('design = "training"', name="fresh"))
+    assert 'found "fresh", which is a design expected a name that no design has' in reported
     assert "a name of letters, digits and _" in report(surrogate('design = "x"', name='"a-b"'))
 
 
@@ -148,13 +148,13 @@ def test_the_kind_must_be_known():
     assert "expected one of polynomial-chaos" in report(
         text.replace('kind = "polynomial-chaos"', "")
     )
-    told = report(text.replace('"polynomial-chaos"', '"polynomial"'))
-    assert 'did you mean "polynomial-chaos"?' in told
+    reported = report(text.replace('"polynomial-chaos"', '"polynomial"'))
+    assert 'did you mean "polynomial-chaos"?' in reported
 
 
-def test_a_mistake_in_a_design_is_not_told_twice():
-    told = report(surrogate('design = "training"').replace("runs = 200", "runs = 0"))
-    assert "surrogates" not in told
+def test_a_mistake_in_a_design_is_not_reported_twice():
+    reported = report(surrogate('design = "training"').replace("runs = 200", "runs = 0"))
+    assert "surrogates" not in reported
 
 
 def test_a_quadrature_serves_every_method():
@@ -165,5 +165,5 @@ def test_a_quadrature_serves_every_method():
 
 def test_designs_of_moves_are_refused():
     text = surrogate('design = "steps"') + '[designs.steps]\nkind = "one-at-a-time"\n'
-    told = report(text)
-    assert "which makes steps from the nominal point expected a design that samples" in told
+    reported = report(text)
+    assert "which makes steps from the nominal point expected a design that samples" in reported

@@ -293,13 +293,13 @@ class Kronecker(Design):
         ("if 0: yield", "it yields no points"),
     ],
 )
-def test_what_a_design_does_wrong_is_told(folder, body, reason):
+def test_what_a_design_does_wrong_is_reported(folder, body, reason):
     (folder / "my_designs.py").write_text(FAILING.replace("BODY", body))
     with pytest.raises(StudyError, match=f"the design Kronecker fails: {re.escape(reason)}"):
         uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_a_distribution_that_raises_is_told(folder):
+def test_a_distribution_that_raises_is_reported(folder):
     wrong = DISTRIBUTIONS.replace("return -np.expm1(self._log_sf(value))", "return 1 / 0")
     (folder / "my_distributions.py").write_text(wrong)
     with pytest.raises(StudyError, match="ZeroDivisionError"):
@@ -353,7 +353,7 @@ class Raising(Design):
         ('"my_distributions.py:Kumaraswamy"', "kumaraswamy", "x1", "an unknown distribution"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told_before_any_run(folder, before, after, key, found):
+def test_a_mistake_is_reported_before_any_run(folder, before, after, key, found):
     (folder / "wrong.py").write_text(WRONG)
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after), folder=folder)

@@ -342,7 +342,7 @@ def test_a_fit_of_the_whole_that_fails_is_a_reason(folder):
         ('check = "fresh"', "nuget = 1", "surrogates.gp.nuget", "an unknown key"),
     ],
 )
-def test_a_mistake_is_told_before_any_run(folder, before, after, key, found):
+def test_a_mistake_is_reported_before_any_run(folder, before, after, key, found):
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after), folder=folder)
     (message, *_) = [each for each in caught.value.problems if found in each.found]

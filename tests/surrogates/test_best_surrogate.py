@@ -63,9 +63,9 @@ def test_a_product_of_powers_is_fitted_by_its_logarithm(
     tree = uqpen.run(study_of("a**2.5 / b**1.5", STUDY, a=(1, 5), b=(1, 5)))
     made = tree["surrogates/chosen"]
     assert made["y"].attrs["chosen_kind"] == "polynomial-chaos-log"
-    told = fit_diagnostics(made, "y")
-    assert float(told["race_q2_polynomial_chaos_log"]) > 0.999
-    assert float(told["race_lead"]) > 0
+    reported = fit_diagnostics(made, "y")
+    assert float(reported["race_q2_polynomial_chaos_log"]) > 0.999
+    assert float(reported["race_lead"]) > 0
     assert "polynomial-chaos-log predicts the runs left out" in made["y"].attrs["fit"]
     # The estimates are those of any surrogate: corrected by its runs.
     mean = tree["statistics/chosen/y"]["mean"]

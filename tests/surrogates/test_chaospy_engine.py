@@ -190,7 +190,7 @@ def test_the_fits_of_the_correction_share_one_expansion(monkeypatch):
         ),
     ],
 )
-def test_a_mistake_is_told(before, after, key, expected):
+def test_a_mistake_is_reported(before, after, key, expected):
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after))
     (problem,) = caught.value.problems

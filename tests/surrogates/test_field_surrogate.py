@@ -409,12 +409,12 @@ class TestArchive:
         with xr.open_dataset("out.nc") as written:
             assert written["curve"].sizes == {"run": 2, "time": 3}
 
-    def test_it_is_told_in_short(self, path, command_line):
+    def test_it_is_reported_in_short(self, path, command_line):
         shown = command_line("show", str(path)).out
         assert "curve   1            " in shown
         assert "1 principal component leaves none of the variance" in " ".join(shown.split())
-        told = json.loads(command_line("show", str(path), "--json").out)
-        fit = told["surrogates"]["pce"]["outputs"]["curve"]["fit"]
+        reported = json.loads(command_line("show", str(path), "--json").out)
+        fit = reported["surrogates"]["pce"]["outputs"]["curve"]["fit"]
         assert fit["components"] == 1
         assert fit["truncation"] == pytest.approx(0, abs=1e-12)
 

@@ -107,5 +107,5 @@ def test_an_error_that_the_runs_cannot_tell_is_no_q2():
     fit = PolynomialChaos(design="training", order=1).fit("pce", runs, Line(), PAIR, Stream(1, "s"))
     unknown = dataclasses.replace(fit.expansions["y"], cross_validation=math.inf)
     assert math.isnan(unknown.q2)
-    told = xr.DataTree(unknown.to_dataset())
-    assert [each.text for each in shown_diagnostics(told) if each.name == "q2"] == [""]
+    reported = xr.DataTree(unknown.to_dataset())
+    assert [each.text for each in shown_diagnostics(reported) if each.name == "q2"] == [""]

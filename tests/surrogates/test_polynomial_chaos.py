@@ -322,11 +322,11 @@ def test_what_cannot_be_fitted_says_why():
         ),
     ],
 )
-def test_too_few_runs_are_told(design, settings, reason):
+def test_too_few_runs_are_reported(design, settings, reason):
     assert fitted(rosenbrock, SQUARE, design, **settings).reasons == {"y": reason}
 
 
-def test_an_order_beyond_memory_is_told():
+def test_an_order_beyond_memory_is_reported():
     joint = law_of(*[Uniform(0.0, 1.0)] * 30)
     found = fitted(lambda x: x["x1"], joint, MonteCarlo(100), order=9, truncation=1)
     assert found.reasons["y"].startswith("order 9 has more than 100_000 terms, too many for")
@@ -341,7 +341,7 @@ def test_a_rule_that_lost_nodes_is_no_rule():
     assert mean(expansion.indices, expansion.coefficients) == pytest.approx(455 + 2 / 3, rel=1e-11)
 
 
-def test_no_runs_and_other_inputs_are_told():
+def test_no_runs_and_other_inputs_are_reported():
     joint = law_of(Uniform(0.0, 1.0), c=1.0)
     model = Formula({"y": lambda x: x["x1"]}, joint.variables)
     runs = runs_of(model, joint, MonteCarlo(20))

@@ -204,9 +204,9 @@ def test_a_prediction_and_a_rehearsal_say_it(tmp_path, command_line):
         surrogate(a=0.0, b=0.0)
     (tmp_path / "points.csv").write_text("a,b\n0,0\n")
     for command in (["predict", f"{path}:cheap", "points.csv"], ["run", f"{path}:cheap"]):
-        told = command_line(*command)
-        assert told.code == 0
-        assert reason in " ".join(told.err.split())
+        reported = command_line(*command)
+        assert reported.code == 0
+        assert reason in " ".join(reported.err.split())
     with open_rehearsed(path) as rehearsed, pytest.raises(SettingsError, match="is refuted"):
         assert rehearsed.study
 

@@ -36,7 +36,7 @@ use = "ishigami"
 kind = "latin-hypercube"
 runs = 40
 """
-# Apart, as what is told of it takes longer than all the rest.
+# Apart, as what is reported of it takes longer than all the rest.
 SURROGATE = f"""\
 {PLAIN}
 [surrogates.chaos]
@@ -212,7 +212,7 @@ class TestVerify:
         assert "y of run 17 is" in done.out
         assert "of the largest value" in done.said
 
-    def test_an_archive_that_lacks_what_it_must_have_is_told(self, uqpen):
+    def test_an_archive_that_lacks_what_it_must_have_is_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.renameGroup("runs", "walks")
         done = uqpen("verify", "plain.nc")
@@ -221,7 +221,7 @@ class TestVerify:
         assert "/runs/monte_carlo is missing" in done.out
         assert "/walks/monte_carlo was added" in done.out
 
-    def test_runs_that_are_not_those_of_the_text_are_told(self, uqpen):
+    def test_runs_that_are_not_those_of_the_text_are_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.study_text = dataset.study_text.replace("designs.monte_carlo", "designs.mc")
         done = uqpen("verify", "plain.nc")
@@ -256,7 +256,7 @@ class TestVerify:
         assert "/failures/monte_carlo is missing" in done.out
         assert "/statistics/monte_carlo/y: attribute note is missing of mean" in done.said
 
-    def test_hashes_that_were_taken_out_are_told(self, uqpen):
+    def test_hashes_that_were_taken_out_are_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.delncattr("content_sha256")
         assert uqpen("show", "plain.nc").code == 0
@@ -264,7 +264,7 @@ class TestVerify:
         assert done.code == 4
         assert "hashes no longer recorded in the archive" in done.said
 
-    def test_files_that_were_taken_out_are_told(self, uqpen, made):
+    def test_files_that_were_taken_out_are_reported(self, uqpen, made):
         without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("verify", "own.nc", "--trust")
@@ -275,7 +275,7 @@ class TestVerify:
         assert done.code == 4
         assert "expected none, as the archive has no such file" in done.said
 
-    def test_another_source_than_that_which_was_taken_out_is_told(self, uqpen):
+    def test_another_source_than_that_which_was_taken_out_is_reported(self, uqpen):
         without_files("own.nc")
         Path("own.py").write_text(f"{SOURCE}# the same, but for this\n")
         done = uqpen("verify", "own.nc", "--trust")
@@ -308,7 +308,7 @@ class TestVerify:
         assert "benchmark of methods" in refused.err
 
     @pytest.mark.parametrize(
-        ("arguments", "told"),
+        ("arguments", "reported"),
         [
             (("own.py",), "is not an archive"),
             (("absent.nc",), "there is no such file"),
@@ -316,10 +316,10 @@ class TestVerify:
             (("plain.nc", "--runs", "5", "--all"), "exclude each other"),
         ],
     )
-    def test_a_mistake_leaves_with_2(self, uqpen, arguments, told):
+    def test_a_mistake_leaves_with_2(self, uqpen, arguments, reported):
         done = uqpen("verify", *arguments)
         assert done.code == 2
-        assert told in done.err
+        assert reported in done.err
 
 
 class TestDiff:
@@ -392,7 +392,7 @@ class TestRerun:
         assert done.code == 2
         assert "not overwritten" in done.err
 
-    def test_a_function_that_is_not_there_is_told(self, uqpen):
+    def test_a_function_that_is_not_there_is_reported(self, uqpen):
         without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("rerun", "own.nc", "--trust")
@@ -429,7 +429,7 @@ def drawn_by_design(study, runs, number):
 
 
 @pytest.mark.parametrize("command", ["verify", "rerun", "serve"])
-def test_a_folder_that_is_not_there_is_told(made, uqpen, command):
+def test_a_folder_that_is_not_there_is_reported(made, uqpen, command):
     done = uqpen(command, "own.nc", "--folder", "nowhere")
     assert done.code == 2
     assert "Directory 'nowhere' does not exist" in done.err

@@ -125,7 +125,7 @@ def test_other_files_around_do_not_count(uqpen):
 
 @pytest.mark.parametrize("hashed_anew", [False, True])
 @pytest.mark.parametrize(
-    ("variable", "value", "told"),
+    ("variable", "value", "reported"),
     [
         ("content", "def cube(x):\n    return x**4 \n", '"beside.py" is changed: found 30 bytes'),
         ("size", 7, '"beside.py" is changed: found 29 bytes with the SHA-256'),
@@ -133,15 +133,17 @@ def test_other_files_around_do_not_count(uqpen):
         ("encoding", "rot13", '"beside.py" is not encoded as the archive says'),
     ],
 )
-def test_a_file_that_was_changed_is_told_and_not_used(uqpen, variable, value, told, hashed_anew):
+def test_a_file_that_was_changed_is_reported_and_not_used(
+    uqpen, variable, value, reported, hashed_anew
+):
     change(variable, "beside.py", value, hashed_anew=hashed_anew)
     done = uqpen("verify", "own.nc", "--trust")
     assert done.code == 4
     assert ("/files is changed" in done.out) != hashed_anew
-    assert f"files not those of its study {told}" in done.said
+    assert f"files not those of its study {reported}" in done.said
     done = uqpen("rerun", "own.nc", "--trust")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     assert not Path("executed").exists()
 
 
@@ -185,7 +187,7 @@ class TestFilesOfAFolder:
         assert uqpen("rerun", "own.nc", *where).code == 0
         assert Path("own_rerun.nc").read_bytes() == (made / "own.nc").read_bytes()
 
-    def test_others_are_told(self, uqpen, made, tmp_path):
+    def test_others_are_reported(self, uqpen, made, tmp_path):
         for name, text in FILES.items():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_text(text)
@@ -200,7 +202,7 @@ class TestFilesOfAFolder:
         done = uqpen("diff", "own.nc", "own_rerun.nc")
         assert "files\n  beside.py differs\n" in done.out
 
-    def test_one_that_is_not_there_is_told(self, uqpen):
+    def test_one_that_is_not_there_is_reported(self, uqpen):
         done = uqpen("verify", "own.nc", "--folder", ".")
         assert done.code == 2
         assert "there is no file" in done.said

@@ -82,7 +82,7 @@ def made(tmp_path_factory, fresh_process):
     tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
     write_tree(tree, folder / "damaged.nc")
     tree = uqpen.open_archive(folder / "runs.nc")
-    # Above what another processor may change; a last bit is told where nothing else differs.
+    # Above what another processor may change; a last bit is reported where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
     uqpen.write(tree, folder / "forged.nc")
     verified = {}
@@ -93,8 +93,8 @@ def made(tmp_path_factory, fresh_process):
         lines = [["verify", f"{name}.nc", "--all"] for name in names]
         outcomes = fresh_process(folder, *makes, *lines, variables=SWITCHES[here])
         assert all(done.code == 0 for done in outcomes[: len(makes)]), outcomes
-        told = [(done.code, done.said) for done in outcomes[len(makes) :]]
-        verified[here] = dict(zip(names, told, strict=True))
+        reported = [(done.code, done.said) for done in outcomes[len(makes) :]]
+        verified[here] = dict(zip(names, reported, strict=True))
     return Made(folder, verified)
 
 
@@ -111,14 +111,14 @@ def test_an_honest_archive_is_verified_on_another_processor(made, there, here):
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_changed_run_is_told_everywhere(made, switch):
+def test_a_changed_run_is_reported_everywhere(made, switch):
     code, said = made.verified[switch]["damaged"]
     assert code == 4
     assert "/runs/sample is changed" in said
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_run_that_is_changed_and_hashed_anew_is_told_everywhere(made, switch):
+def test_a_run_that_is_changed_and_hashed_anew_is_reported_everywhere(made, switch):
     code, said = made.verified[switch]["forged"]
     assert code == 4
     assert "sample: y of run 17 is" in said
@@ -141,12 +141,12 @@ def test_an_archive_of_before_features_were_recorded_says_so():
     assert list(provenance_differences(earlier, here)) == [("blas", "not recorded", here["blas"])]
 
 
-def test_two_processors_are_told_from_two_results(made):
+def test_two_processors_are_distinguished_from_two_results(made):
     one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
-    told = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
-    assert told.pop("made with").startswith("cpu features: ")
+    reported = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
+    assert reported.pop("made with").startswith("cpu features: ")
     # Some features change no bit of this study: AVX2 does not, where there is no AVX-512.
-    if told:
-        assert told["equal"].startswith("all numbers, within 1e-09 ")
+    if reported:
+        assert reported["equal"].startswith("all numbers, within 1e-09 ")
