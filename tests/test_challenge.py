@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import umbridge
 from model_servers import asked, offering, serving
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.serve import hidden_offers, make_offers
@@ -26,19 +27,15 @@ def sum_of_roots(strength, span):
         raise RuntimeError(f"no equilibrium at strength {strength}")
     return {"load": math.sqrt(strength) + span}
 """
-STUDY = """\
-seed = 1
-[model]
-python = "model.py:sum_of_roots"
-inputs = { strength = "Pa", span = "m" }
-outputs = { load = "N" }
-[inputs]
-strength = { lognormal = { mean = "4 Pa", std = "0.5 Pa" } }
-span = "(3 ± 0.5) m"
-[designs.some]
-kind = "monte-carlo"
-runs = 10
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:sum_of_roots",
+        "inputs": {"strength": "Pa", "span": "m"},
+        "outputs": {"load": "N"},
+    },
+    inputs={"strength": {"lognormal": {"mean": "4 Pa", "std": "0.5 Pa"}}, "span": "(3 ± 0.5) m"},
+    designs={"some": {"kind": "monte-carlo", "runs": 10}},
+)
 
 
 @pytest.fixture

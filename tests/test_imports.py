@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from study_text import study_text
 
 import uqpen
 
@@ -30,18 +31,11 @@ except SystemExit as left:
 print(*(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
 """
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = "0 ± 1"
-x2 = "0 ± 1"
-x3 = "0 ± 1"
-[designs.plain]
-kind = "monte-carlo"
-runs = 64
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": "0 ± 1", "x2": "0 ± 1", "x3": "0 ± 1"},
+    designs={"plain": {"kind": "monte-carlo", "runs": 64}},
+)
 
 EXPANSION = """\
 [surrogates.chaos]
@@ -49,24 +43,21 @@ kind = "polynomial-chaos"
 design = "plain"
 """
 
-ROD = """\
-seed = 1
-[model]
-use = "walker-anderson"
-[inputs]
-projectile_density     = "17.5 g/cm^3"
-projectile_yield_limit = "1.65 GPa"
-projectile_length      = "16 cm"
-impact_velocity        = "1400 m/s"
-projectile_sound_speed = "3071 m/s"
-target_density         = "(2.5 ± 0.05) g/cm^3"
-target_yield_limit     = "400 MPa"
-plasticity_radius      = "100 mm"
-crater_radius          = "17 mm"
-[designs.plain]
-kind = "monte-carlo"
-runs = 16
-"""
+ROD = study_text(
+    "walker-anderson",
+    inputs={
+        "projectile_density": "17.5 g/cm^3",
+        "projectile_yield_limit": "1.65 GPa",
+        "projectile_length": "16 cm",
+        "impact_velocity": "1400 m/s",
+        "projectile_sound_speed": "3071 m/s",
+        "target_density": "(2.5 ± 0.05) g/cm^3",
+        "target_yield_limit": "400 MPa",
+        "plasticity_radius": "100 mm",
+        "crater_radius": "17 mm",
+    },
+    designs={"plain": {"kind": "monte-carlo", "runs": 16}},
+)
 
 
 def loaded(folder, *arguments):

@@ -5,6 +5,7 @@ import time
 
 import pytest
 from notebook_cells import PATIENCE, open_notebook, shown
+from study_text import study_text
 
 import uqpen
 
@@ -31,25 +32,13 @@ def study():
     )
 """
 
-FILE = """
-seed = 5
-
-[model]
-python = "area.py:area"
-inputs = { length = "m", width = "m" }
-outputs = { area = "m2" }
-
-[inputs]
-length = { normal = { mean = "2 m", std = "0.1 m" } }
-width = "(3 ± 0.1) m"
-
-[outputs.area]
-unit = "m2"
-
-[designs.mc]
-kind = "monte-carlo"
-runs = 40
-"""
+FILE = study_text(
+    {"python": "area.py:area", "inputs": {"length": "m", "width": "m"}, "outputs": {"area": "m2"}},
+    seed=5,
+    inputs={"length": {"normal": {"mean": "2 m", "std": "0.1 m"}}, "width": "(3 ± 0.1) m"},
+    outputs={"area": {"unit": "m2"}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 40}},
+)
 
 MODEL = """
 def area(length, width):

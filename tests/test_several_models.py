@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -24,36 +25,36 @@ def picky(x, shift):
     return {"y": np.where(x > 0.9, np.nan, x**2 + 2 * x + shift)}
 """
 
-STUDY = """
-seed = 3
-[models.first]
-python = "models.py:square"
-vectorized = true
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m", z = "1" }
-[models.shifted]
-python = "models.py:square"
-vectorized = true
-with = { shift = 1.5 }
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m", z = "1" }
-[models.picky]
-python = "models.py:picky"
-vectorized = true
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-shift = 0
-[outputs.y]
-exceeds = ["0.5 m"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 1000
-[designs.lhs]
-kind = "latin-hypercube"
-runs = 1000
-"""
+STUDY = study_text(
+    seed=3,
+    models={
+        "first": {
+            "python": "models.py:square",
+            "vectorized": True,
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m", "z": "1"},
+        },
+        "shifted": {
+            "python": "models.py:square",
+            "vectorized": True,
+            "with": {"shift": 1.5},
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m", "z": "1"},
+        },
+        "picky": {
+            "python": "models.py:picky",
+            "vectorized": True,
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m"},
+        },
+    },
+    inputs={"x": (0, 1), "shift": 0},
+    outputs={"y": {"exceeds": ["0.5 m"]}},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 1_000},
+        "lhs": {"kind": "latin-hypercube", "runs": 1_000},
+    },
+)
 
 
 @pytest.fixture(scope="module")
@@ -149,33 +150,30 @@ def test_mistakes_are_met_at_their_place(tmp_path, old, new, key, found):
     assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value
 
 
-LACKING = """
-seed = 3
-[models.both]
-python = "models.py:both"
-vectorized = true
-inputs = { a = "1", b = "1" }
-outputs = { y = "1" }
-[models.one]
-python = "models.py:one"
-vectorized = true
-inputs = { a = "1" }
-outputs = { y = "1" }
-[inputs]
-a = { uniform = { lower = 0, upper = 1 } }
-b = { uniform = { lower = 0, upper = 1 } }
-[designs.blocks]
-kind = "saltelli"
-base = 256
-[designs.steps]
-kind = "one-at-a-time"
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "spread"
-"""
+LACKING = study_text(
+    seed=3,
+    models={
+        "both": {
+            "python": "models.py:both",
+            "vectorized": True,
+            "inputs": {"a": "1", "b": "1"},
+            "outputs": {"y": "1"},
+        },
+        "one": {
+            "python": "models.py:one",
+            "vectorized": True,
+            "inputs": {"a": "1"},
+            "outputs": {"y": "1"},
+        },
+    },
+    inputs={"a": (0, 1), "b": (0, 1)},
+    designs={
+        "blocks": {"kind": "saltelli", "base": 256},
+        "steps": {"kind": "one-at-a-time"},
+        "spread": {"kind": "latin-hypercube", "runs": 200},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread"}},
+)
 
 
 def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path):
@@ -210,34 +208,34 @@ def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path):
     assert float(means.sel(bound="estimate")) == pytest.approx(1 / 3)
 
 
-OWN_INPUTS = """
-seed = 3
-[models.first]
-python = "models.py:first"
-vectorized = true
-inputs = { x = "m" }
-outputs = { y = "m" }
-[models.second]
-python = "models.py:second"
-vectorized = true
-inputs = { slope = "1", x = "m" }
-outputs = { y = "m" }
-[models.third]
-python = "models.py:third"
-vectorized = true
-inputs = { offset = "mm" }
-outputs = { y = "m" }
-[inputs]
-x      = "(1 ± 0.1) m"
-slope  = "2 ± 0.1"
-offset = "(3 ± 1) mm"
-[designs.mc]
-kind = "monte-carlo"
-runs = 200
-[designs.indices]
-kind = "saltelli"
-base = 64
-"""
+OWN_INPUTS = study_text(
+    seed=3,
+    models={
+        "first": {
+            "python": "models.py:first",
+            "vectorized": True,
+            "inputs": {"x": "m"},
+            "outputs": {"y": "m"},
+        },
+        "second": {
+            "python": "models.py:second",
+            "vectorized": True,
+            "inputs": {"slope": "1", "x": "m"},
+            "outputs": {"y": "m"},
+        },
+        "third": {
+            "python": "models.py:third",
+            "vectorized": True,
+            "inputs": {"offset": "mm"},
+            "outputs": {"y": "m"},
+        },
+    },
+    inputs={"x": "(1 ± 0.1) m", "slope": "2 ± 0.1", "offset": "(3 ± 1) mm"},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 200},
+        "indices": {"kind": "saltelli", "base": 64},
+    },
+)
 
 OWN_FUNCTIONS = """
 def first(x):

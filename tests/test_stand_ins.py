@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -12,33 +13,17 @@ from uqpen.results.output_tables import statistics_tables
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
-STUDY = """
-seed = 5
-[models.dear]
-use = "ishigami"
-a = 5.0
-[models.close]
-use = "ishigami"
-a = 4.75
-stands_for = "dear"
-cost = 0.05
-[models.rough]
-use = "ishigami"
-a = 3.0
-stands_for = "close"
-cost = 0.2
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [5]
-below = [0]
-[designs.budgeted]
-kind = "multifidelity"
-budget = 150
-pilot = 40
-"""
+STUDY = study_text(
+    seed=5,
+    models={
+        "dear": {"use": "ishigami", "a": 5.0},
+        "close": {"use": "ishigami", "a": 4.75, "stands_for": "dear", "cost": 0.05},
+        "rough": {"use": "ishigami", "a": 3.0, "stands_for": "close", "cost": 0.2},
+    },
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [5], "below": [0]}},
+    designs={"budgeted": {"kind": "multifidelity", "budget": 150, "pilot": 40}},
+)
 
 
 @pytest.fixture(scope="module")

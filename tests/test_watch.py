@@ -13,6 +13,7 @@ import time
 
 import pytest
 from browsers import chromium
+from study_text import study_text
 
 import uqpen
 from uqpen.core.progress import ProgressBroadcast
@@ -254,19 +255,12 @@ def f(x):
         time.sleep(0.01)
     return {"y": x}
 """
-STUDY = """\
-title = "Slow"
-seed = 1
-[model]
-python = "model.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-[designs.draws]
-kind = "monte-carlo"
-runs = 200
-"""
+STUDY = study_text(
+    {"python": "model.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    title="Slow",
+    inputs={"x": (0, 1)},
+    designs={"draws": {"kind": "monte-carlo", "runs": 200}},
+)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import read_group
@@ -34,62 +35,35 @@ runs = 300
 """
 
 # What every kind of design and a surrogate of it have.
-DESIGNS = """
-title = "Every design"
-seed = 4
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [10]
-[designs.blocks]
-kind = "saltelli"
-base = 128
-second_order = true
-[designs.rule]
-kind = "quadrature"
-order = 3
-[designs.trajectories]
-kind = "morris"
-trajectories = 12
-[designs.steps]
-kind = "one-at-a-time"
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "spread"
-[published.elsewhere]
-source = "a report"
-[published.elsewhere.y]
-mean = 3.5
-response = { x1 = 0.1 }
-"""
+DESIGNS = study_text(
+    "ishigami",
+    title="Every design",
+    seed=4,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [10]}},
+    designs={
+        "blocks": {"kind": "saltelli", "base": 128, "second_order": True},
+        "rule": {"kind": "quadrature", "order": 3},
+        "trajectories": {"kind": "morris", "trajectories": 12},
+        "steps": {"kind": "one-at-a-time"},
+        "spread": {"kind": "latin-hypercube", "runs": 200},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread"}},
+    published={"elsewhere": {"source": "a report", "y": {"mean": 3.5, "response": {"x1": 0.1}}}},
+)
 
-MODELS = """
-title = "Two models"
-seed = 4
-[models.one]
-use = "ishigami"
-[models.other]
-use = "ishigami"
-with = { x3 = 0.5 }
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[dependence]
-copula = "gaussian"
-of = "ranks"
-pairs = [{ inputs = ["x1", "x2"], correlation = 0.5 }]
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-"""
+MODELS = study_text(
+    title="Two models",
+    seed=4,
+    models={"one": {"use": "ishigami"}, "other": {"use": "ishigami", "with": {"x3": 0.5}}},
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    dependence={
+        "copula": "gaussian",
+        "of": "ranks",
+        "pairs": [{"inputs": ["x1", "x2"], "correlation": 0.5}],
+    },
+    designs={"spread": {"kind": "latin-hypercube", "runs": 200}},
+)
 
 # Outputs with dimensions, and curves that end, with all that stands beside them: bands and indices.
 FIELDS = f"""
@@ -102,24 +76,16 @@ runs = 60
 """
 
 # Methods of which one is replicated, head to head.
-COMPARED = """
-title = "Small"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+COMPARED = study_text(
+    "ishigami",
+    title="Small",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -23,27 +24,24 @@ MODEL = """\
 def simulate(x):
     return {"curve": [x, x + 1, float("nan") if x > 1 else x + 2], "y": x}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", values = [0, 1, 4] } }, may_end = true }
-y = "1"
-[inputs]
-x = "0 ± 1"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-[designs.blocks]
-kind = "saltelli"
-base = 32
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "y": "1",
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}, "blocks": {"kind": "saltelli", "base": 32}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc"}},
+)
 
 
 @pytest.fixture(scope="module")

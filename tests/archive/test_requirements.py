@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive, read_tree
@@ -10,25 +11,15 @@ from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[designs.first]
-kind = "monte-carlo"
-runs = 30
-[designs.second]
-kind = "saltelli"
-base = 32
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    designs={
+        "first": {"kind": "monte-carlo", "runs": 30},
+        "second": {"kind": "saltelli", "base": 32},
+    },
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
 
 
 @pytest.fixture(scope="module")

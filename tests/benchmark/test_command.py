@@ -8,29 +8,22 @@ from pathlib import Path
 import netCDF4
 import pandas as pd
 import pytest
+from study_text import study_text
 
 from uqpen.checkpoints.folder import lock_archive
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 # The group of the reference.
 TRUTH = "statistics/reference"
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")

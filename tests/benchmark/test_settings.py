@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.benchmark.methods import study_methods
@@ -15,29 +16,16 @@ from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.replicated import split_replicates
 from uqpen.designs.saltelli import Saltelli
 
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[designs.training]
-kind = "latin-hypercube"
-runs = 100
-replicates = 1
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 50
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "training"
-check = "monte_carlo"
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    designs={
+        "training": {"kind": "latin-hypercube", "runs": 100, "replicates": 1},
+        "monte_carlo": {"kind": "monte-carlo", "runs": 50},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "training", "check": "monte_carlo"}},
+)
 LAW = uqpen.parse_study(STUDY).joint
 
 

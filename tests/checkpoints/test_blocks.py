@@ -4,6 +4,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
@@ -19,21 +20,18 @@ import numpy as np
 def simulate(x, y):
     return {"z": np.where(x > 2.2, np.nan, x * y)}
 """
-STUDY = """\
-title = "Blocks"
-seed = 11
-[model]
-python = "model.py:simulate"
-vectorized = true
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 4_500
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "vectorized": True,
+        "inputs": {"x": "1", "y": "m"},
+        "outputs": {"z": "m"},
+    },
+    title="Blocks",
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 4_500}},
+)
 
 
 @pytest.fixture

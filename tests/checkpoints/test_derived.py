@@ -2,6 +2,7 @@
 
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 
@@ -18,20 +19,16 @@ def simulate(x):
         raise KeyboardInterrupt
     return {"curve": [x, 2 * x, 0.0]}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "1", along = { time = { unit = "s", values = [0, 1, 4] } } }
-[inputs]
-x = { uniform = { lower = "0", upper = "1" } }
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {"curve": {"unit": "1", "along": {"time": {"unit": "s", "values": [0, 1, 4]}}}},
+    },
+    seed=11,
+    inputs={"x": ("0", "1")},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 PEAK = '[outputs.peak]\nof = "curve"\ntake = "max"\n'
 CROSSING = '[outputs.crossing]\nof = "curve"\ntake = "first_above"\nthreshold = 1\n'
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
@@ -23,21 +24,23 @@ def simulate(x):
     curve = [x, x + 1, float("nan") if x > 1 else x + 2]
     return {"curve": curve, "sheet": [[x, 0], [1, float("inf") if x < -1 else 2]]}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "s", values = [0, 1, 4] } }, may_end = true }
-sheet = { unit = "1", along = { a = { values = [1, 2] }, b = { values = [3, 4] } } }
-[inputs]
-x = "0 ± 1"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "s", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "sheet": {"unit": "1", "along": {"a": {"values": [1, 2]}, "b": {"values": [3, 4]}}},
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 
 
 @pytest.fixture(autouse=True)

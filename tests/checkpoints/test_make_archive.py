@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.folder import lock_archive
@@ -45,20 +46,13 @@ def simulate(x, y):
         raise ValueError("x is too large")
     return {"z": x * y}
 """
-STUDY = """\
-title = "Interrupted"
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    title="Interrupted",
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 OTHER = """\
 [designs.other]
 kind = "latin-hypercube"

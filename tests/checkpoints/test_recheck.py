@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -39,19 +40,12 @@ def simulate(x, y):
         raise ZeroDivisionError(f"another cause at {x}")
     return {"z": x * y * hidden + (random.random() if hidden == 5 else 0)}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 ASKED = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 EQUAL = "model.py is the same; 30 of 30 runs made again are equal"
@@ -556,18 +550,12 @@ for pair, state in json.loads(sys.argv[3]).items():
     reported[pair] = texts
 print(json.dumps(reported))
 """
-ONE_INPUT = """\
-seed = 11
-[model]
-python = "m.py:f"
-inputs = { x = "1" }
-outputs = { z = "1" }
-[inputs]
-x = "1 ± 1"
-[designs.one]
-kind = "monte-carlo"
-runs = 8
-"""
+ONE_INPUT = study_text(
+    {"python": "m.py:f", "inputs": {"x": "1"}, "outputs": {"z": "1"}},
+    seed=11,
+    inputs={"x": "1 ± 1"},
+    designs={"one": {"kind": "monte-carlo", "runs": 8}},
+)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -30,19 +31,12 @@ def simulate(x, y):
         stream.write(f"{getattr(x, 'size', 1)}\\n")
     return {"z": 1 / (x > -1) * x * y}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import netCDF4
 import pytest
+from study_text import study_text
 
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import open_archive
@@ -22,25 +23,16 @@ pytestmark = pytest.mark.slow
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
-SMALL = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-hold = [0.95]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+SMALL = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5], "hold": [0.95]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 
 
 @pytest.fixture
@@ -359,20 +351,11 @@ def f(x):
     time.sleep(0.02)
     return {"y": x}
 """
-SLOW_STUDY = """\
-seed = 1
-[model]
-python = "slow.py:f"
-[model.inputs]
-x = "1"
-[model.outputs]
-y = "1"
-[inputs]
-x = "0 ± 1"
-[designs.slow]
-kind = "monte-carlo"
-runs = 100_000
-"""
+SLOW_STUDY = study_text(
+    {"python": "slow.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"slow": {"kind": "monte-carlo", "runs": 100_000}},
+)
 
 
 class TestProcess:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.plan import plan
@@ -19,28 +20,21 @@ from uqpen.study.load import pilot_study
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.first]
-kind = "latin-hypercube"
-runs = 100
-[designs.draws]
-kind = "monte-carlo"
-until = { y = { mean = "2 %", exceeds = { 5 = 0.01 } } }
-at_most = 20_000
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "first": {"kind": "latin-hypercube", "runs": 100},
+        "draws": {
+            "kind": "monte-carlo",
+            "until": {"y": {"mean": "2 %", "exceeds": {"5": 0.01}}},
+            "at_most": 20_000,
+        },
+    },
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
 
 
 def _plan(folder, *arguments, study=STUDY):

@@ -6,6 +6,7 @@ import sys
 import click
 import pytest
 from click.testing import CliRunner
+from study_text import study_text
 
 from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.messages import SPELLED_OUT
@@ -14,18 +15,11 @@ from uqpen.cli.progress import show_progress
 from uqpen.cli.screen import show_tables
 from uqpen.results.table import OutputTable
 
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={"some": {"kind": "monte-carlo", "runs": 20}},
+)
 
 
 @pytest.mark.parametrize("name", ["schema_1", "schema_1_several"])

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.io import netcdf_file
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -498,24 +499,15 @@ def test_a_variable_is_found_in_its_group(tmp_path):
             read_variable(content, name)
 
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.mc]
-kind = "monte-carlo"
-runs = 20
-[designs.given]
-kind = "table"
-file = "points.nc"
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 20},
+        "given": {"kind": "table", "file": "points.nc"},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc"}},
+)
 
 
 @pytest.mark.slow

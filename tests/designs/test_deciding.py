@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, unpack
@@ -33,19 +34,13 @@ from uqpen.statistics.stopped_runs import anytime_interval, decision_attributes,
 from uqpen.testing import check_design
 from uqpen.verification.verify import verify
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[designs.one]
-kind = "monte-carlo"
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    designs={"one": {"kind": "monte-carlo"}},
+)
 # The probability is about 0.35.
 HELD = 'accept = "P(y > 5) < 0.5"\nat_most = 5_000\n'
 NEVER = 'accept = "P(y > 5) < 0.35"\nat_most = 300\n'

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import StudyError
@@ -16,18 +17,11 @@ from uqpen.testing import check_design, check_stopping_rule, example_joint_distr
 from uqpen.verification.verify import verify
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "design.md").read_text(encoding="utf-8")
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 0
-[designs.one]
-kind = "my_stopping.py:Growing"
-at_most = 20_000
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 0},
+    designs={"one": {"kind": "my_stopping.py:Growing", "at_most": 20_000}},
+)
 
 
 def block(start, language="python"):

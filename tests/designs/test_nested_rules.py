@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import SettingsError, StudyError
@@ -222,17 +223,11 @@ def test_a_grid_over_many_inputs_is_refused_before_it_is_made():
     assert "20 random inputs" in problem.found
 
 
-TEXT = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { uniform = { lower = -1, upper = 1 } }
-x3 = { normal = { mean = 0, std = 1 } }
-[designs.mine]
-kind = "quadrature"
-"""
+TEXT = study_text(
+    "ishigami",
+    inputs={"x1": (-1, 1), "x2": (-1, 1), "x3": {"normal": {"mean": 0, "std": 1}}},
+    designs={"mine": {"kind": "quadrature"}},
+)
 
 
 @pytest.mark.parametrize(

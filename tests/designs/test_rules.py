@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.errors import SettingsError, StudyError
@@ -252,16 +253,9 @@ def test_a_variance_below_zero_is_none():
 
 
 class TestMistakes:
-    TEXT = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { uniform = { lower = -1, upper = 1 } }
-x3 = { uniform = { lower = -1, upper = 1 } }
-[designs.mine]
-"""
+    TEXT = study_text(
+        "ishigami", inputs={"x1": (-1, 1), "x2": (-1, 1), "x3": (-1, 1)}, designs={"mine": {}}
+    )
 
     @pytest.mark.parametrize(
         ("keys", "complaint"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics
@@ -35,22 +36,14 @@ from uqpen.testing import check_design, check_stopping_rule, example_joint_distr
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[outputs.y]
-exceeds = [5]
-below = [0]
-[designs.one]
-kind = "monte-carlo"
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    outputs={"y": {"exceeds": [5], "below": [0]}},
+    designs={"one": {"kind": "monte-carlo"}},
+)
 MARK = "not certified"
 UNTIL = 'until = { y = { mean = "4 %", exceeds = { 5 = "4 %" } } }\nat_most = 20_000\n'
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics
@@ -27,23 +28,20 @@ PAIRS = {
 }
 kinds = pytest.mark.parametrize("kind", PAIRS)
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[outputs.y]
-exceeds = [5]
-[designs.one]
-kind = "sobol-sequence"
-until = { y = { mean = 0.08, exceeds = { 5 = "2 %" } } }
-at_most = 20_000
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "one": {
+            "kind": "sobol-sequence",
+            "until": {"y": {"mean": 0.08, "exceeds": {"5": "2 %"}}},
+            "at_most": 20_000,
+        }
+    },
+)
 
 
 def fails_at_times(length, share):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import chaospy
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.streams import Stream
@@ -113,25 +114,17 @@ def write(folder, text="a [mm],b,note\n5000,1,x\n6000,2,y\n7000,4,z\n"):
     (folder / "posterior.csv").write_text(text)
 
 
-TOML = """
-seed = 1
-[model]
-python = "m.py:f"
-vectorized = true
-[model.inputs]
-a = "m"
-b = "1"
-c = "1"
-[model.outputs]
-y = "1"
-[inputs]
-c = { uniform = { lower = 1, upper = 2 } }
-[joint.posterior]
-sample = "posterior.csv"
-[designs.mc]
-kind = "monte-carlo"
-runs = 50
-"""
+TOML = study_text(
+    {
+        "python": "m.py:f",
+        "vectorized": True,
+        "inputs": {"a": "m", "b": "1", "c": "1"},
+        "outputs": {"y": "1"},
+    },
+    inputs={"c": (1, 2)},
+    joint={"posterior": {"sample": "posterior.csv"}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
 def from_text(folder, text=TOML):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.write import write
@@ -43,44 +44,28 @@ def simulate(x, kind):
         os.kill(os.getpid(), 9)
     return {"y": x**2}
 """
-STUDY = """\
-seed = 5
-[model]
-python = "model.py:simulate"
-time_limit = "4 s"
-inputs = { x = "1", kind = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-kind = { uniform = { lower = 0, upper = 5 } }
-[designs.some]
-kind = "table"
-file = "points.csv"
-"""
-BUILT_IN = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = "1 ± 1"
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 2500
-"""
-SLOW = """\
-seed = 5
-[model]
-python = "slow.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 60
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "time_limit": "4 s",
+        "inputs": {"x": "1", "kind": "1"},
+        "outputs": {"y": "m"},
+    },
+    seed=5,
+    inputs={"x": "0 ± 1", "kind": (0, 5)},
+    designs={"some": {"kind": "table", "file": "points.csv"}},
+)
+BUILT_IN = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": "1 ± 1"},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 2_500}},
+)
+SLOW = study_text(
+    {"python": "slow.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=5,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 60}},
+)
 
 # It tells how many runs have begun, and takes its time while somebody waits for that.
 COUNTED = """\

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import StudyError, TooManyFailedError
@@ -29,18 +30,12 @@ def simulate(x):
         raise ValueError("too small")
     return {"y": x}
 """
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 50
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
 @pytest.fixture

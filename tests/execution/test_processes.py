@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.write import write
@@ -27,20 +28,12 @@ from uqpen.models.python_function import PythonFunction
 
 pytestmark = pytest.mark.slow
 
-BUILT_IN = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = "1 ± 1"
-[constraints]
-keep = ["x1 > x2 - 3"]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 2500
-"""
+BUILT_IN = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": "1 ± 1"},
+    constraints={"keep": ["x1 > x2 - 3"]},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 2_500}},
+)
 
 # What it needs is imported where it is needed, so that only a run can tell.
 FUNCTION = """\

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import distributed
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import ClusterError
@@ -58,18 +59,12 @@ def simulate(x):
         time.sleep(0.2)
     return {"y": x**3}
 """
-STUDY = """\
-seed = 5
-[model]
-python = "slow.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {"python": "slow.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=5,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.dependency import Dependency
@@ -43,18 +44,11 @@ out = {}
 subprocess.run(["cp", folder / "in.txt", out], check=True)
 out.read_text()
 """
-STUDY = """\
-seed = 1
-[model]
-python = "m.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = "0 ± 1"
-[designs.d]
-kind = "monte-carlo"
-runs = 24
-"""
+STUDY = study_text(
+    {"python": "m.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"d": {"kind": "monte-carlo", "runs": 24}},
+)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import textwrap
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.execution.processes import processes
@@ -18,18 +19,12 @@ import math
 def root(x):
     return math.sqrt(-1 - x)
 """
-STUDY = """\
-seed = 3
-[model]
-python = "beam.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-[designs.some]
-kind = "monte-carlo"
-runs = 5
-"""
+STUDY = study_text(
+    {"python": "beam.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": (0, 1)},
+    designs={"some": {"kind": "monte-carlo", "runs": 5}},
+)
 ROOT = "ValueError: math domain error (helper.py, line 4: return math.sqrt(-1 - x))"
 
 

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.files import archived_files
@@ -18,18 +19,11 @@ from uqpen.models.surroundings import ModelFolder
 
 FOLDER = Path(sources.__file__).parent
 
-STUDY = """
-seed = 1
-[model]
-python = "own.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {"python": "own.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 class TestBuiltIn:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import ModelError, TrajectoryError
@@ -183,16 +184,11 @@ def test_a_trajectory_is_a_dataset():
 
 def test_without_trust_the_fields_of_an_archive_are_data(tmp_path):
     (tmp_path / "bar.py").write_text(Path(__file__).read_text(encoding="utf-8"))
-    text = """\
-seed = 1
-[model]
-use = "bar.py:Bar"
-[inputs]
-x = { uniform = { lower = "0 m", upper = "2 m" } }
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-"""
+    text = study_text(
+        "bar.py:Bar",
+        inputs={"x": ("0 m", "2 m")},
+        designs={"some": {"kind": "monte-carlo", "runs": 20}},
+    )
     uqpen.write(uqpen.run(uqpen.parse_study(text, folder=tmp_path)), tmp_path / "a.nc")
     checks = {check.name: check for check in uqpen.verify(tmp_path / "a.nc")}
     assert "they execute code" in checks["runs"].text

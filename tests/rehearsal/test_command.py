@@ -6,25 +6,18 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from study_text import study_text
 
 from uqpen.cli.study import study
 from uqpen.rehearsal import rehearse
 
-STUDY = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 100}},
+)
 SURROGATE = """\
 [surrogates.chaos]
 kind = "polynomial-chaos"

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
@@ -21,31 +22,21 @@ from uqpen.study.load import parse_study
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-title = "Two </script><b>methods</b>"
-seed = 1
-[model]
-python = "model.py:f"
-vectorized = true
-[model.inputs]
-a = "1"
-b = "1"
-[model.outputs]
-y = "m"
-z = "1"
-[inputs]
-a = { uniform = { lower = -3, upper = 3 } }
-b = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-unit = "cm"
-exceeds = ["300 cm"]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:f",
+        "vectorized": True,
+        "inputs": {"a": "1", "b": "1"},
+        "outputs": {"y": "m", "z": "1"},
+    },
+    title="Two </script><b>methods</b>",
+    inputs={"a": (-3, 3), "b": (-3, 3)},
+    outputs={"y": {"unit": "cm", "exceeds": ["300 cm"]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 TERMS = BenchmarkSettings(budgets=(16, 64), repeats=10, reference=512)
 
 

@@ -3,24 +3,18 @@
 import os
 
 import pytest
+from study_text import study_text
 
 import uqpen
 
 pytestmark = pytest.mark.slow
 
-STUDY = """
-title = "Sum of two"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = 1.0
-x2 = { uniform = { lower = 0, upper = 1 } }
-x3 = { uniform = { lower = 0, upper = 1 } }
-[designs.some]
-kind = "monte-carlo"
-runs = 50
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Sum of two",
+    inputs={"x1": 1.0, "x2": (0, 1), "x3": (0, 1)},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
 @pytest.fixture

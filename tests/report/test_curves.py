@@ -10,6 +10,7 @@ import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
 from hashed_trees import with_hashes
 from matplotlib.image import imread
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
@@ -29,31 +30,33 @@ def simulate(x, z):
     ending = np.where(days < 20 + 12 * x, curve, np.nan)
     return {"curve": curve, "ending": ending, "third": curve, "x_again": x}
 """
-STUDY = """\
-title = "Curves"
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "m"
-z = "m"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
-third = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
-x_again = "cm"
-[model.outputs.ending]
-unit = "cm"
-along = { time = { unit = "day", from = 0, to = 40, size = 41 } }
-may_end = true
-[inputs]
-x = { uniform = { lower = "0 m", upper = "1 m" } }
-z = { uniform = { lower = "0 m", upper = "1 m" } }
-[outputs.curve]
-exceeds = ["9 m"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 90
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "m", "z": "m"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+            },
+            "third": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+            },
+            "x_again": "cm",
+            "ending": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+                "may_end": True,
+            },
+        },
+    },
+    title="Curves",
+    seed=11,
+    inputs={"x": ("0 m", "1 m"), "z": ("0 m", "1 m")},
+    outputs={"curve": {"exceeds": ["9 m"]}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 90}},
+)
 
 
 @pytest.fixture(scope="module")
@@ -213,25 +216,25 @@ def test_of_many_places_some_are_shown(moving):
     assert len(report_page(tree).encode()) < 2_000_000
 
 
-SHEET = """\
-title = "Sheet"
-seed = 1
-[model]
-python = "sheet.py:simulate"
-[model.inputs]
-x = "m"
-[model.outputs.sheet]
-unit = "cm"
-[model.outputs.sheet.along]
-layer = { values = [1, 2] }
-depth = { unit = "cm", values = [0, 1] }
-time = { unit = "s", values = [0, 1, 3] }
-[inputs]
-x = "(1 ± 0.1) m"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+SHEET = study_text(
+    {
+        "python": "sheet.py:simulate",
+        "inputs": {"x": "m"},
+        "outputs": {
+            "sheet": {
+                "unit": "cm",
+                "along": {
+                    "layer": {"values": [1, 2]},
+                    "depth": {"unit": "cm", "values": [0, 1]},
+                    "time": {"unit": "s", "values": [0, 1, 3]},
+                },
+            }
+        },
+    },
+    title="Sheet",
+    inputs={"x": "(1 ± 0.1) m"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 
 
 def test_a_field_of_more_dimensions_has_maps(tmp_path):

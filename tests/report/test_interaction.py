@@ -10,36 +10,29 @@ import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from hashed_trees import with_hashes
+from study_text import study_text
 
 import uqpen
 
 pytestmark = pytest.mark.slow
 
-STUDY = """
-title = "Two outputs"
-seed = 1
-[model]
-python = "two.py:two"
-vectorized = true
-[model.inputs]
-a = "m"
-b = "m"
-[model.outputs]
-y = "m"
-z = "kg m-3"
-[inputs]
-a = { uniform = { lower = "0 m", upper = "1 m" } }
-b = { uniform = { lower = "0 m", upper = "1 m" } }
-[dependence]
-copula = "gaussian"
-of = "ranks"
-pairs = [{ inputs = ["a", "b"], correlation = 0.8 }]
-[outputs.y]
-exceeds = ["0.5 m"]
-[designs.some]
-kind = "monte-carlo"
-runs = 120
-"""
+STUDY = study_text(
+    {
+        "python": "two.py:two",
+        "vectorized": True,
+        "inputs": {"a": "m", "b": "m"},
+        "outputs": {"y": "m", "z": "kg m-3"},
+    },
+    title="Two outputs",
+    inputs={"a": ("0 m", "1 m"), "b": ("0 m", "1 m")},
+    dependence={
+        "copula": "gaussian",
+        "of": "ranks",
+        "pairs": [{"inputs": ["a", "b"], "correlation": 0.8}],
+    },
+    outputs={"y": {"exceeds": ["0.5 m"]}},
+    designs={"some": {"kind": "monte-carlo", "runs": 120}},
+)
 MODEL = """
 import numpy as np
 def two(a, b):

@@ -1,6 +1,7 @@
 """Statistics of a design's runs as a whole are shown by the declaration of their group alone."""
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, Group
@@ -10,22 +11,14 @@ from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 
-STUDY = """
-seed = 1
-[model]
-python = "model.py:simulate"
-inputs = { a = "m", b = "1" }
-outputs = { y = "m" }
-[inputs]
-a = { uniform = { lower = "0 m", upper = "10 m" } }
-b = { uniform = { lower = 0, upper = 1 } }
-[designs.one]
-kind = "monte-carlo"
-runs = 40
-[designs.other]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"a": "m", "b": "1"}, "outputs": {"y": "m"}},
+    inputs={"a": ("0 m", "10 m"), "b": (0, 1)},
+    designs={
+        "one": {"kind": "monte-carlo", "runs": 40},
+        "other": {"kind": "monte-carlo", "runs": 30},
+    },
+)
 MODEL = """
 def simulate(a, b):
     if a > 8:

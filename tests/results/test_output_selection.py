@@ -5,6 +5,7 @@ import re
 
 import pytest
 from click.testing import CliRunner
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.show import show
@@ -18,25 +19,25 @@ MODEL = """\
 def simulate(x):
     return {"curve": [x, 2 * x, float("nan") if x > 0 else 3 * x], "copy": 2 * x, "infected": x}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", values = [0, 1, 4] } }, may_end = true }
-copy = "cm"
-infected = "1"
-[inputs]
-x = "0 ± 1"
-[outputs]
-curve = { exceeds = ["1 cm"] }
-copy = { exceeds = ["1 cm"] }
-[designs.copy]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "copy": "cm",
+            "infected": "1",
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    outputs={"curve": {"exceeds": ["1 cm"]}, "copy": {"exceeds": ["1 cm"]}},
+    designs={"copy": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, interval_text
@@ -28,26 +29,17 @@ KIND = QuantityOfInterest(
     Output("kind", "1", "", "", (Category("a", "A"), Category("b", "B"))), "1"
 )
 
-STUDY = """
-seed = 4
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [8]
-[designs.independent]
-kind = "monte-carlo"
-runs = 330
-[designs.replicated]
-kind = "latin-hypercube"
-runs = 300
-[designs.blocks]
-kind = "saltelli"
-base = 64
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=4,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [8]}},
+    designs={
+        "independent": {"kind": "monte-carlo", "runs": 330},
+        "replicated": {"kind": "latin-hypercube", "runs": 300},
+        "blocks": {"kind": "saltelli", "base": 64},
+    },
+)
 
 
 def runs_of(sampling, count, replicate=None):

@@ -4,6 +4,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
@@ -16,40 +17,21 @@ from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 pytestmark = pytest.mark.processor
 
-STUDY = """
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.5"]
-[outputs.y]
-exceeds = [5]
-hold = [0.9]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 600
-[designs.sobol]
-kind = "sobol-sequence"
-runs = 512
-replicates = 8
-[designs.one_hypercube]
-kind = "latin-hypercube"
-runs = 300
-replicates = 1
-[designs.pick_freeze]
-kind = "saltelli"
-base = 32
-[designs.morris]
-kind = "morris"
-trajectories = 12
-[designs.quadrature]
-kind = "quadrature"
-order = 5
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.5"]},
+    outputs={"y": {"exceeds": [5], "hold": [0.9]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 600},
+        "sobol": {"kind": "sobol-sequence", "runs": 512, "replicates": 8},
+        "one_hypercube": {"kind": "latin-hypercube", "runs": 300, "replicates": 1},
+        "pick_freeze": {"kind": "saltelli", "base": 32},
+        "morris": {"kind": "morris", "trajectories": 12},
+        "quadrature": {"kind": "quadrature", "order": 5},
+    },
+)
 DESIGNS = ["monte_carlo", "sobol", "one_hypercube", "pick_freeze", "morris", "quadrature"]
 
 

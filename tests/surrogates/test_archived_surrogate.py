@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.surrogates.fitted_surrogate import Prediction
@@ -145,25 +146,12 @@ def test_a_class_from_outside_is_given_and_never_loaded(archive):
         archive.surrogate("gp")
 
 
-SEVERAL = """
-seed = 1
-[models.one]
-use = "ishigami"
-[models.two]
-use = "ishigami"
-with = { x3 = 2 }
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "some"
-order = 1
-"""
+SEVERAL = study_text(
+    models={"one": {"use": "ishigami"}, "two": {"use": "ishigami", "with": {"x3": 2}}},
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={"some": {"kind": "monte-carlo", "runs": 20}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "some", "order": 1}},
+)
 
 
 def test_of_several_models_each_has_its_own():

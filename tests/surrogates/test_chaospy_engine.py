@@ -5,6 +5,7 @@ import sys
 import chaospy
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import StudyError
@@ -136,25 +137,20 @@ def test_it_is_restored_without_chaospy(without_chaospy):
     np.testing.assert_array_equal(again.predict(inputs)["y"].mean, expected)
 
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { normal = { mean = 0, std = 0.3 } }
-x3 = 0.5
-[designs.training]
-kind = "latin-hypercube"
-runs = 40
-replicates = 1
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "training"
-method = "least-squares"
-engine = "chaospy"
-order = 3
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-1, 1), "x2": {"normal": {"mean": 0, "std": 0.3}}, "x3": 0.5},
+    designs={"training": {"kind": "latin-hypercube", "runs": 40, "replicates": 1}},
+    surrogates={
+        "pce": {
+            "kind": "polynomial-chaos",
+            "design": "training",
+            "method": "least-squares",
+            "engine": "chaospy",
+            "order": 3,
+        }
+    },
+)
 
 
 def test_a_study_names_it_and_its_archive_is_verified(tmp_path):

@@ -14,6 +14,7 @@ import xarray as xr
 from campbell import CURVE, JOINT, exact
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.core.labels import BOUND, INTERVAL_LABEL, NOTE
@@ -336,28 +337,21 @@ def test_indices_by_draws_agree_with_the_exact_ones():
     np.testing.assert_allclose(estimates["generalized_total_order"], expected, atol=5e-3)
 
 
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "m"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "min", values = [0, 1, 4] } } }
-y = "mm"
-[inputs]
-x = "(2 ± 1) cm"
-[outputs.curve]
-exceeds = ["2 cm"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-order = 1
-components = 1
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "m"},
+        "outputs": {
+            "curve": {"unit": "cm", "along": {"time": {"unit": "min", "values": [0, 1, 4]}}},
+            "y": "mm",
+        },
+    },
+    seed=11,
+    inputs={"x": "(2 ± 1) cm"},
+    outputs={"curve": {"exceeds": ["2 cm"]}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc", "order": 1, "components": 1}},
+)
 MODEL = """\
 def simulate(x):
     return {"curve": [100 * x, 200 * x, 300 * x], "y": 1000 * x}

@@ -7,6 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen as package
 from uqpen.archive.netcdf import write_tree
@@ -52,20 +53,11 @@ use = "ishigami"
 with = {{ x3 = 0.5 }}
 {INPUTS}
 """
-OWN = """\
-seed = 1
-[model]
-python = "own.py:f"
-[model.inputs]
-x = "1"
-[model.outputs]
-y = "cm"
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 60
-"""
+OWN = study_text(
+    {"python": "own.py:f", "inputs": {"x": "1"}, "outputs": {"y": "cm"}},
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 60}},
+)
 # Leaves a trace wherever it is executed.
 SOURCE = """\
 import pathlib

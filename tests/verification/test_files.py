@@ -7,30 +7,20 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen as package
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-seed = 1
-[model]
-python = "models/own.py:f"
-[model.inputs]
-x = "1"
-z = "1"
-[model.outputs]
-y = "cm"
-[inputs]
-x = { measured = { file = "../measured.csv" } }
-z = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 30
-[designs.given]
-kind = "table"
-file = "points.csv"
-"""
+STUDY = study_text(
+    {"python": "models/own.py:f", "inputs": {"x": "1", "z": "1"}, "outputs": {"y": "cm"}},
+    inputs={"x": {"measured": {"file": "../measured.csv"}}, "z": 1},
+    designs={
+        "some": {"kind": "monte-carlo", "runs": 30},
+        "given": {"kind": "table", "file": "points.csv"},
+    },
+)
 # Leaves a trace wherever it is executed, and imports what only a run can tell.
 OWN = """\
 import pathlib

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -35,22 +36,15 @@ PAIRS = [
 
 # The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
 # rounding.
-RUNS = """\
-title = "Small"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { lognormal = { mean = 1, std = 0.3 } }
-x3 = "0 ± 1"
-[designs.sample]
-kind = "monte-carlo"
-runs = 60
-[designs.rule]
-kind = "quadrature"
-order = 3
-"""
+RUNS = study_text(
+    "ishigami",
+    title="Small",
+    inputs={"x1": (-3, 3), "x2": {"lognormal": {"mean": 1, "std": 0.3}}, "x3": "0 ± 1"},
+    designs={
+        "sample": {"kind": "monte-carlo", "runs": 60},
+        "rule": {"kind": "quadrature", "order": 3},
+    },
+)
 # Most of the time that it takes to verify an archive: one whose runs are changed has none.
 STUDY = f"""\
 {RUNS}

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.catalogue import INTERVAL_RECIPE
@@ -13,19 +14,11 @@ from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.unrepeated import leave_out
 from uqpen.verification.verify import verify
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[designs.hypercubes]
-kind = "latin-hypercube"
-runs = 40
-replicates = 4
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    designs={"hypercubes": {"kind": "latin-hypercube", "runs": 40, "replicates": 4}},
+)
 GROUP = "statistics/hypercubes/y"
 OF_STATISTICS_ALONE = f"""\
 {STUDY}keep = "statistics"
