@@ -35,8 +35,8 @@ from scipy.stats import qmc
 from skewed_coverage import Design
 
 from uqpen.core.model import Dimension, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.models.rod_trajectories import WalkerAndersonTrajectory

@@ -34,9 +34,9 @@ from scipy.stats import qmc
 from skewed_coverage import Design
 
 from uqpen.core.model import Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator

@@ -28,9 +28,9 @@ from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
 
 from uqpen.core.model import Results
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.execution import Evaluator
 from uqpen.statistics.surrogate.corrected_indices import (
     InputParts,

@@ -19,8 +19,8 @@ import xarray as xr
 from coverage_table import FEW_RUNS
 from result_files import add_table_options, read_rows, result_file
 
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence

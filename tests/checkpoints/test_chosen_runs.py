@@ -8,7 +8,7 @@ from uqpen.checkpoints.sources import RunSource
 from uqpen.checkpoints.stored_runs import FinishedRuns
 from uqpen.core.model import Results
 from uqpen.core.status import Status
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 RUNS, SEEDS = 4000, 200
 

@@ -3,7 +3,7 @@
 import pytest
 
 import uqpen
-from uqpen.checkpoints.replaced import runs_not_kept
+from uqpen.checkpoints.make_archive import runs_not_kept
 from uqpen.execution import Progress
 
 HEAD = """\

@@ -15,7 +15,6 @@ from uqpen.designs.one_at_a_time import Morris
 from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -23,6 +22,7 @@ from uqpen.distributions.univariate import (
     Lognormal,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

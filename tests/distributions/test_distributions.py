@@ -10,7 +10,6 @@ from scipy import stats
 
 from uqpen.core.errors import SettingsError
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -19,6 +18,7 @@ from uqpen.distributions.univariate import (
     LogUniform,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

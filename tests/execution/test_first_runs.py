@@ -17,7 +17,7 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.processes import processes
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 STUDY = study_text(
     {"python": "model.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},

@@ -9,7 +9,6 @@ import pytest
 from uqpen.core.lookup import resolve
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.measurements import Empirical
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Discrete,
@@ -19,6 +18,7 @@ from uqpen.distributions.univariate import (
     LogUniform,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

@@ -67,7 +67,7 @@ def _paragraphs(model: type[Model]) -> list[str]:
 
 def _show_model(model: Model) -> None:
     from uqpen.cli.console import show_plain_tables, standard_output
-    from uqpen.core.setting_fields import declared_settings
+    from uqpen.core.settings import declared_settings
 
     console = standard_output()
     console.print(model.name, style="bold")

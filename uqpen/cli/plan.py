@@ -61,7 +61,7 @@ def plan(
     from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_step
     from uqpen.cli.study import make_and_show
-    from uqpen.core.progress_record import ProgressRecord
+    from uqpen.core.progress import ProgressRecord
     from uqpen.designs.design import RUNS
 
     here = Path.cwd()

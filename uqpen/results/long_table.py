@@ -23,11 +23,12 @@ from uqpen.core.labels import (
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
+    LOWER_THRESHOLD,
     NOTE,
     RUNS,
     SURROGATE_ESTIMATE,
+    THRESHOLD,
 )
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.stopping_texts import StatedDecision

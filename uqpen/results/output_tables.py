@@ -20,13 +20,14 @@ from uqpen.core.labels import (
     MISSING,
     MODELS,
     OF_EXCEEDANCE,
+    PROBABILITY,
     RUNS,
     RUNS_ABSENT,
     RUNS_SPENT,
     SURROGATES,
+    THRESHOLD,
 )
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import PROBABILITY, THRESHOLD
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts

@@ -22,9 +22,9 @@ from uqpen.core.labels import (
     PAIR,
     ROLE,
     RUNS,
+    THRESHOLD,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
-from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL

@@ -20,7 +20,6 @@ from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import CATALOGUE, REQUESTED
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
@@ -38,6 +37,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension
+from uqpen.core.variables import field_coordinates
 from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.fields.field_sample import FieldSample

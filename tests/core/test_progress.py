@@ -2,7 +2,7 @@
 
 import pytest
 
-from uqpen.core.progress_record import ProgressRecord
+from uqpen.core.progress import ProgressRecord
 
 
 class Clock:
