@@ -33,8 +33,7 @@ def derivatives(distribution, limit):
     assert scores is not None
     below, above = special.ndtr(NODES), special.ndtr(-NODES)
     values = np.where(NODES < 0, distribution.ppf(below), distribution.isf(above))
-    found = (scores(values) * (values > limit) * SHARES).sum(axis=1)
-    return found
+    return (scores(values) * (values > limit) * SHARES).sum(axis=1)
 
 
 @pytest.mark.parametrize("family", [Normal, Lognormal, Gamma, Gumbel])
