@@ -26,7 +26,7 @@ from uqpen.execution import Evaluator
 from uqpen.execution.batch import Batch
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 WORKERS, RUNS = 100, 1e10
 # Three inputs, an output and the status of a run of the Ishigami function; those of a rod.

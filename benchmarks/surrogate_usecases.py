@@ -26,8 +26,7 @@ from seed_table import Case, Row, SeedTable, lines, totals
 from usecase_coverage import INFINITE_VARIANCE, QUANTILES, Truth, UseCase, true_values, use_cases
 
 import uqpen
-from uqpen.core.labels import BOUND, INPUT, NOTE, SURROGATE_ESTIMATE
-from uqpen.core.statistic_dimensions import PROBABILITY
+from uqpen.core.labels import BOUND, INPUT, NOTE, PROBABILITY, SURROGATE_ESTIMATE
 
 FloatArray = npt.NDArray[np.float64]
 

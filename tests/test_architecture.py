@@ -15,10 +15,10 @@ import pytest
 
 import uqpen
 from uqpen.cli.main import COMMANDS
-from uqpen.core.derived import Reduction
 from uqpen.core.errors import UqpenError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
+from uqpen.core.variables import Reduction
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.rare_events import RARE_EVENT_METHODS

@@ -45,18 +45,18 @@ if TYPE_CHECKING:
     from uqpen.distributions.copulas import GaussianCopula as GaussianCopula
     from uqpen.distributions.copulas import StudentCopula as StudentCopula
     from uqpen.distributions.frozen import FrozenDistribution as FrozenDistribution
-    from uqpen.distributions.truncated import Truncated as Truncated
     from uqpen.distributions.univariate import *  # noqa: F403
     from uqpen.distributions.univariate import Discrete as Discrete
+    from uqpen.distributions.univariate import Truncated as Truncated
     from uqpen.execution.failures import FailurePolicy as FailurePolicy
     from uqpen.figures.page import figure as figure
     from uqpen.library import make_archive as make_archive
     from uqpen.library import run as run
     from uqpen.library import verify as verify
     from uqpen.models.alekseevskii_tate import AlekseevskiiTate as AlekseevskiiTate
-    from uqpen.models.campbell import Campbell as Campbell
     from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
-    from uqpen.models.ishigami import Ishigami as Ishigami
+    from uqpen.models.known_functions import Campbell as Campbell
+    from uqpen.models.known_functions import Ishigami as Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
     from uqpen.models.rod_trajectories import (
         RigidPenetrationTrajectory as RigidPenetrationTrajectory,
@@ -85,6 +85,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
+# A distribution that a study file has no name for: it is limits beside another.
+_TRUNCATED = {"truncated": "uqpen.distributions.univariate:Truncated"}
+
 # Imported when they are asked for, so that the command line starts at once.
 _HOMES: dict[str, Sequence[str]] = {
     "uqpen.archive.write": ("write",),
@@ -92,7 +95,6 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.core.errors": ("ArchiveError", "StudyError", "UqpenError"),
     "uqpen.designs.stopping.precision": ("Precision",),
     "uqpen.distributions.frozen": ("FrozenDistribution",),
-    "uqpen.distributions.truncated": ("Truncated",),
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
@@ -101,7 +103,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
-    **member_homes(DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES),
+    **member_homes(DESIGNS, DISTRIBUTIONS, _TRUNCATED, COPULAS, MODELS, SURROGATES),
 }
 _NAMES = sorted(name for names in _HOMES.values() for name in names)
 

@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
-from uqpen.core.progress import Progress
-from uqpen.core.progress_record import ProgressRecord
-from uqpen.results.progress_texts import runs_text, step_text
+from uqpen.core.progress import Progress, ProgressRecord
+from uqpen.results.texts import runs_text, step_text
 
 __all__ = ["NotebookProgress", "notebook_progress"]
 

@@ -18,8 +18,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import ArchiveError
 from uqpen.report.page import report_page
-from uqpen.results.benchmark_tables import benchmark_json
-from uqpen.results.method_comparison import MethodComparison
+from uqpen.results.method_comparison import MethodComparison, benchmark_json
 
 FOLDER = Path(__file__).parents[1] / "data" / "comparisons"
 

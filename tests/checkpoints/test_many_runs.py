@@ -26,7 +26,7 @@ from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.results.export import table_content
-from uqpen.results.runs_table import run_table_parts, runs_table
+from uqpen.results.long_table import run_table_parts, runs_table
 from uqpen.study.identity import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
 from uqpen.verification.diff import diff_runs

@@ -13,9 +13,8 @@ from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
 from uqpen.models import MODELS
 from uqpen.models.alekseevskii_tate import AlekseevskiiTate
-from uqpen.models.campbell import Campbell
 from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Campbell, Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
 from uqpen.models.walker_anderson import WalkerAnderson

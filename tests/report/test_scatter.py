@@ -14,7 +14,7 @@ from uqpen.report.blocks import Fold
 from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.input_ranking import input_order
+from uqpen.results.input_measures import input_order
 
 pytestmark = pytest.mark.slow
 

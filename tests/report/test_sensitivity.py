@@ -15,7 +15,7 @@ from uqpen.report.plotly import traces
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.input_ranking import input_ranking
+from uqpen.results.input_measures import input_ranking
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow

@@ -17,10 +17,15 @@ from uqpen.figures.page import available
 from uqpen.report.page import report_page
 from uqpen.results.archive import archive_html
 from uqpen.results.digits import estimate_text
-from uqpen.results.field_tables import curve_tables, field_lines, field_tables, place_option
+from uqpen.results.fields import (
+    curve_tables,
+    field_lines,
+    field_tables,
+    place_option,
+    select_output,
+)
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
-from uqpen.results.output_selection import select_output
 from uqpen.results.output_tables import output_tables
 
 MODEL = """\

@@ -13,8 +13,8 @@ from click.testing import CliRunner, Result
 import uqpen
 from uqpen.cli.show import show
 from uqpen.core.errors import QuantityError, UnknownNameError
+from uqpen.results.fields import select_output
 from uqpen.results.json import archive_json
-from uqpen.results.output_selection import select_output
 from uqpen.results.output_tables import output_tables
 
 # `copy` is the curve at 1 day, so that all its figures are known.

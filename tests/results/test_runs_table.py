@@ -17,7 +17,7 @@ from uqpen.core.columns import read_columns
 from uqpen.core.errors import ExportError
 from uqpen.designs import DESIGNS
 from uqpen.results.export import table_content
-from uqpen.results.runs_table import run_table_parts, runs_table
+from uqpen.results.long_table import run_table_parts, runs_table
 
 
 def file_of(table: pd.DataFrame, kind: str) -> bytes:

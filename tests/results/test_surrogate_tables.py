@@ -15,7 +15,6 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.structure import find_dataset_faults
 from uqpen.archive.write import write
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.results.estimate_json import estimate_json
 from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.surrogate_tables import (
@@ -24,6 +23,7 @@ from uqpen.results.surrogate_tables import (
     is_corrected,
     missing_run_tables,
 )
+from uqpen.results.table import estimate_json
 from uqpen.study.study import ValidatedStudy
 
 STUDY = """

@@ -28,7 +28,7 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal
 from uqpen.execution import Evaluator, evaluate
-from uqpen.models.campbell import Campbell
+from uqpen.models.known_functions import Campbell
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics

@@ -30,7 +30,7 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Gamma, Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.chaos.expansion import (

@@ -15,14 +15,13 @@ from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Dots, Rule, all_bounded, has_interval, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
+from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, RUNS_SO_FAR, STOPPING_NOTE
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
+from uqpen.results.acceptance import unseen_text
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number, percent_text
-from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
     Conversion,
     OutputTable,

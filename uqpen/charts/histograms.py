@@ -14,8 +14,7 @@ from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.distributions import scale_notes
 from uqpen.charts.marks import Bars, Dots, Rule, Shade, all_bounded, interval_notes
 from uqpen.charts.study_limits import limit_marks, output_span
-from uqpen.core.labels import INTERVAL_LEVEL, SURROGATES
-from uqpen.core.statistic_dimensions import PROBABILITY
+from uqpen.core.labels import INTERVAL_LEVEL, PROBABILITY, SURROGATES
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
 from uqpen.results.output_tables import add_shares

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.loading import loading
-from uqpen.cli.messages import ExitCode
+from uqpen.cli.messages import ExitCode, loading
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
     """
     with loading():
         from uqpen.cli.console import plain_table, standard_output
-        from uqpen.cli.printable import printable
+        from uqpen.cli.messages import printable
         from uqpen.study.load import load_study
         from uqpen.study.new_study import FILL_IN
         from uqpen.study.summary import (
@@ -74,7 +73,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         console.print(f"warning: {text}", markup=False)
     if not is_tried:
         return ExitCode.DONE
-    from uqpen.cli.trial import show_trial_runs
+    from uqpen.cli.run import show_trial_runs
 
     return show_trial_runs(study)
 

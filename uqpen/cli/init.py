@@ -35,7 +35,7 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
 
     Lines to fill in are marked; `uqpen check` accepts the file as it is.
     """  # noqa: D301 - the \\b keeps the lines that follow it as they are
-    from uqpen.cli.printable import printable
+    from uqpen.cli.messages import printable
     from uqpen.core.errors import ExportError
     from uqpen.core.files import replace_file
     from uqpen.study.new_study import command_draft, data_draft, function_draft

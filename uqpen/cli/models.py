@@ -22,9 +22,9 @@ def models(name: str | None) -> None:
     Of a model, these are its inputs, outputs, units, settings and defaults.
     """
     from uqpen.cli.console import plain_table, standard_output
-    from uqpen.core.lookup import installed_packages, resolve
+    from uqpen.core.lookup import choices, installed_packages, resolve
     from uqpen.models import MODELS
-    from uqpen.study.user_defined_members import MODEL
+    from uqpen.study.user_defined_members import MODEL, load_class
 
     if name in MODELS:
         _show_model(resolve(MODELS[name])())
@@ -32,11 +32,8 @@ def models(name: str | None) -> None:
     installed = installed_packages(MODEL.group)
     if name is not None:
         from uqpen.core.errors import ModelError, UnknownNameError
-        from uqpen.core.lookup import choices
-        from uqpen.models import MODELS
         from uqpen.models.user_code import error_text
         from uqpen.study.model_section import find_variable_faults
-        from uqpen.study.user_defined_members import MODEL, load_class
 
         if name not in installed:
             raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')
@@ -70,7 +67,7 @@ def _paragraphs(model: type[Model]) -> list[str]:
 
 def _show_model(model: Model) -> None:
     from uqpen.cli.console import show_plain_tables, standard_output
-    from uqpen.core.setting_fields import declared_settings
+    from uqpen.core.settings import declared_settings
 
     console = standard_output()
     console.print(model.name, style="bold")

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.messages import ExitCode, show_message
-from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
-from uqpen.cli.precision_argument import EXAMPLE, read_precision
+from uqpen.cli.options import (
+    EXAMPLE,
+    PATH,
+    ExecutorOptions,
+    folder_option,
+    quiet_option,
+    read_precision,
+    trust_option,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -113,14 +120,14 @@ def _repeats_text(findings: xr.Dataset) -> str:
 
 def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text: bool) -> None:
     """Show the findings as tables or as JSON."""
-    from uqpen.cli.printable import printable_json
+    from uqpen.cli.messages import printable_json
     from uqpen.rehearsal.findings_tables import rehearsal_json
 
     if not as_text:
         from rich.text import Text
 
         from uqpen.cli.console import show_line, show_table, standard_output
-        from uqpen.cli.printable import screen_text
+        from uqpen.cli.messages import screen_text
         from uqpen.rehearsal.findings_tables import coverage_tables, rehearsal_heading, width_tables
 
         console = standard_output()

@@ -8,11 +8,11 @@ from rich.text import Text
 
 from uqpen.archive.read import group_names
 from uqpen.cli.console import plain_table, show_table, standard_output
-from uqpen.cli.printable import screen_text
+from uqpen.cli.messages import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
-from uqpen.results.field_tables import curve_tables, derived_lines, field_tables, place_option
+from uqpen.results.fields import curve_tables, derived_lines, field_tables, place_option
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import headed_models
 

@@ -14,6 +14,6 @@ MODELS = {
     "rigid-penetration-trajectory": "uqpen.models.rod_trajectories:RigidPenetrationTrajectory",
     "alekseevskii-tate": "uqpen.models.alekseevskii_tate:AlekseevskiiTate",
     "hydrodynamic-limit": "uqpen.models.hydrodynamic_limit:HydrodynamicLimit",
-    "ishigami": "uqpen.models.ishigami:Ishigami",
-    "campbell-1d": "uqpen.models.campbell:Campbell",
+    "ishigami": "uqpen.models.known_functions:Ishigami",
+    "campbell-1d": "uqpen.models.known_functions:Campbell",
 }

@@ -31,10 +31,10 @@ from uqpen.core.labels import (
     SURROGATES,
 )
 from uqpen.core.lookup import choices
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Progress

@@ -17,8 +17,7 @@ from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, Tab
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import Quantity, parse_quantity, parse_spread
-from uqpen.core.setting_fields import declared_settings
-from uqpen.core.settings import file, text
+from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
 from uqpen.distributions import DISTRIBUTIONS
@@ -40,8 +39,7 @@ from uqpen.distributions.measurements import (
     parameters_text,
     value_text,
 )
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Normal
+from uqpen.distributions.univariate import Normal, Truncated
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object

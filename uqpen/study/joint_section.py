@@ -14,10 +14,9 @@ from uqpen.core.columns import Column, columns_of_table, read_columns
 from uqpen.core.errors import QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import WEIGHT
-from uqpen.core.list_reading import as_float, read_each, read_list
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Model
-from uqpen.core.settings import number
+from uqpen.core.settings import as_float, number, read_each, read_list
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
 from uqpen.distributions.copulas import MEASURES, Dependence, EllipticalCopula, score_correlation
 from uqpen.distributions.input_group import (

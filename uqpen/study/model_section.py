@@ -22,8 +22,7 @@ from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Bounds, Category, Dimension, Input, Model, Output, Results, Variable
-from uqpen.core.setting_fields import declared_settings
-from uqpen.core.settings import flag, text
+from uqpen.core.settings import declared_settings, flag, text
 from uqpen.core.units import ANY_DIMENSION, are_convertible, si_unit
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS

@@ -9,15 +9,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from uqpen.core.catalogue import REQUESTED
-from uqpen.core.derived import DerivedOutput, Reduction
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME, RESERVED
-from uqpen.core.list_reading import read_list
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.core.model import Model, Output
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import declared_settings, read_list
 from uqpen.core.units import ANY_DIMENSION, scale
+from uqpen.core.variables import DerivedOutput, Reduction
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS

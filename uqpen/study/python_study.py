@@ -21,7 +21,7 @@ from uqpen.core.errors import Problem, QuantityError, StudyError, TableError
 from uqpen.core.lookup import family_name, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
-from uqpen.core.setting_fields import written_settings
+from uqpen.core.settings import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
@@ -31,7 +31,7 @@ from uqpen.distributions.copulas import Dependence, EllipticalCopula
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
 from uqpen.distributions.input_group import declare_joint, is_joint
-from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.univariate import Truncated
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel

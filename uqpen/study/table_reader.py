@@ -12,7 +12,7 @@ from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import Context, declared_settings
+from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import MOST_LISTED, Document
 

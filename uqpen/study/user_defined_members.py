@@ -18,7 +18,7 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import installed_members, load_installed
 from uqpen.core.model import Model
-from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import declared_settings
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.distributions import COPULAS, DISTRIBUTIONS

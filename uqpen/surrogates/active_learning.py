@@ -19,9 +19,9 @@ from uqpen.core.labels import (
     SURROGATE_PROBABILITY,
     SURROGATE_PROBABILITY_ERROR,
 )
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, count, number
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.rare_events.importance_sampling import inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints

@@ -10,9 +10,9 @@ import numpy as np
 from uqpen.core.arrays import IntArray
 from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, WEIGHT
 from uqpen.core.model import Model
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
 from uqpen.surrogates.field_surrogate import fit_fields

@@ -18,7 +18,7 @@ from scipy import linalg
 from scipy.special import log_ndtr, ndtr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.threads import one_blas_thread
+from uqpen.core.processors import one_blas_thread
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.subset_simulation import ConditionalSampling
 from uqpen.distributions.joint_distribution import JointDistribution

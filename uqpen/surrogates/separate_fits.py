@@ -15,7 +15,7 @@ import xarray as xr
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.model import Model, Output
-from uqpen.core.threads import one_blas_thread
+from uqpen.core.processors import one_blas_thread
 from uqpen.surrogates.diagnostics import (
     DIAGNOSTICS,
     FIELD,

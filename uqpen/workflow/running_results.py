@@ -27,7 +27,7 @@ from uqpen.core.labels import (
     STATISTICS_GROUP,
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
-from uqpen.core.progress_record import ProgressRecord
+from uqpen.core.progress import ProgressRecord
 from uqpen.execution import join_rounds
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import analyze

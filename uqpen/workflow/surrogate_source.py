@@ -10,9 +10,8 @@ from uqpen.core.labels import REFUTED, RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_R
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
-from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
-from uqpen.statistics.surrogate.correction.correction_runs import missing_run_predictions
+from uqpen.statistics.surrogate.corrected_statistics import correct_statistics, correction_evidence
+from uqpen.statistics.surrogate.correction_runs import missing_run_predictions
 from uqpen.statistics.surrogate.refutation import (
     contradiction,
     refutations,

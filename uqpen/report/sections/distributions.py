@@ -21,8 +21,7 @@ from uqpen.charts.histograms import histogram, shares
 from uqpen.charts.marks import Line, Rule
 from uqpen.charts.study_limits import study_limits
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.core.statistic_dimensions import PERCENT
+from uqpen.core.labels import INTERVAL_LEVEL, PERCENT
 from uqpen.report.blocks import Fold, Table
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.results.archive_view import ArchiveView, output_title

@@ -11,9 +11,8 @@ import xarray as xr
 
 from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Finding

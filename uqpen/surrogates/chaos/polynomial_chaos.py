@@ -11,9 +11,9 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.model import Model, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.chaos.basis import ProductBasis
 from uqpen.surrogates.chaos.chaospy_engine import ChaospyExpansion, input_problems

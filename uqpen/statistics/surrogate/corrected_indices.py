@@ -31,8 +31,8 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import ratio_error, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMean
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns, FoldFit
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMean
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import (
     ConditionalDraws,
     PickFreezePairs,

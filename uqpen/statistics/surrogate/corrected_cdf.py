@@ -28,21 +28,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from scipy import special
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics import texts
 from uqpen.statistics.ascending import ascending, largest_up_to, least_from
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import (
-    CorrectedProbability,
-    Counts,
-    FoldChoice,
-    FoldCounts,
-    with_bounds,
-)
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.intervals import bonett_price, clopper_pearson
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
-__all__ = ["CorrectedCdf", "QuantileChoices"]
+__all__ = [
+    "CorrectedCdf",
+    "Counts",
+    "FoldChoice",
+    "FoldCounts",
+    "QuantileChoices",
+    "with_bounds",
+]
 
 # Predictions that folds use for quantiles: one choice for all values of an interval.
 
@@ -119,7 +125,7 @@ class CorrectedCdf:
 
     runs: CorrectionRuns
 
-    def at(self, values: FloatArray) -> CorrectedProbability:
+    def at(self, values: FloatArray) -> Estimate:
         """Return the distribution function with its bounds at some values."""
         grid, known = self._grid, self._at_grid
         place = np.searchsorted(grid, values, side="right") - 1
@@ -130,14 +136,14 @@ class CorrectedCdf:
             between, number = np.unique(values[is_between], return_inverse=True)
             exact = self._between(between)[number]
             found[is_between] = np.clip(exact, found[is_between], known.value[after[is_between]])
-        return CorrectedProbability(found, known.lower[place], known.upper[after])
+        return _probability(found, known.lower[place], known.upper[after])
 
-    def above(self, values: FloatArray) -> CorrectedProbability:
+    def above(self, values: FloatArray) -> Estimate:
         """Return the probabilities of exceeding some values."""
         found = self.at(values)
-        return CorrectedProbability(1 - found.value, 1 - found.upper, 1 - found.lower)
+        return _probability(1 - found.value, 1 - found.upper, 1 - found.lower)
 
-    def below(self, values: FloatArray) -> CorrectedProbability:
+    def below(self, values: FloatArray) -> Estimate:
         """Return the probabilities of lying below some values."""
         return self.at(np.nextafter(values, -np.inf))
 
@@ -200,7 +206,7 @@ class CorrectedCdf:
         return self._counts(self._grid)
 
     @cached_property
-    def _at_grid(self) -> CorrectedProbability:
+    def _at_grid(self) -> Estimate:
         return self._function(self.runs.level)
 
     @cached_property
@@ -211,7 +217,7 @@ class CorrectedCdf:
             for choice, _ in self.choices.parts()
         ]
 
-    def _function(self, level: float) -> CorrectedProbability:
+    def _function(self, level: float) -> Estimate:
         """Return the function with its bounds at the grid."""
         value, lower, upper = np.zeros((3, len(self._grid)))
         for choice, part in self.choices.parts():
@@ -221,7 +227,7 @@ class CorrectedCdf:
             upper += part(ascending(found.upper))
         # Rounding may be against both.
         value = largest_up_to(value)
-        return CorrectedProbability(
+        return _probability(
             value, np.minimum(largest_up_to(lower), value), np.maximum(largest_up_to(upper), value)
         )
 
@@ -237,7 +243,7 @@ class CorrectedCdf:
         return result
 
     def _inverted(
-        self, found: CorrectedProbability, probability: FloatArray
+        self, found: Estimate, probability: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds, of a distribution function at the grid."""
         values, last = self._grid[1:], len(self._grid) - 2
@@ -252,7 +258,7 @@ class CorrectedCdf:
 
     def _bounded(
         self, drawn: FloatArray, counts: FoldCounts, choice: FoldChoice, level: float
-    ) -> CorrectedProbability:
+    ) -> Estimate:
         """Return bounds from shares of draws and counts of runs, by one choice for all values."""
         runs = replace(self.runs, level=level)
         by_set = np.einsum("k,ksv->sv", runs.shares * choice.uses_fit[:, 0], drawn)
@@ -317,3 +323,177 @@ def _counts(
             below = np.concatenate([[0.0], np.cumsum(weights[own][order])])[below]
         found.append(below)
     return np.array(found)
+
+
+# Probabilities from the runs at which a surrogate is on the wrong side of a value.
+#
+# A probability is that of the surrogate, plus the probability that the output alone is on the side,
+# minus the probability that the surrogate alone is. Bonett and Price give the interval of such a
+# difference, which keeps its coverage where the runs show no disagreement at all.
+
+# The plain share is used where its variance is below this part of that with the surrogate. With no
+# event at all the two are about equal, and the surrogate's bound is the lower one.
+_CLEARLY_SMALLER = 0.9
+
+# Numbers of runs, or sums of their weights, of one event or of several.
+Counts = npt.NDArray[np.integer[Any]] | FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FoldChoice:
+    """Prediction of each fold for an event, or for each of several: by its fit, or a constant.
+
+    Parameters
+    ----------
+    uses_fit : ndarray of bool, shape (fold, ...)
+        Whether the fold uses its fit.
+    otherwise : ndarray of bool, shape (fold, ...)
+        Without it, whether the fold predicts that the event always happens, or never.
+    """
+
+    uses_fit: BoolArray
+    otherwise: BoolArray
+
+    def at(self, number: IntArray) -> FoldChoice:
+        """Return the choices of some events, shape (fold, number)."""
+        return FoldChoice(self.uses_fit[:, number], self.otherwise[:, number])
+
+
+@dataclass(frozen=True, eq=False)
+class FoldCounts:
+    """Numbers of runs of each fold at which an event happened, or each of several events.
+
+    Parameters
+    ----------
+    by_model, by_fit, by_both, missing : ndarray of int, shape (fold, ...)
+        By the model, by the fold's fit, by both, and by the fit at missing runs. Of weighted runs,
+        sums of weights.
+    squares : FoldCounts, optional
+        The same sums of the squares of the weights.
+    """
+
+    by_model: Counts
+    by_fit: Counts
+    by_both: Counts
+    missing: Counts
+    squares: FoldCounts | None = None
+
+    @classmethod
+    def weighted(
+        cls,
+        runs: CorrectionRuns,
+        counts: Callable[[FloatArray | None, FloatArray | None], FoldCounts],
+    ) -> FoldCounts:
+        """Return counts, or sums of weights and of their squares, of completed and missing runs."""
+        if runs.weights is None or runs.missing_weights is None:
+            return counts(None, None)
+        squares = counts(runs.weights**2, runs.missing_weights**2)
+        return replace(counts(runs.weights, runs.missing_weights), squares=squares)
+
+    def disagreements(self) -> tuple[Counts, Counts, Counts]:
+        """Return the sums over the folds: by the model alone, by the surrogate alone, missing."""
+        gained = (self.by_model - self.by_both).sum(axis=0)
+        dropped = (self.by_fit - self.by_both).sum(axis=0)
+        return gained, dropped, self.missing.sum(axis=0)
+
+    def predicted_by(self, choice: FoldChoice, runs: CorrectionRuns) -> FoldCounts:
+        """Return the counts with the predictions that each fold chooses."""
+        if choice.uses_fit.all():
+            return self
+        sizes, missing = (
+            np.bincount(fold, minlength=len(runs.draws)).reshape(
+                -1, *[1] * (self.by_model.ndim - 1)
+            )
+            for fold in (runs.fold, runs.missing_fold)
+        )
+        return replace(
+            self,
+            by_fit=np.where(choice.uses_fit, self.by_fit, choice.otherwise * sizes),
+            by_both=np.where(choice.uses_fit, self.by_both, choice.otherwise * self.by_model),
+            missing=np.where(choice.uses_fit, self.missing, choice.otherwise * missing),
+        )
+
+    def choice(self, runs: CorrectionRuns) -> FoldChoice:
+        """Return what each fold predicts: the *other* folds decide.
+
+        A fold does without its fit where these have a clearly smaller variance for the plain share;
+        it then predicts what most of their runs did, so that an event and its opposite have the
+        same interval. A single fold has no other one, and uses its fit; so do weighted runs, which
+        were placed where the fits are uncertain.
+        """
+        folds = len(runs.draws)
+        if folds == 1 or self.squares is not None:
+            everywhere = np.ones(self.by_model.shape, dtype=np.bool_)
+            return FoldChoice(everywhere, ~everywhere)
+        by_model, gained, dropped = (
+            each.sum(axis=0) - each
+            for each in (self.by_model, self.by_model - self.by_both, self.by_fit - self.by_both)
+        )
+        sizes = runs.size * (1 - runs.shares).reshape(-1, *[1] * (by_model.ndim - 1))
+        _, half = bonett_price(gained, dropped, sizes, runs.level)
+        plain = (by_model + 2) / (sizes + 4)
+        variance = special.ndtri(0.5 + runs.level / 2) ** 2 * plain * (1 - plain) / (sizes + 4)
+        return FoldChoice(variance > _CLEARLY_SMALLER * half**2, 2 * by_model > sizes)
+
+
+def _probability(value: FloatArray, lower: FloatArray, upper: FloatArray) -> Estimate:
+    return Estimate(value, lower, upper, texts.CORRECTED_BONETT_PRICE, "discrete")
+
+
+def with_bounds(
+    runs: CorrectionRuns,
+    share: FloatArray,
+    counts: FoldCounts,
+    choice: FoldChoice,
+    error: FloatArray,
+) -> Estimate:
+    """Return probabilities with bounds: those of the surrogate, and the disagreements.
+
+    Parameters
+    ----------
+    runs : CorrectionRuns
+    share, error : ndarray
+        The probabilities by what the folds predict, and their errors.
+    counts : FoldCounts
+        Of the fits.
+    choice : FoldChoice
+        What the folds predict. If none uses its fit, the interval is the plain one.
+    """
+    events = counts.by_model.sum(axis=0)
+    counts = counts.predicted_by(choice, runs)
+    gained, dropped, missing_events = counts.disagreements()
+    value = np.clip(share + (gained - dropped) / runs.size, 0.0, 1.0)
+    total = runs.size + runs.missing
+    missing, least_options, most_options = _weights_of_bounds(runs, counts)
+    noise = special.ndtri(0.5 + runs.level / 2) * error
+    # The missing runs are against the surrogate, all one way and all the other.
+    least, half_below = bonett_price(
+        gained, dropped + missing_events, total, runs.level, **least_options
+    )
+    most, half_above = bonett_price(
+        gained + (missing - missing_events), dropped, total, runs.level, **most_options
+    )
+    is_plain = ~choice.uses_fit.any(axis=0)
+    plain_lower, _ = clopper_pearson(events, total, runs.level)
+    _, plain_upper = clopper_pearson(events + missing, total, runs.level)
+    lower = np.where(is_plain, plain_lower, share + least - np.hypot(half_below, noise))
+    upper = np.where(is_plain, plain_upper, share + most + np.hypot(half_above, noise))
+    return _probability(
+        value,
+        np.minimum(np.maximum(lower, 0.0), value),
+        np.maximum(np.minimum(upper, 1.0), value),
+    )
+
+
+def _weights_of_bounds(
+    runs: CorrectionRuns, counts: FoldCounts
+) -> tuple[float, dict[str, Any], dict[str, Any]]:
+    """Return the weight of all missing runs, and what weights say of the lower and upper bound."""
+    if counts.squares is None or runs.weights is None or runs.missing_weights is None:
+        return runs.missing, {}, {}
+    gained, dropped, events = counts.squares.disagreements()
+    known, missing = gained + dropped, float((runs.missing_weights**2).sum())
+    heaviest = float(np.concatenate([runs.weights, runs.missing_weights]).max())
+    below = {"squares": known + events, "heaviest": heaviest}
+    above = {"squares": known + (missing - events), "heaviest": heaviest}
+    return float(runs.missing_weights.sum()), below, above

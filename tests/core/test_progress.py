@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uqpen.core.progress_record import ProgressRecord
+from uqpen.core.progress import ProgressRecord
 
 
 class Clock:

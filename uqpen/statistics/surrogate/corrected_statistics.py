@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -23,30 +22,56 @@ from uqpen.core.labels import (
     OF_EXCEEDANCE,
     OF_LOGARITHM,
     RANK,
+    REFINED_FOR,
+    REPLICATE,
+    ROUND,
+    RUN,
+    SAMPLING,
+    STATUS,
     STOPPING_STATISTICS,
     SURROGATE_ESTIMATE,
+    WEIGHT,
 )
-from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
+from uqpen.core.lookup import resolve
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.statistics import texts
-from uqpen.statistics.analyze import OutputStatistics
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import equivalent_runs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import mark_uncertified
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_indices import (
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.corrected_indices import (
     FIRST_ORDER,
     TOTAL_ORDER,
     IndexedVariable,
+    IndexedVariables,
     corrected_event_indices,
     corrected_indices,
 )
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.correction_evidence import CorrectionEvidence
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
-from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability
+from uqpen.statistics.surrogate.corrected_moments import (
+    CorrectedMoments,
+    quantile_estimates,
+    quantile_probabilities,
+)
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, FoldFit
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.threshold import Threshold
+from uqpen.surrogates.field_surrogate import FieldSurrogate
+from uqpen.surrogates.fitted_surrogate import ClosedForms
+from uqpen.surrogates.fitting import CrossFit
 
-__all__ = ["FEWEST_ON_A_SIDE", "OutputCorrection", "correct_statistics", "is_index", "narrower"]
+__all__ = [
+    "FEWEST_ON_A_SIDE",
+    "CorrectionEvidence",
+    "Indexed",
+    "OutputCorrection",
+    "correct_statistics",
+    "correction_evidence",
+    "is_index",
+    "narrower",
+]
 
 # Corrected estimates of one output, by the names of their statistics.
 
@@ -77,9 +102,10 @@ class OutputCorrection:
     indexed: Mapping[str, tuple[IndexedVariable, ...]]
     quantity: QuantityOfInterest
 
-    def problem(self, name: str) -> str:
+    @staticmethod
+    def problem(name: str) -> str:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
-        is_known = name in CATALOGUE and CATALOGUE[name].is_corrected
+        is_known = name in CATALOGUE and "corrected" in CATALOGUE[name].by
         return "" if is_known else texts.NO_CORRECTION
 
     def own_problem(self, name: str, least: float) -> str:
@@ -99,17 +125,13 @@ class OutputCorrection:
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
         return texts.TOO_LITTLE_ALONE.format(explained=explained)
 
-    def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
-        """Return the corrected estimates of a statistic.
+    def estimates(self, name: str, array: xr.DataArray) -> list[Estimate]:
+        """Return the corrected estimates of a statistic without a `problem`, and not of indices.
 
-        Parameters
-        ----------
-        name : str
-            One without a `problem`, and none of indices.
-        along : ndarray
-            The probabilities of quantiles, or the values of a distribution function.
+        The surrogate's own estimate array has what they are of.
         """
-        return self._with_notes(self._estimates(name, along))
+        found: Estimate = resolve(CATALOGUE[name].by["corrected"])(self, array)
+        return self._with_notes(found.each())
 
     def indices(self, name: str) -> list[list[Estimate] | str]:
         """Return the corrected indices of each variable that a name has, or why there are none."""
@@ -120,33 +142,50 @@ class OutputCorrection:
         ]
 
     def _with_notes(self, found: list[Estimate]) -> list[Estimate]:
-        notes = [*self._notes()]
+        """Return estimates with what holds of all intervals."""
+        missing, placed = self.runs.missing, self.runs.placed
+        notes = (
+            texts.OF_ALL_ADMISSIBLE.format(missing=missing) if missing else "",
+            texts.OF_PLACED_RUNS.format(placed=placed) if placed else "",
+        )
         return [each if each.label == "none" else each.with_note(*notes) for each in found]
 
-    def _notes(self) -> Iterator[str]:
-        """Yield what holds of all intervals."""
-        if self.runs.missing:
-            yield texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
-        if self.runs.placed:
-            yield texts.OF_PLACED_RUNS.format(placed=self.runs.placed)
+    # Estimates of statistics, to which their records in the catalogue refer.
 
-    def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
-        match name:
-            case "mean":
-                return [self._moments.mean()]
-            case "std":
-                return [self._moments.std()]
-            case "half_spread":
-                return [self._half_spread()]
-            case "exceedance":
-                return _corrected_probabilities(self.cdf.above(_values(self.quantity.thresholds)))
-            case "below":
-                return _corrected_probabilities(
-                    self.cdf.below(_values(self.quantity.lower_thresholds))
-                )
-            case "cdf":
-                return _corrected_probabilities(self.cdf.at(along))
-        return self._quantiles(along)
+    def mean(self, array: xr.DataArray) -> Estimate:
+        """Return the mean."""
+        return self._moments.mean()
+
+    def std(self, array: xr.DataArray) -> Estimate:
+        """Return the standard deviation."""
+        return self._moments.std()
+
+    def half_spread(self, array: xr.DataArray) -> Estimate:
+        """Return half the 16 % to 84 % range."""
+        value, lower, upper = self.cdf.half_spread()
+        if math.isnan(upper - lower):
+            too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+            return Estimate.without_bounds(value, too_few)
+        return Estimate(value, lower, upper, texts.CORRECTED_TWO_WOODRUFF, "conservative")
+
+    def exceedance(self, array: xr.DataArray) -> Estimate:
+        """Return the probabilities of exceeding the thresholds."""
+        return self.cdf.above(_values(self.quantity.thresholds))
+
+    def below(self, array: xr.DataArray) -> Estimate:
+        """Return the probabilities of lying below the thresholds."""
+        return self.cdf.below(_values(self.quantity.lower_thresholds))
+
+    def at_ranks(self, array: xr.DataArray) -> Estimate:
+        """Return the distribution function at its corrected quantiles."""
+        return self.cdf.at(self.cdf.quantile(array[RANK].values)[0])
+
+    def quantiles(self, array: xr.DataArray) -> Estimate:
+        """Return quantiles at the probabilities of an estimate array."""
+        value, lower, upper = self.cdf.quantile(quantile_probabilities(array))
+        found = quantile_estimates(value, lower, upper, texts.CORRECTED_WOODRUFF, self.runs.size)
+        too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+        return found.remove_bounds_at(np.isnan(lower) & np.isnan(upper), too_few)
 
     @cached_property
     def cdf(self) -> CorrectedCdf:
@@ -156,27 +195,6 @@ class OutputCorrection:
     @cached_property
     def _moments(self) -> CorrectedMoments:
         return CorrectedMoments(self.runs)
-
-    def _half_spread(self) -> Estimate:
-        value, lower, upper = self.cdf.half_spread()
-        if math.isnan(upper - lower):
-            too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
-            return Estimate.without_bounds(value, too_few)
-        return Estimate(value, lower, upper, texts.CORRECTED_TWO_WOODRUFF, "conservative")
-
-    def _quantiles(self, probabilities: FloatArray) -> list[Estimate]:
-        ends = zip(*self.cdf.quantile(probabilities), strict=True)
-        return [self._quantile(float(at), float(low), float(high)) for at, low, high in ends]
-
-    def _quantile(self, value: float, lower: float, upper: float) -> Estimate:
-        too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
-        if math.isnan(lower) and math.isnan(upper):
-            return Estimate.without_bounds(value, too_few)
-        note = ""
-        if math.isnan(lower) or math.isnan(upper):
-            note = texts.NO_LOWER_BOUND if math.isnan(lower) else texts.NO_UPPER_BOUND
-        method = texts.CORRECTED_WOODRUFF
-        return Estimate(value, lower, upper, method, "discrete", note.format(too_few=too_few))
 
     def _index_problem(self, variable: IndexedVariable, kind: str) -> str:
         """Return why the indices of a variable keep the surrogate's own figures; empty if not."""
@@ -208,16 +226,6 @@ def is_index(name: str) -> bool:
 
 def _values(thresholds: Sequence[Threshold]) -> FloatArray:
     return np.array([each.value for each in thresholds])
-
-
-def _corrected_probabilities(found: CorrectedProbability) -> list[Estimate]:
-    """Return probabilities with their bounds as estimates."""
-    ends = zip(found.value, found.lower, found.upper, strict=True)
-    method = texts.CORRECTED_BONETT_PRICE
-    return [
-        Estimate(float(value), float(lower), float(upper), method, "discrete")
-        for value, lower, upper in ends
-    ]
 
 
 # A surrogate that leaves more of the variance than it explains has no figure that no run corrects:
@@ -281,18 +289,11 @@ def _corrected(
         elif reason := correction.problem(name):
             found[name] = _uncorrected(name, array, reason, correction.own_problem(name, _LEAST_Q2))
         else:
-            estimates = correction.estimates(name, _probabilities(array))
+            estimates = correction.estimates(name, array)
             estimates = _narrower_ones(estimates, plain.get(name), correction, is_index=False)
             own = array.values[..., 0]
             found[name] = _with_estimates(array, estimates, own, correction, plain.get(name))
     return found
-
-
-def _probabilities(array: xr.DataArray) -> FloatArray:
-    """Return the probabilities of quantiles; none of other statistics."""
-    if PERCENT in array.dims:
-        return np.asarray(array[PERCENT].values / 100)
-    return np.asarray(array[PROBABILITY].values) if PROBABILITY in array.dims else np.empty(0)
 
 
 def _at_ranks(
@@ -302,7 +303,7 @@ def _at_ranks(
     values, _, _ = correction.cdf.quantile(array[RANK].values)
     if BOUND not in array.dims:
         return array.copy(data=values)
-    estimates = correction.estimates("cdf", values)
+    estimates = correction.estimates("cdf", array)
     if correction.problem(name):
         estimates = [Estimate.without_bounds(each.value, texts.NO_BAND_KNOWN) for each in estimates]
     share = correction.cdf.surrogate_share(values)
@@ -438,34 +439,215 @@ def _equivalent_runs(estimates: Sequence[Estimate], plain: xr.DataArray | None) 
     if plain is None or plain.size != 3 * width.size:
         return np.full(width.shape, math.nan)
     _, lower, upper = plain.values.reshape(-1, 3).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = int(plain.attrs["runs_used"]) * ((upper - lower) / width) ** 2
-    return np.where(np.isfinite(found), found, math.nan)
+    return equivalent_runs(width, upper - lower, int(plain.attrs["runs_used"]))
 
 
 def _corrected_array(
     array: xr.DataArray, estimates: Sequence[Estimate], own: FloatArray, equivalent: FloatArray
 ) -> xr.DataArray:
     """Return an estimate array with other estimates, and what stands beside them."""
-    dims = {str(dim): size for dim, size in array.sizes.items() if dim != BOUND}
-    attributes = dict(array.attrs)
-    level = attributes.pop(INTERVAL_LEVEL, LEVEL)
-    kept = {
-        str(key): each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
-    }
     stacked = Estimate.stacked(estimates)
-    has_level = dims or stacked.has_bounds.any()
-    found = estimate_array(
-        stacked.bounds,
-        dims,
-        stacked.texts,
-        units=attributes.pop("units"),
-        long_name=attributes.pop("long_name"),
-        attributes={INTERVAL_LEVEL: level} if has_level else {},
-        coordinates=kept,
-    )
-    shape = tuple(dims.values())
+    has_level = array.ndim > 1 or stacked.has_bounds.any()
+    level = float(array.attrs.get(INTERVAL_LEVEL, LEVEL)) if has_level else None
     beside = {SURROGATE_ESTIMATE: own, EQUIVALENT_RUNS: equivalent}
-    return found.assign_coords(
-        {name: (tuple(dims), values.reshape(shape)) for name, values in beside.items()}
-    ).assign_attrs(attributes)
+    return stacked.in_place_of(array, level=level, **beside)
+
+
+# Evidence on the errors of a surrogate: real runs, with predictions that have not seen them.
+
+# By the beginning of the names of their indices: those of exceedance are one for each threshold.
+Indexed = Mapping[str, tuple[IndexedVariable, ...]]
+
+# The first of each set of the surrogate's quasi-random draws: every fold's fit is evaluated there,
+# and the error that they leave is a part of the interval.
+_DRAWS_OF_SET = 1024
+
+# Fewer runs have no meaningful scatter.
+_FEWEST_RUNS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionEvidence:
+    """Evidence on the errors of a surrogate.
+
+    Parameters
+    ----------
+    runs : mapping of str to CorrectionRuns
+        By scalar output.
+    reasons : mapping of str to str
+        The reason why nothing corrects each other output.
+    indexed : mapping of str to mapping of str to tuple of IndexedVariable
+        By output and by the beginning of their names, what indices follow from.
+    plain : mapping of str to mapping of str to DataArray
+        Estimates of the runs of one design alone, before a surrogate placed any, for comparison.
+    has_own_number : bool
+        True if runs decided their own number.
+    """
+
+    runs: Mapping[str, CorrectionRuns]
+    reasons: Mapping[str, str]
+    indexed: Mapping[str, Indexed] = field(default_factory=dict)
+    plain: Mapping[str, OutputStatistics] = field(default_factory=dict)
+    has_own_number: bool = False
+
+
+def correction_evidence(
+    draws: SurrogateDraws,
+    folds: CrossFit,
+    training: xr.Dataset,
+    check: xr.Dataset | None,
+    quantities: Sequence[QuantityOfInterest],
+) -> CorrectionEvidence:
+    """Collect the runs that correct a surrogate.
+
+    Parameters
+    ----------
+    draws : SurrogateDraws
+        Of the fit to all training runs.
+    folds : CrossFit
+        The fits without a fold each.
+    training, check : Dataset
+        Runs of the design that it was fitted to, and of another one, if there is one.
+    quantities : sequence of QuantityOfInterest
+    """
+    fitted = {output.name for output in draws.model.outputs}
+    wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
+    used = [training] if folds.models else []
+    parts = [
+        FoldFit.of(fit, training.isel({RUN: np.flatnonzero(folds.fold == number)}))
+        for number, fit in enumerate(folds.models)
+    ]
+    if check is not None and _is_drawn(check):
+        used.append(check)
+        parts.append(FoldFit.of(draws.model, check))
+    if not used or not wanted:
+        reason = folds.reason or texts.NO_CORRECTING_RUN
+        return CorrectionEvidence({}, {each.output.name: reason for each in wanted})
+    scalars = draws.model.scalars if isinstance(draws.model, FieldSurrogate) else draws.model
+    collected = _Collected(replace(draws, model=scalars), parts)
+    reasons = {each.output.name: collected.problem(each.output.name) for each in wanted}
+    runs = {
+        each.output.name: collected.runs(each) for each in wanted if not reasons[each.output.name]
+    }
+    return CorrectionEvidence(
+        runs,
+        {name: reason for name, reason in reasons.items() if reason},
+        {
+            name: collected.variables.of_output(each, runs[name])
+            for each in wanted
+            if (name := each.output.name) in runs
+        },
+        analyze(_first_draws(used[0]), wanted),
+        any(STOPPING_STATISTICS in each.attrs for each in used),
+    )
+
+
+def _is_drawn(runs: xr.Dataset) -> bool:
+    """Check that runs are draws, or sets of points, of the distribution of the inputs."""
+    sampling = Sampling(runs.attrs[SAMPLING])
+    is_drawn = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
+    return is_drawn and WEIGHT not in runs.coords
+
+
+def _first_draws(runs: xr.Dataset) -> xr.Dataset:
+    """Return the runs before a surrogate placed any."""
+    if REFINED_FOR not in runs.attrs or ROUND not in runs.coords:
+        return runs
+    first = np.flatnonzero(runs[ROUND].values == 0)
+    return runs.isel({RUN: first}).drop_vars([WEIGHT, ROUND])
+
+
+@dataclass(frozen=True)
+class _Collected:
+    """Folds of real runs, with draws of the input distribution given admissible."""
+
+    draws: SurrogateDraws
+    folds: Sequence[FoldFit]
+
+    @cached_property
+    def _points(self) -> xr.Dataset:
+        """The draws at which each fit is evaluated: the first of each set."""
+        runs = self.draws.runs
+        replicate = runs[REPLICATE].values
+        position = np.arange(len(replicate)) - np.searchsorted(replicate, replicate)
+        is_admissible = runs[STATUS].values != Status.INADMISSIBLE
+        return runs.isel({RUN: np.flatnonzero(is_admissible & (position < _DRAWS_OF_SET))})
+
+    @cached_property
+    def _at_runs(self) -> list[Mapping[str, FloatArray]]:
+        return [fold.predictions(fold.completed) for fold in self.folds]
+
+    @cached_property
+    def _at_missing(self) -> list[Mapping[str, FloatArray]]:
+        return [fold.predictions(fold.missing) for fold in self.folds]
+
+    @cached_property
+    def _at_draws(self) -> list[Mapping[str, FloatArray]]:
+        return [fold.predictions(self._points) for fold in self.folds]
+
+    def problem(self, output: str) -> str:
+        """Return why no run corrects an output; empty if some do."""
+        for fold in self.folds:
+            if output not in {each.name for each in fold.model.outputs}:
+                reason = fold.model.reasons.get(output, "")
+                return texts.NOT_FITTED_WITHOUT.format(reason=reason)
+        runs = sum(fold.size for fold in self.folds)
+        if runs < _FEWEST_RUNS:
+            return texts.FEW_CORRECTING_RUNS.format(runs=runs)
+        if np.unique(self._points[REPLICATE].values).size < 2:
+            return texts.NO_ADMISSIBLE_DRAW
+        if not all(np.isfinite(fold.completed[output].values).all() for fold in self.folds):
+            return texts.WITHOUT_VALUE_IN_RUNS
+        predicted = (*self._at_runs, *self._at_missing, *self._at_draws)
+        are_finite = all(np.isfinite(each[output]).all() for each in predicted)
+        return "" if are_finite else texts.NOT_FINITE_PREDICTIONS
+
+    def runs(self, quantity: QuantityOfInterest) -> CorrectionRuns:
+        """Return the runs that correct an output."""
+        name = quantity.output.name
+        sizes = [fold.size for fold in self.folds]
+        values = [fold.completed[name].values.astype(np.float64) for fold in self.folds]
+        _, replicate = np.unique(self._points[REPLICATE].values, return_inverse=True)
+        return CorrectionRuns(
+            np.concatenate(values),
+            np.concatenate([each[name] for each in self._at_runs]),
+            np.repeat(np.arange(len(sizes)), sizes),
+            np.array([each[name] for each in self._at_draws]),
+            replicate.astype(np.int64),
+            np.concatenate([each[name] for each in self._at_missing]),
+            np.repeat(np.arange(len(sizes)), [each.missing.sizes[RUN] for each in self.folds]),
+            self._exact_moments(name),
+            quantity.confidence_level,
+            *self._weights(),
+        )
+
+    def _weights(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return the weights of completed and of missing runs; None where all are 1."""
+        completed, missing = (
+            np.concatenate([_weights_of(part) for part in parts])
+            for parts in zip(*((each.completed, each.missing) for each in self.folds), strict=True)
+        )
+        is_weighted = (completed != 1).any() or (missing != 1).any()
+        return (completed, missing) if is_weighted else (None, None)
+
+    def _exact_moments(self, output: str) -> FloatArray | None:
+        """Return the moments of each fit where all are known without draws."""
+        models = [fold.model for fold in self.folds]
+        if not self.draws.all_are_admissible:
+            return None
+        found = [
+            model.closed_form_moments(output)
+            for model in models
+            if isinstance(model, ClosedForms) and model.has_closed_form(output)
+        ]
+        return np.array(found) if len(found) == len(models) else None
+
+    @cached_property
+    def variables(self) -> IndexedVariables:
+        """The variables whose indices they correct."""
+        return IndexedVariables(self.draws, self.folds)
+
+
+def _weights_of(runs: xr.Dataset) -> FloatArray:
+    weights = runs[WEIGHT].values if WEIGHT in runs.coords else np.ones(runs.sizes[RUN])
+    return np.asarray(weights, dtype=np.float64)
