@@ -35,7 +35,6 @@ from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import Design
 
 from uqpen.core.model import Dimension, Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import SobolSequence

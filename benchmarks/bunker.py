@@ -23,7 +23,6 @@ import numpy.typing as npt
 from seed_table import Case, Row, SeedTable
 
 import uqpen
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
 from uqpen.execution import Evaluator

@@ -32,7 +32,6 @@ from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, to
 from skewed_coverage import Design
 
 from uqpen.core.model import Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube

@@ -26,7 +26,6 @@ from scipy.stats import qmc
 from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent
 
 from uqpen.core.model import Results
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator

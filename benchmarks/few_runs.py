@@ -19,7 +19,6 @@ import numpy as np
 import xarray as xr
 from seed_table import Case, Row, SeedTable, lines
 
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo

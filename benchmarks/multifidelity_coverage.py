@@ -25,7 +25,6 @@ from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, to
 import uqpen
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Model, Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, Round, points_in_memory, points_of

@@ -25,7 +25,6 @@ from scipy.special import ndtr
 from seed_table import Case, Row, SeedTable, lines
 
 from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD, REPLICATE, ROLE, RUN, SAMPLING, STATUS
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Input

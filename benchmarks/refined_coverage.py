@@ -30,7 +30,6 @@ from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, to
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.statistics.estimate import Estimate

@@ -23,7 +23,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from uqpen.core.threads import one_blas_thread
+from uqpen.core.processors import one_blas_thread
 
 __all__ = ["FEWEST", "LOWEST", "Case", "Row", "SeedTable", "fill", "lines", "per_cent", "totals"]
 

@@ -21,7 +21,6 @@ from scipy import special
 from seed_table import Case, Row, SeedTable, lines
 
 from uqpen.core.model import Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
