@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uqpen.core.arrays import FloatArray
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, ColumnCounts
 
@@ -19,13 +18,13 @@ COLUMNS = arrays(np.float64, st.integers(4, 60), elements=NUMBERS)
 CUTS = st.lists(st.integers(0, 60), min_size=1, max_size=4)
 
 
-def pieces(column: FloatArray, cuts: list[int]) -> list[FloatArray]:
+def pieces(column, cuts):
     return np.split(column, sorted(min(cut, column.size) for cut in cuts))
 
 
 @given(COLUMNS, CUTS)
 @settings(max_examples=60, deadline=None)
-def test_moments_of_pieces_are_those_of_the_whole(column: FloatArray, cuts: list[int]) -> None:
+def test_moments_of_pieces_are_those_of_the_whole(column, cuts):
     parts = pieces(column, cuts)
     counts = ColumnCounts.empty(column[::2], 3, len(parts))
     for group, part in enumerate(parts):
@@ -44,15 +43,13 @@ def test_moments_of_pieces_are_those_of_the_whole(column: FloatArray, cuts: list
             assert found.shape.moment(power) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def sample_of(counts: ColumnCounts, groups: int) -> BlockedSample:
+def sample_of(counts, groups):
     return BlockedSample.of_first(groups, counts, Sampling.INDEPENDENT, is_replicated=False)
 
 
 @given(COLUMNS, COLUMNS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
-def test_a_cell_lies_between_its_splitters_or_at_one(
-    some: FloatArray, column: FloatArray, most: int
-) -> None:
+def test_a_cell_lies_between_its_splitters_or_at_one(some, column, most):
     counts = ColumnCounts.empty(some, most, 1)
     assert counts.splitters.size <= most
     cells = counts.cells_of(np.concatenate([column, some]))
@@ -61,7 +58,7 @@ def test_a_cell_lies_between_its_splitters_or_at_one(
     assert (cells == 2 * at + is_splitter).all()
 
 
-def test_what_lies_beyond_all_splitters_has_the_outer_cells() -> None:
+def test_what_lies_beyond_all_splitters_has_the_outer_cells():
     counts = ColumnCounts.empty(np.random.default_rng(1).random(5000), 1000, 1)
     values = counts.splitters
     assert counts.cells_of(np.array([-np.inf, np.inf])).tolist() == [0, 2 * values.size]
@@ -71,9 +68,7 @@ def test_what_lies_beyond_all_splitters_has_the_outer_cells() -> None:
 
 @given(COLUMNS, CUTS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
-def test_order_statistics_are_those_of_the_sorted_values(
-    column: FloatArray, cuts: list[int], most: int
-) -> None:
+def test_order_statistics_are_those_of_the_sorted_values(column, cuts, most):
     parts = pieces(column, cuts)
     counts = ColumnCounts.empty(column[::2], most, len(parts))
     for group, part in enumerate(parts):
