@@ -404,10 +404,7 @@ SILENT = [
     *(
         Change(
             f"a table that a program reads by {call}",
-            {
-                "program.py": READING.replace("CALL", call),
-                "k.csv": "2",
-            },
+            {"program.py": READING.replace("CALL", call), "k.csv": "2"},
             {"k.csv": "3"},
             "file k.csv has changed",
             True,
@@ -571,11 +568,7 @@ KNOWN = [
         "model.command",
     ),
     _command(
-        "the reading of an output",
-        "$model",
-        COMMAND,
-        COMMAND.replace("y = (", "= ("),
-        "model.read",
+        "the reading of an output", "$model", COMMAND, COMMAND.replace("y = (", "= ("), "model.read"
     ),
     _command(
         "a template",
@@ -650,11 +643,7 @@ KNOWN = [
         "def f(x): return {'y': sum(2 * x for _ in range(3))}\n",
         "def f(x): return {'y': sum(3 * x for _ in range(3))}\n",
     ),
-    _object(
-        "its handling of an error",
-        HANDLING,
-        HANDLING.replace("ZeroDivision", "Arithmetic"),
-    ),
+    _object("its handling of an error", HANDLING, HANDLING.replace("ZeroDivision", "Arithmetic")),
     _object(
         "an object of an own class",
         "class S:\n    def __call__(self, x): return {'y': 2 * x}\nf = S()\n",

@@ -15,11 +15,7 @@ from uqpen.report.blocks import Listing, Remarks, Table, Text, find_charts
 from uqpen.report.plotly import traces
 from uqpen.report.revisions.cdf_charts import cdf_charts
 from uqpen.report.revisions.estimate_changes import estimate_changes
-from uqpen.report.revisions.revision_page import (
-    ArchivePair,
-    revision_page,
-    write_revision_report,
-)
+from uqpen.report.revisions.revision_page import ArchivePair, revision_page, write_revision_report
 from uqpen.report.revisions.study_changes import study_changes, unpaired
 
 
@@ -33,10 +29,7 @@ def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):
             vectorized=True,
         ),
         inputs={"load": uqpen.Normal(2, 0.1), "width": uqpen.Uniform(1, 1.2)},
-        outputs={
-            "sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]),
-            **outputs,
-        },
+        outputs={"sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]), **outputs},
         designs={"draws": uqpen.MonteCarlo(runs=runs)},
         seed=seed,
     )
