@@ -87,8 +87,6 @@ def corrected_indices(
 
     Parameters
     ----------
-    runs : CorrectionRuns
-    parts : InputParts
     variance : CorrectedMean
         Of the output.
     """
@@ -108,12 +106,6 @@ def corrected_event_indices(runs: CorrectionRuns, parts: InputParts) -> Iterator
     Bonett and Price add a run in which the event happened by the model alone, and one in which it
     happened by the surrogate alone. So do both bounds, each with the runs that move it out: where
     the runs show few disagreements, their scatter is too small.
-
-    Parameters
-    ----------
-    runs : CorrectionRuns
-        Of the event.
-    parts : InputParts
     """
     errors = runs.values - runs.predictions
     centre = float(runs.pooled(runs.draws).mean() + errors.mean())
@@ -220,11 +212,8 @@ class FoldProjections:
 
         Parameters
         ----------
-        output : str
         function : callable
             The indices are of this function of the output.
-        runs : CorrectionRuns
-            Of the function of the output.
         """
         values, squares = [], []
         for number, (at_runs, pairs) in enumerate(zip(self._at_runs, self._pairs, strict=True)):

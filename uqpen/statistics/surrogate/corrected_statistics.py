@@ -113,7 +113,6 @@ class OutputCorrection:
 
         Parameters
         ----------
-        name : str
         least : float
             The least share of the variance of the runs that it has to explain: of the logarithm
             for what is of that, and else of the output.
@@ -247,8 +246,6 @@ def correct_statistics(
     ----------
     found : mapping of str to mapping of str to DataArray
         By output, the surrogate's own estimate arrays.
-    evidence : CorrectionEvidence
-    quantities : sequence of QuantityOfInterest
 
     Returns
     -------
@@ -380,8 +377,6 @@ def narrower(found: Estimate, plain: Estimate, runs: CorrectionRuns, *, is_index
     ----------
     found, plain : Estimate
         The corrected one, and that of the runs alone.
-    runs : CorrectionRuns
-        Of the output.
     is_index : bool
         Whether they are of a sensitivity index.
     """
@@ -502,13 +497,10 @@ def correction_evidence(
 
     Parameters
     ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs.
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset
         Runs of the design that it was fitted to, and of another one, if there is one.
-    quantities : sequence of QuantityOfInterest
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]

@@ -175,10 +175,8 @@ def missing_run_predictions(
 
     Parameters
     ----------
-    model : FittedSurrogate
     runs : Dataset
         Runs of a design; inadmissible ones are not missing.
-    quantities : sequence of QuantityOfInterest
     """
     status = runs[STATUS].values
     is_missing = (status != Status.OK) & (status != Status.INADMISSIBLE)

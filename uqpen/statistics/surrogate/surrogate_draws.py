@@ -297,12 +297,8 @@ def draw_pick_freeze_pairs(
 
     Parameters
     ----------
-    evaluator : Evaluator
-        The model, with the constraints of the joint distribution.
-    joint : JointDistribution
     given : mapping of str to float
         Values of fixed inputs that replace those of the joint distribution.
-    stream : Stream
     """
     draws = ConditionalDraws(evaluator, joint, given, stream)
     (found,) = paired_outputs(draws, [evaluator], _input_subsets(len(joint.random)))
@@ -316,7 +312,6 @@ def paired_outputs(
 
     Parameters
     ----------
-    draws : ConditionalDraws
     evaluators : sequence of Evaluator
         Their outputs are NaN at draws that never become admissible.
     subsets : sequence of int

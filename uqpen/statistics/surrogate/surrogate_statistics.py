@@ -95,7 +95,6 @@ def surrogate_statistics(
 
     Parameters
     ----------
-    draws : SurrogateDraws
     quantities : sequence of QuantityOfInterest
         Those of outputs that could not be fitted are left out.
     only : collection of str, optional
@@ -224,7 +223,6 @@ def sampled_shares(
 
     Parameters
     ----------
-    pairs : PickFreezePairs
     scores : sequence of str
         Their names as outputs.
     components : ndarray, shape (component, place)
@@ -306,10 +304,6 @@ def field_statistics(
 
     Parameters
     ----------
-    draws : SurrogateDraws
-        Of the surrogate of its scores.
-    fit : FieldFit
-    quantity : QuantityOfInterest
     only : collection of str, optional
         The requested groups; all by default.
 
