@@ -108,18 +108,15 @@ class OutputCorrection:
         is_known = name in CATALOGUE and "corrected" in CATALOGUE[name].by
         return "" if is_known else texts.NO_CORRECTION
 
-    def own_problem(self, name: str, least: float) -> str:
+    def own_problem(self, name: str) -> str:
         """Return why the surrogate's own figures of a statistic say too little; empty if not.
 
-        Parameters
-        ----------
-        least : float
-            The least share of the variance of the runs that it has to explain: of the logarithm
-            for what is of that, and else of the output.
+        It has to explain a share of the variance of the runs: of the logarithm for what is of that,
+        and else of the output.
         """
         of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
         q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
-        if q2 >= least:
+        if q2 >= _LEAST_Q2:
             return ""
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
         return texts.TOO_LITTLE_ALONE.format(explained=explained)
@@ -284,7 +281,7 @@ def _corrected(
         elif is_index(name):
             found[name] = _at_inputs(name, array, correction, plain.get(name))
         elif reason := correction.problem(name):
-            found[name] = _uncorrected(name, array, reason, correction.own_problem(name, _LEAST_Q2))
+            found[name] = _uncorrected(name, array, reason, correction.own_problem(name))
         else:
             estimates = correction.estimates(name, array)
             estimates = _narrower_ones(estimates, plain.get(name), correction, is_index=False)
@@ -312,7 +309,7 @@ def _at_inputs(
 ) -> xr.DataArray:
     """Return the indices of one variable, or of several, each corrected if that is possible."""
     found = correction.indices(name)
-    inputs, problem = array.sizes[INPUT], correction.own_problem(name, _LEAST_Q2)
+    inputs, problem = array.sizes[INPUT], correction.own_problem(name)
     figures = _own_figures(array)
     estimates: list[Estimate] = []
     for start, indices in zip(range(0, len(figures), inputs), found, strict=True):
