@@ -42,7 +42,7 @@ from uqpen.statistics.analyze import (
 from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
-from uqpen.study.identity import model_identity
+from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.design_runs import Runs
 
@@ -121,7 +121,7 @@ def model_groups(
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
-        yield "/", xr.Dataset(attrs=model_identity(variant.model))
+        yield "/", xr.Dataset(attrs=model_attributes(variant.model))
 
 
 def _design_source(
