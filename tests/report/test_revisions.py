@@ -13,10 +13,15 @@ from uqpen.core.errors import ReportError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.report.blocks import Listing, Remarks, Table, Text, find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.revisions.cdf_charts import cdf_charts
-from uqpen.report.revisions.estimate_changes import estimate_changes
-from uqpen.report.revisions.revision_page import ArchivePair, revision_page, write_revision_report
-from uqpen.report.revisions.study_changes import study_changes, unpaired
+from uqpen.report.revisions.revision_page import (
+    ArchivePair,
+    cdf_charts,
+    estimate_changes,
+    revision_page,
+    study_changes,
+    unpaired,
+    write_revision_report,
+)
 
 
 def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):
@@ -29,7 +34,10 @@ def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):
             vectorized=True,
         ),
         inputs={"load": uqpen.Normal(2, 0.1), "width": uqpen.Uniform(1, 1.2)},
-        outputs={"sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]), **outputs},
+        outputs={
+            "sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]),
+            **outputs,
+        },
         designs={"draws": uqpen.MonteCarlo(runs=runs)},
         seed=seed,
     )
