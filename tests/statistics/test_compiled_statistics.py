@@ -1,11 +1,8 @@
 """Compiled loops find what arrays find, and which of them works follows from the numbers alone."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 QUANTITY = QuantityOfInterest(Output("y", "m"), "m", (Threshold("1 m", 1.0),))
 
 
-def sample_of(size: int = 700, *, lost: int = 60, ties: int = 0, replicates: int = 1) -> Sample:
+def sample_of(size=700, *, lost=60, ties=0, replicates=1):
     """A sample with failed runs, whose inputs have equal values if `ties` is their number."""
     generator = np.random.default_rng(size + lost + ties)
     points = generator.random((size, 3))
@@ -59,7 +56,7 @@ SAMPLES = {
 
 @pytest.mark.parametrize("name", SAMPLES)
 @pytest.mark.parametrize("halved", [False, True])
-def test_residuals_in_bins_are_those_of_arrays(name: str, halved: bool) -> None:
+def test_residuals_in_bins_are_those_of_arrays(name, halved):
     sample = SAMPLES[name]
     values = standardized(sample.values)
     for column in range(3):
@@ -75,7 +72,7 @@ def test_residuals_in_bins_are_those_of_arrays(name: str, halved: bool) -> None:
 
 @pytest.mark.parametrize("ties", [0, 5])
 @pytest.mark.parametrize("is_ranked", [False, True])
-def test_correlations_of_sums_are_those_of_arrays(ties: int, is_ranked: bool) -> None:
+def test_correlations_of_sums_are_those_of_arrays(ties, is_ranked):
     sample = sample_of(1_300, ties=ties)
     raw = [*(sample.run_inputs[i] for i in range(3)), sample.values]
     orderings = [Ordering.of(each) for each in raw]
@@ -94,8 +91,8 @@ def test_correlations_of_sums_are_those_of_arrays(ties: int, is_ranked: bool) ->
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def found() -> dict[str, Any]:
+def test_all_estimates_agree_whichever_way(name, monkeypatch):
+    def found():
         sample = replace(SAMPLES[name], used=SAMPLES[name].used.copy())  # inputs of its own
         return dict([*first_order(sample, QUANTITY), *correlations(sample, QUANTITY)])
 
@@ -109,7 +106,7 @@ def test_all_estimates_agree_whichever_way(name: str, monkeypatch: pytest.Monkey
             assert by_loops[text].values.tolist() == arrays[statistic][text].values.tolist()
 
 
-def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
+def test_loops_add_in_one_order_on_any_number_of_threads():
     """No processor and no number of threads changes a bit, as nothing is reordered or shared."""
     inner = [each for each in vars(kernels).values() if hasattr(each, "targetoptions")]
     assert len(inner) > len(kernels.__all__)
@@ -117,13 +114,13 @@ def test_loops_add_in_one_order_on_any_number_of_threads() -> None:
         assert not {"parallel", "fastmath"} & each.targetoptions.keys()
 
 
-def test_loops_refuse_arrays_that_they_would_misread() -> None:
+def test_loops_refuse_arrays_that_they_would_misread():
     for misread in (np.ones((9, 2), dtype=np.float32), np.ones((2, 9)).T):
         with pytest.raises(TypeError, match="No matching definition"):
             kernels.pair_products(misread)
 
 
-def test_small_samples_load_no_compiler() -> None:
+def test_small_samples_load_no_compiler():
     script = (
         "import sys;"
         "import uqpen.statistics.sensitivity.correlations, uqpen.statistics.sensitivity.given_data;"

@@ -39,7 +39,7 @@ from uqpen.rehearsal.rehearsed_study import (
     tail_record,
 )
 from uqpen.results.digits import grouped_number
-from uqpen.results.progress_texts import duration_text
+from uqpen.results.texts import duration_text
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.running_estimates import RunningEstimates
@@ -459,7 +459,9 @@ def _best(work: RepeatWork, half_width: FloatArray, is_candidate: BoolArray) -> 
 
 # The statistics whose intervals are rehearsed: of samples those that runs correct in a surrogate,
 # and the indices of pick-freeze designs.
-_OF_SAMPLES = [each.name for each in CATALOGUE.values() if each.is_corrected and each.shown.label]
+_OF_SAMPLES = [
+    each.name for each in CATALOGUE.values() if "corrected" in each.by and each.shown.label
+]
 _INDICES = [each.name for each in MEASURES["shares"] if each.measure.share != "divided"]
 
 # Repeats that are timed before the number of all is decided.

@@ -21,6 +21,7 @@ __all__ = [
     "bonett_price",
     "clopper_pearson",
     "dkw_half_width",
+    "equivalent_runs",
     "error_of_sums",
     "group_sums",
     "order_statistic_ranks",
@@ -327,3 +328,13 @@ def bonett_price(
     both = one + other if squares is None else (np.asarray(squares) + 2 * heaviest**2) / size
     variance = (both - (one - other) ** 2) / size
     return one - other, scipy.special.ndtri(0.5 + level / 2) * np.sqrt(variance)
+
+
+def equivalent_runs(width: FloatArray, plain_width: FloatArray, runs: int) -> FloatArray:
+    """Return how many plain runs would have intervals of some widths; NaN where that is unknown.
+
+    The width of a plain interval falls with the root of the number of runs.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = runs * (plain_width / width) ** 2
+    return np.where(np.isfinite(found), found, math.nan)

@@ -42,7 +42,7 @@ from uqpen.statistics.analyze import (
 from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
-from uqpen.study.identity import model_identity
+from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.design_runs import Runs
 
@@ -86,7 +86,6 @@ def model_groups(
     The first has statistics from the runs of its stand-ins, too; so `runs` are those of all models.
     """
     variant, own = study.models[model], runs[model]
-    quantities = study.model_quantities(variant.model)
     sources: dict[str, _Source] = {}
     for design, design_runs in own.items():
         steps.start(f"statistics of {design}", model)
@@ -106,7 +105,7 @@ def model_groups(
             **({CAVEAT: each.caveat} if each.caveat else {}),
             **({AXIS_SCALE: each.axis_scale} if each.is_logarithmic else {}),
         }
-        for each in quantities
+        for each in study.model_quantities(variant.model)
     }
     for name, (attributes, outputs) in sources.items():
         path = f"/{STATISTICS_GROUP}/{name}"
@@ -121,7 +120,7 @@ def model_groups(
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
-        yield "/", xr.Dataset(attrs=model_identity(variant.model))
+        yield "/", xr.Dataset(attrs=model_attributes(variant.model))
 
 
 def _design_source(

@@ -35,13 +35,14 @@ import numpy.typing as npt
 from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics import texts
 from uqpen.statistics.ascending import ascending, largest_up_to, least_from
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import bonett_price, clopper_pearson
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
 __all__ = [
     "CorrectedCdf",
-    "CorrectedProbability",
     "Counts",
     "FoldChoice",
     "FoldCounts",
@@ -74,7 +75,6 @@ class QuantileChoices:
 
         Parameters
         ----------
-        runs : CorrectionRuns
         grid : ndarray, shape (value,)
             Values, ascending, with those of all runs.
         choice : FoldChoice
@@ -124,7 +124,7 @@ class CorrectedCdf:
 
     runs: CorrectionRuns
 
-    def at(self, values: FloatArray) -> CorrectedProbability:
+    def at(self, values: FloatArray) -> Estimate:
         """Return the distribution function with its bounds at some values."""
         grid, known = self._grid, self._at_grid
         place = np.searchsorted(grid, values, side="right") - 1
@@ -135,14 +135,14 @@ class CorrectedCdf:
             between, number = np.unique(values[is_between], return_inverse=True)
             exact = self._between(between)[number]
             found[is_between] = np.clip(exact, found[is_between], known.value[after[is_between]])
-        return CorrectedProbability(found, known.lower[place], known.upper[after])
+        return _probability(found, known.lower[place], known.upper[after])
 
-    def above(self, values: FloatArray) -> CorrectedProbability:
+    def above(self, values: FloatArray) -> Estimate:
         """Return the probabilities of exceeding some values."""
         found = self.at(values)
-        return CorrectedProbability(1 - found.value, 1 - found.upper, 1 - found.lower)
+        return _probability(1 - found.value, 1 - found.upper, 1 - found.lower)
 
-    def below(self, values: FloatArray) -> CorrectedProbability:
+    def below(self, values: FloatArray) -> Estimate:
         """Return the probabilities of lying below some values."""
         return self.at(np.nextafter(values, -np.inf))
 
@@ -205,7 +205,7 @@ class CorrectedCdf:
         return self._counts(self._grid)
 
     @cached_property
-    def _at_grid(self) -> CorrectedProbability:
+    def _at_grid(self) -> Estimate:
         return self._function(self.runs.level)
 
     @cached_property
@@ -216,7 +216,7 @@ class CorrectedCdf:
             for choice, _ in self.choices.parts()
         ]
 
-    def _function(self, level: float) -> CorrectedProbability:
+    def _function(self, level: float) -> Estimate:
         """Return the function with its bounds at the grid."""
         value, lower, upper = np.zeros((3, len(self._grid)))
         for choice, part in self.choices.parts():
@@ -226,7 +226,7 @@ class CorrectedCdf:
             upper += part(ascending(found.upper))
         # Rounding may be against both.
         value = largest_up_to(value)
-        return CorrectedProbability(
+        return _probability(
             value, np.minimum(largest_up_to(lower), value), np.maximum(largest_up_to(upper), value)
         )
 
@@ -242,7 +242,7 @@ class CorrectedCdf:
         return result
 
     def _inverted(
-        self, found: CorrectedProbability, probability: FloatArray
+        self, found: Estimate, probability: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return quantiles with bounds, of a distribution function at the grid."""
         values, last = self._grid[1:], len(self._grid) - 2
@@ -257,7 +257,7 @@ class CorrectedCdf:
 
     def _bounded(
         self, drawn: FloatArray, counts: FoldCounts, choice: FoldChoice, level: float
-    ) -> CorrectedProbability:
+    ) -> Estimate:
         """Return bounds from shares of draws and counts of runs, by one choice for all values."""
         runs = replace(self.runs, level=level)
         by_set = np.einsum("k,ksv->sv", runs.shares * choice.uses_fit[:, 0], drawn)
@@ -336,15 +336,6 @@ _CLEARLY_SMALLER = 0.9
 
 # Numbers of runs, or sums of their weights, of one event or of several.
 Counts = npt.NDArray[np.integer[Any]] | FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class CorrectedProbability:
-    """Probabilities with their bounds, of any one shape."""
-
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -444,18 +435,21 @@ class FoldCounts:
         return FoldChoice(variance > _CLEARLY_SMALLER * half**2, 2 * by_model > sizes)
 
 
+def _probability(value: FloatArray, lower: FloatArray, upper: FloatArray) -> Estimate:
+    return Estimate(value, lower, upper, texts.CORRECTED_BONETT_PRICE, "discrete")
+
+
 def with_bounds(
     runs: CorrectionRuns,
     share: FloatArray,
     counts: FoldCounts,
     choice: FoldChoice,
     error: FloatArray,
-) -> CorrectedProbability:
+) -> Estimate:
     """Return probabilities with bounds: those of the surrogate, and the disagreements.
 
     Parameters
     ----------
-    runs : CorrectionRuns
     share, error : ndarray
         The probabilities by what the folds predict, and their errors.
     counts : FoldCounts
@@ -482,7 +476,7 @@ def with_bounds(
     _, plain_upper = clopper_pearson(events + missing, total, runs.level)
     lower = np.where(is_plain, plain_lower, share + least - np.hypot(half_below, noise))
     upper = np.where(is_plain, plain_upper, share + most + np.hypot(half_above, noise))
-    return CorrectedProbability(
+    return _probability(
         value,
         np.minimum(np.maximum(lower, 0.0), value),
         np.maximum(np.minimum(upper, 1.0), value),

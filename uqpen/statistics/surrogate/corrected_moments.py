@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import ratio_error, student_quantile
@@ -26,6 +28,9 @@ __all__ = [
     "CorrectedMean",
     "CorrectedMoments",
     "corrected_mean",
+    "kurtosis",
+    "quantile_estimates",
+    "quantile_probabilities",
     "spacing",
     "tail_allowance",
     "upper_allowance",
@@ -102,7 +107,6 @@ def corrected_mean(
 
     Parameters
     ----------
-    runs : CorrectionRuns
     values, predictions : ndarray, shape (run,)
         The function of the output, by the model and by each run's fit.
     draws : ndarray, shape (fold, draw)
@@ -146,7 +150,6 @@ def upper_allowance(runs: CorrectionRuns, values: FloatArray, draws: FloatArray)
 
     Parameters
     ----------
-    runs : CorrectionRuns
     values : ndarray, shape (run,)
         The function at the runs.
     draws : ndarray, shape (fold, draw)
@@ -273,7 +276,7 @@ class CorrectedMoments:
     def kurtosis(self) -> float:
         """The largest kurtosis of the runs and of the fits."""
         runs = self.runs
-        return max(_kurtosis(runs.values, runs.weights), *map(_kurtosis, runs.draws))
+        return max(kurtosis(runs.values, runs.weights), *map(kurtosis, runs.draws))
 
     @cached_property
     def heavy_tail(self) -> str:
@@ -296,22 +299,32 @@ class CorrectedMoments:
         return "; ".join([texts.HIDDEN_TAIL.format(runs=FEWEST_RUNS_FOR_TAILS), explained])
 
 
-def _kurtosis(values: FloatArray, weights: FloatArray | None = None) -> float:
+def kurtosis(values: FloatArray, weights: FloatArray | None = None) -> float:
     """Return the fourth standardized moment: 3 for a normal distribution, 0 for a constant."""
-    if weights is not None:
-        return _weighted_kurtosis(values, weights)
-    deviations = values - values.mean()
-    scale = float(np.abs(deviations).max())
-    if not scale > 0:
+    deviations = values - np.average(values, weights=weights)
+    if not (scale := float(np.abs(deviations).max())) > 0:
         return 0.0
     squares = (deviations / scale) ** 2
-    return float((squares**2).mean() / squares.mean() ** 2)
-
-
-def _weighted_kurtosis(values: FloatArray, weights: FloatArray) -> float:
-    """Return the fourth standardized moment of weighted values; 0 for a constant."""
-    squares = (values - np.average(values, weights=weights)) ** 2
-    if not (scale := float(squares.max())) > 0:
-        return 0.0
-    second, fourth = (np.average((squares / scale) ** power, weights=weights) for power in (1, 2))
+    second, fourth = (np.average(squares**power, weights=weights) for power in (1, 2))
     return float(fourth / second**2)
+
+
+# Quantiles with their bounds, of surrogates and of stand-ins.
+
+
+def quantile_probabilities(array: xr.DataArray) -> FloatArray:
+    """Return the probabilities that an estimate array of quantiles or of percentiles is at."""
+    if PERCENT in array.dims:
+        return np.asarray(array[PERCENT].values / 100)
+    return np.asarray(array[PROBABILITY].values)
+
+
+def quantile_estimates(
+    value: FloatArray, lower: FloatArray, upper: FloatArray, method: str, runs: int
+) -> Estimate:
+    """Return quantiles with a note where a number of runs is too small for a bound."""
+    too_few = texts.TOO_FEW_RUNS.format(runs=runs)
+    found = Estimate(value, lower, upper, method, "discrete")
+    for text, end in ((texts.NO_LOWER_BOUND, lower), (texts.NO_UPPER_BOUND, upper)):
+        found = found.replace_at(np.isnan(end), found.with_note(text.format(too_few=too_few)))
+    return found

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -22,8 +21,6 @@ from uqpen.core.labels import (
     NOTE,
     OF_EXCEEDANCE,
     OF_LOGARITHM,
-    PERCENT,
-    PROBABILITY,
     RANK,
     REFINED_FOR,
     REPLICATE,
@@ -35,14 +32,16 @@ from uqpen.core.labels import (
     SURROGATE_ESTIMATE,
     WEIGHT,
 )
+from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import equivalent_runs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import mark_uncertified
-from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf, CorrectedProbability
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.corrected_indices import (
     FIRST_ORDER,
     TOTAL_ORDER,
@@ -51,7 +50,11 @@ from uqpen.statistics.surrogate.corrected_indices import (
     corrected_event_indices,
     corrected_indices,
 )
-from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.corrected_moments import (
+    CorrectedMoments,
+    quantile_estimates,
+    quantile_probabilities,
+)
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.threshold import Threshold
@@ -99,39 +102,32 @@ class OutputCorrection:
     indexed: Mapping[str, tuple[IndexedVariable, ...]]
     quantity: QuantityOfInterest
 
-    def problem(self, name: str) -> str:
+    @staticmethod
+    def problem(name: str) -> str:
         """Return why a statistic keeps the surrogate's own figures; empty if it is corrected."""
-        is_known = name in CATALOGUE and CATALOGUE[name].is_corrected
+        is_known = name in CATALOGUE and "corrected" in CATALOGUE[name].by
         return "" if is_known else texts.NO_CORRECTION
 
-    def own_problem(self, name: str, least: float) -> str:
+    def own_problem(self, name: str) -> str:
         """Return why the surrogate's own figures of a statistic say too little; empty if not.
 
-        Parameters
-        ----------
-        name : str
-        least : float
-            The least share of the variance of the runs that it has to explain: of the logarithm
-            for what is of that, and else of the output.
+        It has to explain a share of the variance of the runs: of the logarithm for what is of that,
+        and else of the output.
         """
         of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
         q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
-        if q2 >= least:
+        if q2 >= _LEAST_Q2:
             return ""
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
         return texts.TOO_LITTLE_ALONE.format(explained=explained)
 
-    def estimates(self, name: str, along: FloatArray) -> list[Estimate]:
-        """Return the corrected estimates of a statistic.
+    def estimates(self, name: str, array: xr.DataArray) -> list[Estimate]:
+        """Return the corrected estimates of a statistic without a `problem`, and not of indices.
 
-        Parameters
-        ----------
-        name : str
-            One without a `problem`, and none of indices.
-        along : ndarray
-            The probabilities of quantiles, or the values of a distribution function.
+        The surrogate's own estimate array has what they are of.
         """
-        return self._with_notes(self._estimates(name, along))
+        found: Estimate = resolve(CATALOGUE[name].by["corrected"])(self, array)
+        return self._with_notes(found.each())
 
     def indices(self, name: str) -> list[list[Estimate] | str]:
         """Return the corrected indices of each variable that a name has, or why there are none."""
@@ -142,33 +138,50 @@ class OutputCorrection:
         ]
 
     def _with_notes(self, found: list[Estimate]) -> list[Estimate]:
-        notes = [*self._notes()]
+        """Return estimates with what holds of all intervals."""
+        missing, placed = self.runs.missing, self.runs.placed
+        notes = (
+            texts.OF_ALL_ADMISSIBLE.format(missing=missing) if missing else "",
+            texts.OF_PLACED_RUNS.format(placed=placed) if placed else "",
+        )
         return [each if each.label == "none" else each.with_note(*notes) for each in found]
 
-    def _notes(self) -> Iterator[str]:
-        """Yield what holds of all intervals."""
-        if self.runs.missing:
-            yield texts.OF_ALL_ADMISSIBLE.format(missing=self.runs.missing)
-        if self.runs.placed:
-            yield texts.OF_PLACED_RUNS.format(placed=self.runs.placed)
+    # Estimates of statistics, to which their records in the catalogue refer.
 
-    def _estimates(self, name: str, along: FloatArray) -> list[Estimate]:
-        match name:
-            case "mean":
-                return [self._moments.mean()]
-            case "std":
-                return [self._moments.std()]
-            case "half_spread":
-                return [self._half_spread()]
-            case "exceedance":
-                return _corrected_probabilities(self.cdf.above(_values(self.quantity.thresholds)))
-            case "below":
-                return _corrected_probabilities(
-                    self.cdf.below(_values(self.quantity.lower_thresholds))
-                )
-            case "cdf":
-                return _corrected_probabilities(self.cdf.at(along))
-        return self._quantiles(along)
+    def mean(self, array: xr.DataArray) -> Estimate:
+        """Return the mean."""
+        return self._moments.mean()
+
+    def std(self, array: xr.DataArray) -> Estimate:
+        """Return the standard deviation."""
+        return self._moments.std()
+
+    def half_spread(self, array: xr.DataArray) -> Estimate:
+        """Return half the 16 % to 84 % range."""
+        value, lower, upper = self.cdf.half_spread()
+        if math.isnan(upper - lower):
+            too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+            return Estimate.without_bounds(value, too_few)
+        return Estimate(value, lower, upper, texts.CORRECTED_TWO_WOODRUFF, "conservative")
+
+    def exceedance(self, array: xr.DataArray) -> Estimate:
+        """Return the probabilities of exceeding the thresholds."""
+        return self.cdf.above(_values(self.quantity.thresholds))
+
+    def below(self, array: xr.DataArray) -> Estimate:
+        """Return the probabilities of lying below the thresholds."""
+        return self.cdf.below(_values(self.quantity.lower_thresholds))
+
+    def at_ranks(self, array: xr.DataArray) -> Estimate:
+        """Return the distribution function at its corrected quantiles."""
+        return self.cdf.at(self.cdf.quantile(array[RANK].values)[0])
+
+    def quantiles(self, array: xr.DataArray) -> Estimate:
+        """Return quantiles at the probabilities of an estimate array."""
+        value, lower, upper = self.cdf.quantile(quantile_probabilities(array))
+        found = quantile_estimates(value, lower, upper, texts.CORRECTED_WOODRUFF, self.runs.size)
+        too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
+        return found.remove_bounds_at(np.isnan(lower) & np.isnan(upper), too_few)
 
     @cached_property
     def cdf(self) -> CorrectedCdf:
@@ -178,27 +191,6 @@ class OutputCorrection:
     @cached_property
     def _moments(self) -> CorrectedMoments:
         return CorrectedMoments(self.runs)
-
-    def _half_spread(self) -> Estimate:
-        value, lower, upper = self.cdf.half_spread()
-        if math.isnan(upper - lower):
-            too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
-            return Estimate.without_bounds(value, too_few)
-        return Estimate(value, lower, upper, texts.CORRECTED_TWO_WOODRUFF, "conservative")
-
-    def _quantiles(self, probabilities: FloatArray) -> list[Estimate]:
-        ends = zip(*self.cdf.quantile(probabilities), strict=True)
-        return [self._quantile(float(at), float(low), float(high)) for at, low, high in ends]
-
-    def _quantile(self, value: float, lower: float, upper: float) -> Estimate:
-        too_few = texts.TOO_FEW_RUNS.format(runs=self.runs.size)
-        if math.isnan(lower) and math.isnan(upper):
-            return Estimate.without_bounds(value, too_few)
-        note = ""
-        if math.isnan(lower) or math.isnan(upper):
-            note = texts.NO_LOWER_BOUND if math.isnan(lower) else texts.NO_UPPER_BOUND
-        method = texts.CORRECTED_WOODRUFF
-        return Estimate(value, lower, upper, method, "discrete", note.format(too_few=too_few))
 
     def _index_problem(self, variable: IndexedVariable, kind: str) -> str:
         """Return why the indices of a variable keep the surrogate's own figures; empty if not."""
@@ -232,16 +224,6 @@ def _values(thresholds: Sequence[Threshold]) -> FloatArray:
     return np.array([each.value for each in thresholds])
 
 
-def _corrected_probabilities(found: CorrectedProbability) -> list[Estimate]:
-    """Return probabilities with their bounds as estimates."""
-    ends = zip(found.value, found.lower, found.upper, strict=True)
-    method = texts.CORRECTED_BONETT_PRICE
-    return [
-        Estimate(float(value), float(lower), float(upper), method, "discrete")
-        for value, lower, upper in ends
-    ]
-
-
 # A surrogate that leaves more of the variance than it explains has no figure that no run corrects:
 # half of a share of the variance can then be an error. Nor do the indices of the runs alone, which
 # are of outputs that are smooth along an input, take its place: the output may be rougher than
@@ -261,8 +243,6 @@ def correct_statistics(
     ----------
     found : mapping of str to mapping of str to DataArray
         By output, the surrogate's own estimate arrays.
-    evidence : CorrectionEvidence
-    quantities : sequence of QuantityOfInterest
 
     Returns
     -------
@@ -301,20 +281,13 @@ def _corrected(
         elif is_index(name):
             found[name] = _at_inputs(name, array, correction, plain.get(name))
         elif reason := correction.problem(name):
-            found[name] = _uncorrected(name, array, reason, correction.own_problem(name, _LEAST_Q2))
+            found[name] = _uncorrected(name, array, reason, correction.own_problem(name))
         else:
-            estimates = correction.estimates(name, _probabilities(array))
+            estimates = correction.estimates(name, array)
             estimates = _narrower_ones(estimates, plain.get(name), correction, is_index=False)
             own = array.values[..., 0]
             found[name] = _with_estimates(array, estimates, own, correction, plain.get(name))
     return found
-
-
-def _probabilities(array: xr.DataArray) -> FloatArray:
-    """Return the probabilities of quantiles; none of other statistics."""
-    if PERCENT in array.dims:
-        return np.asarray(array[PERCENT].values / 100)
-    return np.asarray(array[PROBABILITY].values) if PROBABILITY in array.dims else np.empty(0)
 
 
 def _at_ranks(
@@ -324,7 +297,7 @@ def _at_ranks(
     values, _, _ = correction.cdf.quantile(array[RANK].values)
     if BOUND not in array.dims:
         return array.copy(data=values)
-    estimates = correction.estimates("cdf", values)
+    estimates = correction.estimates("cdf", array)
     if correction.problem(name):
         estimates = [Estimate.without_bounds(each.value, texts.NO_BAND_KNOWN) for each in estimates]
     share = correction.cdf.surrogate_share(values)
@@ -336,7 +309,7 @@ def _at_inputs(
 ) -> xr.DataArray:
     """Return the indices of one variable, or of several, each corrected if that is possible."""
     found = correction.indices(name)
-    inputs, problem = array.sizes[INPUT], correction.own_problem(name, _LEAST_Q2)
+    inputs, problem = array.sizes[INPUT], correction.own_problem(name)
     figures = _own_figures(array)
     estimates: list[Estimate] = []
     for start, indices in zip(range(0, len(figures), inputs), found, strict=True):
@@ -401,8 +374,6 @@ def narrower(found: Estimate, plain: Estimate, runs: CorrectionRuns, *, is_index
     ----------
     found, plain : Estimate
         The corrected one, and that of the runs alone.
-    runs : CorrectionRuns
-        Of the output.
     is_index : bool
         Whether they are of a sensitivity index.
     """
@@ -460,37 +431,18 @@ def _equivalent_runs(estimates: Sequence[Estimate], plain: xr.DataArray | None) 
     if plain is None or plain.size != 3 * width.size:
         return np.full(width.shape, math.nan)
     _, lower, upper = plain.values.reshape(-1, 3).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = int(plain.attrs["runs_used"]) * ((upper - lower) / width) ** 2
-    return np.where(np.isfinite(found), found, math.nan)
+    return equivalent_runs(width, upper - lower, int(plain.attrs["runs_used"]))
 
 
 def _corrected_array(
     array: xr.DataArray, estimates: Sequence[Estimate], own: FloatArray, equivalent: FloatArray
 ) -> xr.DataArray:
     """Return an estimate array with other estimates, and what stands beside them."""
-    dims = {str(dim): size for dim, size in array.sizes.items() if dim != BOUND}
-    attributes = dict(array.attrs)
-    level = attributes.pop(INTERVAL_LEVEL, LEVEL)
-    kept = {
-        str(key): each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
-    }
     stacked = Estimate.stacked(estimates)
-    has_level = dims or stacked.has_bounds.any()
-    found = estimate_array(
-        stacked.bounds,
-        dims,
-        stacked.texts,
-        units=attributes.pop("units"),
-        long_name=attributes.pop("long_name"),
-        attributes={INTERVAL_LEVEL: level} if has_level else {},
-        coordinates=kept,
-    )
-    shape = tuple(dims.values())
+    has_level = array.ndim > 1 or stacked.has_bounds.any()
+    level = float(array.attrs.get(INTERVAL_LEVEL, LEVEL)) if has_level else None
     beside = {SURROGATE_ESTIMATE: own, EQUIVALENT_RUNS: equivalent}
-    return found.assign_coords(
-        {name: (tuple(dims), values.reshape(shape)) for name, values in beside.items()}
-    ).assign_attrs(attributes)
+    return stacked.in_place_of(array, level=level, **beside)
 
 
 # Evidence on the errors of a surrogate: real runs, with predictions that have not seen them.
@@ -542,13 +494,10 @@ def correction_evidence(
 
     Parameters
     ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs.
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset
         Runs of the design that it was fitted to, and of another one, if there is one.
-    quantities : sequence of QuantityOfInterest
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
