@@ -51,9 +51,6 @@ def joint_probabilities(
     ----------
     runs : Dataset or BlockedRuns
         With every output that an event concerns; events with others are left out.
-    events : sequence of JointEvent
-    level : float
-        Confidence level of the intervals.
     in_memory : int
         More runs go by blocks.
 

@@ -47,8 +47,6 @@ def model_form_shares(
     ----------
     runs : mapping of str to Dataset
         The runs of each model in one design.
-    quantities : sequence of QuantityOfInterest
-        One for each output.
 
     Returns
     -------
@@ -251,8 +249,6 @@ def model_differences(
     ----------
     first, other : Dataset
         Runs of the two models in one design. Those of the rounds that both have run are compared.
-    quantities : sequence of QuantityOfInterest
-        One for each output of the other model.
 
     Returns
     -------
