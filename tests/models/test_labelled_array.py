@@ -49,10 +49,7 @@ def test_each_dimension_is_put_in_order_by_itself():
 @pytest.mark.parametrize(
     ("array", "reason"),
     [
-        (
-            curve([0, 2, 3]),
-            "y is not there at time = 1 ms: its own coordinates have time = 2 ms",
-        ),
+        (curve([0, 2, 3]), "y is not there at time = 1 ms: its own coordinates have time = 2 ms"),
         (curve([0, 1, np.nan]), "y is not there at time = 3 ms: its own coordinates have"),
         (
             curve([0.0, 1e-3, 3e-3]),

@@ -30,12 +30,7 @@ ROD = {
     "crater_radius": 0.017,
     "smoothing": 0.0,
 }
-ROD_MODELS = [
-    WalkerAnderson(),
-    RigidPenetration(),
-    AlekseevskiiTate(),
-    HydrodynamicLimit(),
-]
+ROD_MODELS = [WalkerAnderson(), RigidPenetration(), AlekseevskiiTate(), HydrodynamicLimit()]
 
 
 def results(model, **changes):

@@ -60,12 +60,7 @@ class TestBuiltIn:
         ],
     )
     def test_what_a_model_imports_belongs_to_it(
-        self,
-        model,
-        module,
-        belongs,
-        tmp_path,
-        monkeypatch,
+        self, model, module, belongs, tmp_path, monkeypatch
     ):
         home = MODELS[model].partition(":")[0]
         digest = sources.source_sha256.__wrapped__

@@ -236,7 +236,10 @@ class JsonReader(OutputReader):
         found = self._find(written)
         if isinstance(found, bool) or not isinstance(found, int | float):
             raise UnreadableError(f"{self.place} is no number")
-        return _to_float(found)
+        try:
+            return float(found)
+        except OverflowError:  # of an integer that is too large for a float
+            return math.copysign(math.inf, found)
 
     def values(self, written: RunFiles) -> FloatArray:
         try:
@@ -399,23 +402,7 @@ def _has_part(found: Any, part: str) -> bool:
     return is_position and int(part) < len(found)
 
 
-def _to_float(value: float) -> float:
-    """Convert a number of JSON to a float; an integer may be too large for one."""
-    try:
-        return float(value)
-    except OverflowError:
-        return float("inf") if value > 0 else float("-inf")
-
-
 # Readers of outputs in columns: of CSV, and of tables with blanks between their columns.
-
-
-def _column_number_or_heading() -> Any:
-    return setting(
-        "count or text",
-        "a heading, or a whole number: columns count from 0, and back from -1",
-        lambda value: type(value) is int or (isinstance(value, str) and bool(value.strip())),
-    )
 
 
 class _RowsReader(OutputReader):
@@ -488,7 +475,11 @@ class ColumnReader(_RowsReader):
         A text; the table begins in the line below its last occurrence.
     """
 
-    column: str | int = _column_number_or_heading()
+    column: str | int = setting(
+        "count or text",
+        "a heading, or a whole number: columns count from 0, and back from -1",
+        lambda value: type(value) is int or (isinstance(value, str) and bool(value.strip())),
+    )
     row: int = row_setting(-1)
     after: str | None = after_setting()
 

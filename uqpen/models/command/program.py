@@ -87,7 +87,10 @@ class Program:
 
     def identity(self) -> dict[str, str]:
         """Return hashes that identify the files: the study's own, and a program from elsewhere."""
-        found = {"source_sha256": _hash_files(self.beside)} if self.beside else {}
+        lines = [f"{file.read.sha256}  {file.name}\n" for file in self.beside]
+        lines.sort(key=lambda line: line.partition("  ")[2])
+        digest = hashlib.sha256("".join(lines).encode())
+        found = {"source_sha256": digest.hexdigest()} if self.beside else {}
         if self.executed not in self.beside:
             found["program_sha256"] = self.executed.read.sha256
         return found
@@ -152,13 +155,6 @@ def lies_in_study(word: str, folder: Path) -> bool:
 def _stamp(path: Path) -> tuple[int, int]:
     about = path.stat()
     return about.st_mtime_ns, about.st_size
-
-
-def _hash_files(files: Iterable[ProgramFile]) -> str:
-    digest = hashlib.sha256()
-    for file in sorted(files, key=lambda file: file.name):
-        digest.update(f"{file.read.sha256}  {file.name}\n".encode())
-    return digest.hexdigest()
 
 
 # Placeholders in a text: ``{rod_length}``, ``{rod_length:.6e}``, and ``{{`` for a brace.
