@@ -23,7 +23,6 @@ from uqpen.checkpoints.sources import (
     PointIndex,
     RunFinder,
     RunSource,
-    first_points,
     input_columns,
     open_archives,
     sources_of_archives,
@@ -481,6 +480,6 @@ def unusable_runs(
             runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
             if not runs or name in known:
                 continue
-            if not finder.used_places(model, first_points(study, name, model)):
+            if not finder.places_of(model, name):
                 texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
     return texts

@@ -54,7 +54,7 @@ from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.rounds import first_round
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution import Progress
-from uqpen.execution.batch import BatchResult, join_results
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
@@ -221,15 +221,22 @@ def set_aside_sources(
         before = read_fingerprint(folder / MADE_OF)
         if before is None:
             continue
-        own = {key: before[key] for key in before if key in fingerprint or _is_of_model(key)}
+        of_model = ("model", "constraints.")
+        own = {key: before[key] for key in before if key in fingerprint or key.startswith(of_model)}
         changes = list(fingerprint_changes(own, fingerprint))
         if not all(change.is_limit for change in changes):
             continue
         design = set_aside_design(folder)
-        for runs in _stored_rounds(folder, read):
+        for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
+            parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
+            if not parts:
+                continue
+            runs = FinishedRuns.joined(parts)
+            # Each run once, in ascending order; of one that several parts have, the last written.
+            _, first = np.unique(runs.runs, return_index=True)
             source = RunSource(
                 _KEPT,
-                runs,
+                runs.select(first),
                 is_complete=False,
                 folder=folder,
                 changed_design=design,
@@ -245,30 +252,6 @@ def set_aside_design(folder: Path) -> str:
     fingerprint = read_fingerprint(folder / MADE_OF) or {}
     names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
     return next(names, "")
-
-
-def _is_of_model(key: str) -> bool:
-    return key.startswith(("model", "constraints."))
-
-
-def _stored_rounds(
-    folder: Path, read: Callable[[Path], FinishedRuns | None]
-) -> Iterator[FinishedRuns]:
-    """Yield the runs of each round in a folder, each number once."""
-    for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
-        parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
-        if parts:
-            yield _joined(parts)
-
-
-def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
-    """Join parts in ascending order of the runs; of a run that several have, take the first."""
-    runs, at = np.unique(np.concatenate([part.runs for part in parts]), return_index=True)
-    inputs = {
-        name: np.concatenate([part.inputs[name] for part in parts])[at] for name in parts[0].inputs
-    }
-    results = join_results([part.results for part in parts])
-    return FinishedRuns(runs, inputs, select_results(results, at))
 
 
 def open_archives(
@@ -565,7 +548,7 @@ class IndexedRuns:
         is_admissible = np.ones(len(at), dtype=np.bool_)
         for constraint in self._constraints:
             is_admissible &= constraint.is_satisfied(inputs)
-        is_wrong = ~is_admissible & (self._results.status[at] != Status.INADMISSIBLE)
+        is_wrong = ~is_admissible & (self._runs.results.status[at] != Status.INADMISSIBLE)
         return np.where(is_wrong, -1, at)
 
     def batch_results(self, start: int, at: IntArray) -> Iterator[BatchResult]:
@@ -581,7 +564,7 @@ class IndexedRuns:
         ends = np.flatnonzero(np.diff(at >= 0)) + 1
         for begin, end in pairwise([0, *ends.tolist(), len(at)]):
             if at[begin] >= 0:
-                yield BatchResult(start + begin, select_results(self._results, at[begin:end]))
+                yield BatchResult(start + begin, select_results(self._runs.results, at[begin:end]))
 
     def use(self, at: IntArray) -> Iterator[tuple[RunSource, IntArray]]:
         """Record that runs are taken, given positions or -1; yield their sources and statuses."""
@@ -589,7 +572,7 @@ class IndexedRuns:
         self._is_used[at] = True
         numbers = self._source_numbers(at)
         for number in np.unique(numbers).tolist():
-            yield self.sources[number], self._results.status[at[numbers == number]]
+            yield self.sources[number], self._runs.results.status[at[numbers == number]]
 
     def sources_of(self, at: IntArray) -> list[RunSource]:
         """Return the sources of runs, given their positions or -1."""
@@ -606,25 +589,19 @@ class IndexedRuns:
                 yield source
 
     @cached_property
-    def _inputs(self) -> Arrays:
-        names = self.sources[0].runs.inputs
-        parts = [source.runs.inputs for source in self.sources]
-        return {name: np.concatenate([part[name] for part in parts]) for name in names}
-
-    @cached_property
-    def _results(self) -> Results:
-        return join_results([source.runs.results for source in self.sources])
+    def _runs(self) -> FinishedRuns:
+        return FinishedRuns.joined([source.runs for source in self.sources])
 
     @cached_property
     def _index(self) -> PointIndex | BatchIndex:
         if not depends_on_batch(self._model):
-            return PointIndex(self._inputs)
+            return PointIndex(self._runs.inputs)
         batches = [
             start + batch
             for start, source in zip(self._starts, self.sources, strict=False)
             for batch in source.whole_batches()
         ]
-        return BatchIndex(self._inputs, batches, BATCH_SIZE)
+        return BatchIndex(self._runs.inputs, batches, BATCH_SIZE)
 
 
 class RunFinder:
@@ -692,8 +669,17 @@ class RunFinder:
         label = f"{model}: {design}" if model else design
         self._made_with.add(f"{label}: {NOT_MADE_AGAIN}")
 
-    def used_places(self, model: str, inputs: Arrays) -> set[str]:
-        """Return the places of a model's runs that are at the first points of a round."""
+    def used_places(self) -> Iterator[tuple[str, str]]:
+        """Yield the models and the places from which runs at first points of a design come."""
+        for model, found in self.sources.items():
+            designs = self._study.designs if found else ()
+            used = set[str]().union(*(self.places_of(model, design) for design in designs))
+            places = dict.fromkeys(each.place for each in found)
+            yield from ((model, place) for place in places if place in used)
+
+    def places_of(self, model: str, design: str) -> set[str]:
+        """Return the places of a model's runs that are at the first points of a design."""
+        inputs = first_points(self._study, design, model)
         found = self.indexed_runs(model, inputs)
         if found is None:
             return set()
