@@ -90,7 +90,7 @@ class UserModel(Model):
         return tuple(unseen_readers(self.surroundings.text if self.surroundings else text))
 
     @property
-    def record(self) -> ModelFolder | Dependencies:
+    def record(self) -> Dependencies:
         """Record of what its runs depend on."""
         return self.surroundings or self.observed
 
