@@ -3,7 +3,6 @@
 Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage.md``, with uqpen
 installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics are
 the true values. The looks, the estimates, the intervals and the test are those of the package.
-`stopping_coverage.py` compares first looks by formulas of its own.
 """
 
 from __future__ import annotations

@@ -179,21 +179,17 @@ def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
     start = 0
     for block in chain([first], coming):
         stop = start + block.sizes[RUN]
-        for name in joined:
-            joined[name] = _filled(joined[name], start, block.variables[name].values)
+        for name, column in joined.items():
+            values = block.variables[name].values
+            # In a type that has room for both.
+            kind = np.promote_types(column.dtype, values.dtype)
+            joined[name] = column.astype(kind, copy=False)
+            joined[name][start:stop] = values
         for name, parts in failed.items():
             parts.append(block.variables[name].values)
         start = stop
-    values = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
-    return _without_empty_reasons(_with_values(first, values))
-
-
-def _filled(column: _AlongRun, start: int, values: _AlongRun) -> _AlongRun:
-    """Return a column with the values of a block, in a type that has room for both."""
-    kind = np.promote_types(column.dtype, values.dtype)
-    column = column.astype(kind, copy=False)
-    column[start : start + len(values)] = values
-    return column
+    found = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
+    return _without_empty_reasons(_with_values(first, found))
 
 
 def _with_values(template: xr.Dataset, values: dict[str, _AlongRun]) -> xr.Dataset:

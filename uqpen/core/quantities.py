@@ -105,7 +105,11 @@ def parse_spread(text: str, like: str) -> Spread | None:
     _refuse_length(text)
     if not _PLUS_MINUS.search(text):
         return None
-    inner, unit = _ungroup(text.replace(_MINUS, "-"))
+    plain = text.replace(_MINUS, "-")
+    # The content of brackets, if any, and the unit behind them.
+    inner, bracket, unit = plain.strip().rpartition(")")
+    is_grouped = bool(bracket) and inner.startswith("(")
+    inner, unit = (inner[1:], unit.strip()) if is_grouped else (plain, "")
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
@@ -137,12 +141,6 @@ def _split(text: str, like: str) -> tuple[float, str]:
     if _PLUS_MINUS.search(unit):
         raise QuantityError(f"{toml_text(text)}, with a ±", f"{describe(like)}, without a spread")
     return float(number), unit or DIMENSIONLESS
-
-
-def _ungroup(text: str) -> tuple[str, str]:
-    """Split the text of a spread into the content of its brackets, if any, and the unit."""
-    inner, bracket, unit = text.strip().rpartition(")")
-    return (inner[1:], unit.strip()) if bracket and inner.startswith("(") else (text, "")
 
 
 def _refuse_length(text: str) -> None:

@@ -107,9 +107,11 @@ def recurrence(distribution: Distribution, order: int) -> Recurrence:
     order : int
         The highest k of the coefficients.
     """
-    formula = _FORMULAS.get(type(distribution), _discretized_stieltjes)
+    k = np.arange(order + 1, dtype=np.float64)
     with np.errstate(all="ignore"):
-        return formula(distribution, np.arange(order + 1, dtype=np.float64))
+        if formula := _FORMULAS.get(type(distribution)):
+            return formula(distribution, k)
+        return _stieltjes(*(distribution.atoms() or _distribution_nodes(distribution)), k)
 
 
 def _hermite(distribution: Normal, k: FloatArray) -> Recurrence:
@@ -165,11 +167,6 @@ _FORMULAS: dict[type, Callable[..., Recurrence]] = {
     Beta: _jacobi,
     Lognormal: _stieltjes_wigert,
 }
-
-
-def _discretized_stieltjes(distribution: Distribution, k: FloatArray) -> Recurrence:
-    """Compute the coefficients on the values of the distribution, or on many nodes of it."""
-    return _stieltjes(*(distribution.atoms() or _distribution_nodes(distribution)), k)
 
 
 def _stieltjes(values: FloatArray, weights: FloatArray, k: FloatArray) -> Recurrence:

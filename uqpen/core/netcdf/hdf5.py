@@ -116,7 +116,7 @@ def _has_signature(content: Content, address: int, signature: bytes, version: in
     return content[address:end] == signature and content[end] == version
 
 
-def _piece(content: Content, address: int, size: int) -> bytes:
+def _stored_bytes(content: Content, address: int, size: int) -> bytes:
     """Return some bytes of a file; IndexError if it ends before."""
     piece = content[address : address + size]
     if len(piece) != size:
@@ -126,7 +126,7 @@ def _piece(content: Content, address: int, size: int) -> bytes:
 
 def _uint(content: Content, address: int, width: int) -> int:
     """Return the unsigned integer of `width` bytes at an address, the low byte first."""
-    return int.from_bytes(_piece(content, address, width), "little")
+    return int.from_bytes(_stored_bytes(content, address, width), "little")
 
 
 def _limit_width(largest: int) -> int:
@@ -176,7 +176,7 @@ class _GlobalHeap:
 
     def references(self, address: int, count: int) -> npt.NDArray[np.void]:
         """Return references to entries that stand at an address."""
-        stored = _piece(self.content, address, count * _HEAP_REFERENCE.itemsize)
+        stored = _stored_bytes(self.content, address, count * _HEAP_REFERENCE.itemsize)
         return np.frombuffer(stored, _HEAP_REFERENCE)
 
     def count_texts(self, address: int, count: int) -> None:
@@ -532,7 +532,7 @@ class _FractalHeap:
         kind, records = _tree_records(content, self.huge_tree) if flags == 0x10 else (0, iter(()))
         wanted = content[identifier + 1 : identifier + 8] + b"\0"
         for record in islice(records, _MOST_HUGE) if kind == _HUGE else ():
-            if _piece(content, record + 16, 8) == wanted:
+            if _stored_bytes(content, record + 16, 8) == wanted:
                 return _uint(content, record, 8)
         raise _unreadable()
 
