@@ -356,7 +356,7 @@ class _RoundCheckpoint(Checkpoint):
 
     def prepare(self, runs: int) -> int:
         ranges: list[tuple[int, int]] = []
-        if self._are_too_many(runs):
+        if runs > BLOCK and self._store.joined[self._folder] + runs > self._store.runs_in_memory:
             self._blocks = BlockStore(self._folder, self._round, runs)
             ranges += self._blocks.ranges
             self._store.runs += covered_count(ranges)
@@ -438,13 +438,6 @@ class _RoundCheckpoint(Checkpoint):
         for block in chain([first], coming):
             self._keep(self._blocks, block)
         return self._blocks.dataset()
-
-    def _are_too_many(self, runs: int) -> bool:
-        """Return True if runs would be too many beside those of earlier rounds in memory.
-
-        A round of one block or less costs more as a file than it takes in memory.
-        """
-        return runs > BLOCK and self._store.joined[self._folder] + runs > self._store.runs_in_memory
 
     def _keep(self, store: BlockStore, block: xr.Dataset) -> None:
         """Move a whole block to the file of blocks, and remove its parts."""

@@ -401,8 +401,6 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
     ----------
     study : ValidatedStudy
         The study that is going to replace the archive.
-    archive : DataTree
-        An archive without faults.
 
     Returns
     -------
@@ -462,10 +460,6 @@ def unusable_runs(
 
     Parameters
     ----------
-    study : ValidatedStudy
-        The study.
-    finder : RunFinder
-        The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
 

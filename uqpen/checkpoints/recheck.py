@@ -162,12 +162,6 @@ class Recheck:
 
         Parameters
         ----------
-        name : str
-            The name of the model.
-        place : Place
-            Where they are.
-        sources : sequence of RunSource
-            The runs that would be taken.
         left : int or None
             Number of runs that the study makes anyway; None if it makes none.
         omitted : mapping of str to Dataset, optional
@@ -504,12 +498,8 @@ def runs_that_are_as_made(
 
     Parameters
     ----------
-    recheck : Recheck
-        Makes runs of the study again.
     sources : mapping of str to sequence of RunSource
         The sources of runs by the name of a model.
-    archives : sequence of ArchivePlace
-        The archives among their places.
     finished : CheckpointFolder
         The finished runs beside the archive.
     journal : Journal
@@ -601,8 +591,6 @@ def choose_runs(
     ----------
     model : Model
         The model of the runs.
-    sources : sequence of RunSource
-        The runs that may be taken.
     generator : numpy.random.Generator
         Draws the runs that are no extremes.
     """
@@ -650,13 +638,6 @@ def choose_runs(
 
 def order_runs(columns: Arrays, generator: np.random.Generator) -> IntArray:
     """Return positions of runs by turns: those at the ends of each input, and random ones.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (run,)
-        The inputs of runs.
-    generator : numpy.random.Generator
-        Draws the random ones.
 
     Returns
     -------

@@ -209,8 +209,6 @@ def set_aside_sources(
 
     Parameters
     ----------
-    root : Path
-        The folder of the model's runs.
     fingerprint : mapping of str to str
         That of the model; see `model_fingerprint`.
     read : callable
@@ -390,8 +388,6 @@ def archived_sources(
     ----------
     study, name
         The study, and the name of its model.
-    archive : ArchivePlace
-        The archive.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """

@@ -122,8 +122,6 @@ class FinishedRuns:
 
         Parameters
         ----------
-        columns : mapping of str to ndarray, shape (run,)
-            Consecutive points.
         start : int
             Number of the first of them.
         """

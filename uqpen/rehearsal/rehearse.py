@@ -146,8 +146,6 @@ def sufficient_runs(study: ValidatedStudy, rule: Precision) -> Iterator[Sufficie
     ----------
     study : ValidatedStudy
         With a surrogate as its only model.
-    rule : Precision
-        The targets.
     """
     known = {quantity.output.name for quantity in study.quantities_of_interest}
     targets = [target for target in rule.each_target() if target.output in known]
@@ -325,13 +323,7 @@ class RepeatRecord:
         return found
 
     def falls_short(self, levels: FloatArray) -> BoolArray:
-        """Return whether intervals hold less often than stated, of shape (source, entry).
-
-        Parameters
-        ----------
-        levels : ndarray, shape (entry,)
-            The stated confidence levels.
-        """
+        """Return whether intervals hold less often than stated, of shape (source, entry)."""
         coverage = self.coverage()
         return np.asarray((coverage[..., 0] < levels - _ALLOWED) & (coverage[..., 2] < levels))
 
@@ -367,15 +359,10 @@ def rehearsal_dataset(
 
     Parameters
     ----------
-    rehearsed : RehearsedStudy
-    work : RepeatWork
-        Its sources and statistics.
     record : RepeatRecord
         The estimates of all repeats.
     tails : ndarray, shape (2, entry)
         As of `tail_record`.
-    wanted : int
-        The number of repeats that was wanted.
 
     Returns
     -------

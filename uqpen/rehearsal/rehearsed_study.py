@@ -96,8 +96,6 @@ class RehearsedSource:
 
         Parameters
         ----------
-        study : ValidatedStudy
-            Of a single model.
         repeat : int
             The number of the repeat, which is the key of its random numbers.
         """
@@ -112,15 +110,7 @@ def run_once(study: ValidatedStudy, design: Design, stream: Stream) -> xr.Datase
 
 
 def run_estimates(runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]) -> Estimates:
-    """Return the estimates that a rehearsal is about, by output and statistic.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Runs of a design.
-    quantities : sequence of QuantityOfInterest
-        Of scalar outputs.
-    """
+    """Return the estimates that a rehearsal is about, by output and statistic."""
     found = analyze(runs, quantities, only=(MOMENTS, QUANTILES, EXCEEDANCE))
     if Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE:
         handle = LoadedDataset.of(runs)
@@ -261,8 +251,6 @@ def surrogate_truth(
     ----------
     study : ValidatedStudy
         With the surrogate as its model.
-    fitted : FittedSurrogate
-    statistics : sequence of BenchmarkStatistic
     sample : Dataset
         Runs of `large_sample`.
 
@@ -323,15 +311,6 @@ def tail_record(
 ) -> FloatArray:
     """Return the shares of all statistics, in draws of the surrogate and in the study's own runs.
 
-    Parameters
-    ----------
-    rehearsed : RehearsedStudy
-    statistics : sequence of BenchmarkStatistic
-    truth : ndarray, shape (entry,)
-        Their true values, one after the other.
-    sample : Dataset
-        Draws of the surrogate.
-
     Returns
     -------
     ndarray, shape (2, entry)
@@ -356,9 +335,6 @@ def tail_shares(
 
     Parameters
     ----------
-    statistic : BenchmarkStatistic
-    truth : ndarray, shape (entry,)
-        Its true values.
     values : ndarray, shape (run,)
         A sample of its output.
     ends : tuple of float

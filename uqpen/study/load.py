@@ -321,13 +321,6 @@ def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
     """Return the pilot of a study.
 
     Its runs are the first of those of the study's first `monte-carlo` design, if it has one.
-
-    Parameters
-    ----------
-    study : ValidatedStudy
-        Read from a file.
-    runs : int
-        Number of runs.
     """
     independent = (name for name, each in study.designs.items() if isinstance(each, MonteCarlo))
     name = next(independent, "pilot")

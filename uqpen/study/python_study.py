@@ -218,11 +218,6 @@ def is_data(value: object) -> bool:
     return isinstance(value, pd.DataFrame | xr.Dataset)
 
 
-def _data_content(data: Any) -> bytes:
-    """Return runs as a CSV file, each number as it is to the bit."""
-    return _frame(data).to_csv(index=False).encode("utf-8")
-
-
 def _data_table(data: Any, units: Mapping[str, str], outputs: Iterable[str]) -> dict[str, Any]:
     """Return the table of a study file that declares runs as its data file.
 
@@ -314,8 +309,6 @@ def joint_paths(
     ----------
     inputs : iterable
         Names of inputs, and tuples of them.
-    taken : collection of str
-        Names of other tables.
     """
     paths: dict[tuple[Any, ...], tuple[str, str]] = {}
     for names in inputs:
@@ -386,7 +379,7 @@ class StudyContent:
         given = _with_joint_tables(given)
         model = given.get("model")
         if is_data(model):
-            self.objects["model",] = _data_content(model)
+            self.objects["model",] = _frame(model).to_csv(index=False).encode("utf-8")
             outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
             units = {**dict(self._input_units(given)), **outputs}
             given["model"] = _data_table(model, units, outputs)

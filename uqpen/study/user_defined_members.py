@@ -7,7 +7,7 @@ import dataclasses
 import inspect
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from uqpen.models import MODELS
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
 from uqpen.models.user_module import load_module
-from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_member
+from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_member, read_named_object
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -123,8 +123,6 @@ def read_member(
         The key that names the class; empty where it is the table's own.
     name : str
         The reference, or the name of an entry point.
-    kind : Kind
-        The family.
     like : str
         Unit like that of its quantities.
 
@@ -135,6 +133,52 @@ def read_member(
     """
     made, surroundings = read_instance(table, key, name, kind, like)
     return made, surroundings.files() if surroundings else ()
+
+
+def read_kind(
+    table: TableReader,
+    kind: Kind,
+    what: str,
+    unloaded: Callable[[str, bool], Any],
+    check: Callable[[type], None] = lambda built_in: None,
+) -> tuple[Any, str, Files]:
+    """Read a member of any origin from its table: by ``kind``, or an object of a Python program.
+
+    Parameters
+    ----------
+    table : TableReader
+        The table of the settings; it has no other keys.
+    kind : Kind
+        The family; `what` is the word for a member of it.
+    unloaded : callable
+        Makes a stand-in for code that is not trusted, or (True) for an object that is not here.
+    check : callable
+        Notes what a built-in class cannot have.
+
+    Returns
+    -------
+    member, origin, files
+        None where a mistake was noted; its name if it is not built in; the files of its code.
+    """
+    if OBJECT in table and "kind" not in table:
+        expected = f'kind = "{kind.form}": a file cannot contain a Python object'
+        found = read_named_object(table, what, expected)
+        table.check_unknown_keys()
+        if found is None:
+            return None, "", ()
+        is_here = isinstance(found.value, kind.base)
+        return found.value if is_here else unloaded(found.name, True), found.name, ()
+    name = str(table.content.get("kind"))
+    if is_reference(name) and not table.trust:
+        return unloaded(name, False), name, ()
+    if is_reference(name) or name in installed_names(kind, name):
+        table.take("kind")
+        member, files = read_member(table, "kind", name, kind)
+        return member, name, files
+    built_in = family_member(table, "kind", kind.family, f"a kind of {what}")
+    if built_in:
+        check(built_in)
+    return built_in and table.whole_settings(built_in), "", ()
 
 
 def read_instance(
@@ -212,7 +256,11 @@ def _make(cls: type, table: TableReader, like: str) -> object:
 def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind) -> type:
     cls = getattr(module, attribute, None)
     if not isinstance(cls, type):
-        known = [key for key, value in vars(module).items() if _is_own_class(value, module)]
+        known = [
+            key
+            for key, value in vars(module).items()
+            if isinstance(value, type) and value.__module__ == module.__name__
+        ]
         listing = f"; it defines {', '.join(known)}" if known else ""
         where = reference.rpartition(":")[0]
         raise ModelError(f'"{where}" has no class "{attribute}"{listing}')
@@ -314,7 +362,3 @@ def _class_fault(cls: object, kind: Kind) -> str:
 
 def _lacks_settings(cls: type) -> bool:
     return not dataclasses.is_dataclass(cls) and cls.__init__ is object.__init__  # type: ignore[misc]
-
-
-def _is_own_class(value: object, module: ModuleType) -> bool:
-    return isinstance(value, type) and value.__module__ == module.__name__

@@ -285,8 +285,6 @@ def restored_study(
 
     Parameters
     ----------
-    tree : DataTree
-        An archive without faults.
     folder : Path or None
         Folder with the files that the study names; None for the archived files. Files that the
         archive has only as hashes are then taken from the current folder.
