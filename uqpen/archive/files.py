@@ -212,7 +212,14 @@ def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator
     paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.
     depth = max((parts.count(_UP) for parts in paths.values()), default=0)
-    with _fresh_folder() as root:
+    try:
+        # That only this user can read; it is removed in the end with its content.
+        fresh = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise ArchiveError(f"no folder for the archive's files: {error.strerror}") from None
+    with fresh as name:
+        # Not by way of a link: a model's modules are known by where they lie.
+        root = Path(name).resolve()
         study = root.joinpath(*["study"] * (depth + 1))
         study.mkdir(parents=True)
         missing = []
@@ -223,18 +230,6 @@ def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator
             else:
                 _write_new(content, _make_folders(root, study, parts), file.name)
         yield ExtractedFiles(study, missing)
-
-
-@contextlib.contextmanager
-def _fresh_folder() -> Iterator[Path]:
-    """Provide a folder that only this user can read; it is removed in the end with its content."""
-    try:
-        folder = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
-    except OSError as error:
-        raise ArchiveError(f"no folder for the archive's files: {error.strerror}") from None
-    with folder as name:
-        # Not by way of a link: a model's modules are known by where they lie.
-        yield Path(name).resolve()
 
 
 def _path_parts(name: str) -> tuple[str, ...]:

@@ -127,15 +127,10 @@ def _remove_leftovers(path: Path) -> None:
     place = Path(os.path.realpath(path))
     for part in place.parent.glob(f".{glob.escape(place.name)}.*.part"):
         process = part.suffixes[-2].removeprefix(".")
-        if process.isdecimal() and not _is_running(int(process)):
-            part.unlink(missing_ok=True)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:  # it runs, and is somebody else's
-        return True
-    return True
+        if process.isdecimal():
+            try:
+                os.kill(int(process), 0)
+            except ProcessLookupError:
+                part.unlink(missing_ok=True)
+            except OSError:  # it runs, and is somebody else's
+                continue

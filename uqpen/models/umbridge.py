@@ -11,7 +11,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
@@ -286,15 +286,12 @@ class UmbridgeClient:
             # A host that does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
             raise NoAnswerError(_DISCONNECTED) from None
-        _enable_keepalive(self._connection.sock)
-
-
-def _enable_keepalive(connection: socket.socket) -> None:
-    """Make a connection end when its other end has vanished, without a limit on the run."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in _SILENCE.items():
-        with contextlib.suppress(AttributeError, OSError):  # not every system has them all
-            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        # So that it ends when its other end has vanished, without a limit on the run.
+        connection = self._connection.sock
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in _SILENCE.items():
+            with contextlib.suppress(AttributeError, OSError):  # not every system has them all
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _parse_object(content: bytes) -> dict[str, Any] | None:
@@ -404,7 +401,17 @@ class UmbridgeModel(Model):
         values = iter(point)
         vectors = [list(itertools.islice(values, size)) for size in self.sizes.inputs]
         request = {"name": self.name, "input": vectors, "config": json.loads(self.config)}
-        return _join_vectors(server.request("Evaluate", request).get("output"), self.sizes.outputs)
+        found = server.request("Evaluate", request).get("output")
+        lists = found if isinstance(found, list) else []
+        if [len(v) if isinstance(v, list) else -1 for v in lists] != list(self.sizes.outputs):
+            expected = ", ".join(map(str, self.sizes.outputs))
+            raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
+        # JSON knows no NaN, and some servers write null instead.
+        flat = [np.nan if value is None else value for vector in lists for value in vector]
+        for value in flat:
+            if type(value) not in (int, float):
+                raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
+        return floats(flat)
 
 
 def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes:
@@ -418,17 +425,3 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
             raise NoAnswerError(f"the server's answer to {what} is no list of whole numbers")
         found.append(tuple(sizes))
     return VectorSizes(*found)
-
-
-def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
-    """Join the values of vectors after a check of their lengths."""
-    lists = vectors if isinstance(vectors, list) else []
-    if [len(v) if isinstance(v, list) else -1 for v in lists] != list(sizes):
-        expected = ", ".join(map(str, sizes))
-        raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
-    # JSON knows no NaN, and some servers write null instead.
-    flat = [np.nan if value is None else value for vector in lists for value in vector]
-    for value in flat:
-        if type(value) not in (int, float):
-            raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
-    return floats(flat)

@@ -29,8 +29,7 @@ from uqpen.core.units import scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
 from uqpen.models.command.process import STDERR, ProcessEnd, guard_folder, run_process
 from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
-from uqpen.models.function_outputs import dimension_names
-from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError
+from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
 
 __all__ = [
