@@ -35,11 +35,11 @@ from scipy.stats import qmc
 from skewed_coverage import Design
 
 from uqpen.core.model import Dimension, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import SobolSequence
-from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
+from uqpen.models.rod_trajectories import WalkerAndersonTrajectory
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band
 from uqpen.statistics.fields.tolerance_band import tolerance_band

@@ -24,8 +24,8 @@ from coverage_table import Place
 from result_files import append_results, read_records
 
 import uqpen
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs import DESIGNS
 from uqpen.execution import Evaluator
 from uqpen.results.source_statistics import SourceStatistics

@@ -21,7 +21,7 @@ from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
-from uqpen.models.campbell import Campbell
+from uqpen.models.known_functions import Campbell
 
 __all__ = ["CURVE", "JOINT", "Exact", "exact", "runs_of"]
 

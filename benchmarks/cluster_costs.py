@@ -26,7 +26,7 @@ from uqpen.execution import Evaluator
 from uqpen.execution.batch import Batch
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 TABLE = Place("costs of a cluster")
 WORKERS, RUNS = 100, 1e10

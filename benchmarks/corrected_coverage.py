@@ -34,9 +34,9 @@ from scipy.stats import qmc
 from skewed_coverage import Design
 
 from uqpen.core.model import Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator
@@ -48,11 +48,11 @@ from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_indices import InputParts, corrected_indices
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.corrected_indices import InputParts, corrected_indices
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.corrected_statistics import narrower
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.study.load import load_study
 from uqpen.surrogates.chaos.basis import ProductBasis, univariate_basis
 from uqpen.surrogates.chaos.coefficients import sparse_regression

@@ -28,18 +28,18 @@ from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
 
 from uqpen.core.model import Results
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.execution import Evaluator
-from uqpen.statistics.surrogate.correction.corrected_indices import (
+from uqpen.statistics.surrogate.corrected_indices import (
     InputParts,
     corrected_event_indices,
     corrected_indices,
 )
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.corrected_statistics import FEWEST_ON_A_SIDE
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.corrected_statistics import FEWEST_ON_A_SIDE
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.statistics.surrogate.surrogate_draws import (
     ConditionalDraws,
     PickFreezePairs,

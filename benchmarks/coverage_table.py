@@ -264,7 +264,8 @@ The surrogate's own figure stands beside each corrected one: the last column cou
 wrong by more than the interval is wide to one side, and yet inside of an interval without a note.
 True values are those of the section on use cases; standard deviations that are infinite are left
 out. `benchmarks/surrogate_usecases.py` makes these tables. They have one or two seeds, and indices
-of Gaussian processes are still those of before [082](decisions/082-draws-stand-in-for-terms.md).
+of Gaussian processes are still those of before
+[draws stood in for terms](decisions/076-runs-correct-a-surrogate.md).
 """
 
 _FEW_RUNS = """\
@@ -301,8 +302,8 @@ so they may cover more; tolerance bands over replicates are conservative.
 `benchmarks/band_coverage.py` makes this table, of every fourth place (`--every 4`) of the first two
 and of the rod. The standard error of a cell is 0.7 points with 1 000 seeds, 1 with 500, 1.4 with
 250. Cells with 1 000 seeds, and the last row of the rod, were measured before bands left out
-[what few runs decide](decisions/107-few-runs-make-no-band-of-the-mean.md), which leaves the bands
-of the first two curves as they were.
+[what few runs decide](decisions/072-a-band-is-the-intervals-at-a-higher-level.md), which leaves
+the bands of the first two curves as they were.
 """
 
 _CORRECTED = """\

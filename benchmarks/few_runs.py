@@ -19,15 +19,15 @@ import xarray as xr
 from coverage_table import FEW_RUNS
 from result_files import add_table_options, read_rows, result_file
 
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.corrected_statistics import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.load import load_study
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos

@@ -49,7 +49,7 @@ from uqpen.distributions.constraints import parse_constraint
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Distribution, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import ANALYSES
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold

@@ -26,9 +26,9 @@ from scipy.stats import qmc
 import uqpen
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Model, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.drawn_points import Points, Round, points_in_memory, points_of
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.multifidelity import Multifidelity

@@ -28,9 +28,9 @@ from scipy import special, stats
 from scipy.special import ndtr
 
 from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD, REPLICATE, ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.core.variables import Input
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory, points_of

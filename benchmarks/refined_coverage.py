@@ -30,13 +30,13 @@ from scipy import special
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_moments import CorrectedMoments
-from uqpen.statistics.surrogate.correction.correction_runs import CorrectionRuns
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.surrogates.fitting import CrossFit
 from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
 

@@ -19,12 +19,12 @@ import numpy as np
 from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import STATED
-from uqpen.rehearsal.opening import open_rehearsed
 from uqpen.rehearsal.rehearse import RepeatRecord, RepeatWork, make_repeats
 from uqpen.rehearsal.rehearsed_study import (
     RehearsedSource,
     RehearsedStudy,
     large_sample,
+    open_rehearsed,
     run_estimates,
     study_sources,
     surrogate_truth,

@@ -15,13 +15,13 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from uqpen.models.rod_erosion import Rod
+    from uqpen.models.rod_motion import Rods
 
 FloatArray = npt.NDArray[np.float64]
 Inputs = dict[str, FloatArray]
@@ -33,9 +33,9 @@ REQUIRED = 500
 _PREPARE = """
 import time
 start = time.perf_counter()
-from uqpen.models import eroding_rod
+from uqpen.models.walker_anderson import WalkerAnderson
 imported = time.perf_counter()
-eroding_rod.prepare()
+WalkerAnderson().prepare()
 print(imported - start, time.perf_counter() - imported)
 """
 
@@ -67,7 +67,7 @@ def _preparation() -> tuple[float, float]:
 
 
 def _compare() -> int:
-    from uqpen.models.eroding_rod import DEFAULT_TOLERANCE
+    from uqpen.models.walker_anderson import DEFAULT_TOLERANCE
 
     batch = admissible_points()
     subset = {name: values[:SUBSET] for name, values in batch.items()}
@@ -121,28 +121,28 @@ def admissible_points() -> Inputs:
 
 def dop853(batch: Inputs, tolerance: float) -> FloatArray:
     """Depth and residue of every run, one after the other."""
-    from uqpen.models.rod_erosion import make_rod
+    from uqpen.models.rod_course import make_rod
 
     results = []
     for row in zip(*(values.tolist() for values in batch.values()), strict=True):
-        rod = make_rod(**dict(zip(batch, row, strict=True)))
+        rod = make_rod(dict(zip(batch, row, strict=True)))
         u, _, L, z = _eroded(rod, tolerance)
         inertia = rod.density_ratio * L + rod.added_length
         results.append((z + inertia * np.log1p(max(u, 0.0) ** 2 / rod.resistance), L))
     return np.array(results).T
 
 
-def _eroded(rod: Rod, tolerance: float) -> list[float]:
+def _eroded(rod: Rods, tolerance: float) -> list[float]:
     """The state of a rod at the end of erosion, by SciPy."""
     from scipy.integrate import solve_ivp
 
-    from uqpen.models.rod_erosion import erosion_slopes
+    from uqpen.models.rod_course import erosion_slopes
 
     inertia = rod.density_ratio * rod.length + rod.added_length
     # In this time the target's resistance alone would stop the rod as it was, however fast.
     longest = np.pi * inertia / np.sqrt(rod.resistance)
     solution = solve_ivp(
-        lambda _, state: erosion_slopes(state.tolist(), rod),
+        lambda _, state: erosion_slopes(state, rod),
         (0.0, longest),
         [rod.impact_velocity, 0.0, rod.length, 0.0],
         method="DOP853",
@@ -169,11 +169,10 @@ for _event in (_tail_lead, _nose_velocity):
 
 def _lanes(batch: Inputs, tolerance: float) -> FloatArray:
     """Depth and residue of every run, all of them together."""
-    from uqpen.models.eroding_rod import penetrate
+    from uqpen.models.walker_anderson import WalkerAnderson
 
-    columns: dict[str, Any] = {**batch, "tolerance": tolerance}
-    result = penetrate(**columns)
-    return np.array([result.depth, result.residue])
+    outputs = WalkerAnderson(tolerance).evaluate(batch).outputs
+    return np.array([outputs["penetration_depth"], outputs["projectile_residue"]])
 
 
 def _matching_tolerance(batch: Inputs, reference: FloatArray, target: float) -> tuple[float, float]:

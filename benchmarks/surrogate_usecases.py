@@ -28,8 +28,7 @@ from scipy import special
 from usecase_coverage import INFINITE_VARIANCE, QUANTILES, Truth, UseCase, true_values, use_cases
 
 import uqpen
-from uqpen.core.labels import BOUND, INPUT, NOTE, SURROGATE_ESTIMATE
-from uqpen.core.statistic_dimensions import PROBABILITY
+from uqpen.core.labels import BOUND, INPUT, NOTE, PROBABILITY, SURROGATE_ESTIMATE
 
 FloatArray = npt.NDArray[np.float64]
 

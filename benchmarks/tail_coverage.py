@@ -25,8 +25,8 @@ from result_files import append_results, read_records
 from scipy import special
 
 from uqpen.core.model import Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls

@@ -9,8 +9,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics.analyze import OutputStatistics
-from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.corrected_statistics import correct_statistics, correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy

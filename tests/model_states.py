@@ -24,9 +24,10 @@ from changed_models import CHANGES
 
 import uqpen
 from uqpen.archive.files import FILES, files_group
-from uqpen.checkpoints.identity import compare_models
+from uqpen.checkpoints.identity import compare_models, compared_names
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
+from uqpen.study.identity import model_identity
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 from uqpen.workflow import root_attributes
 
@@ -103,8 +104,10 @@ def compare(folder: Path, files: Mapping[str, str], before: Record) -> dict[str,
     attributes, group = before
     groups = {"/": xr.Dataset(attrs=attributes)}
     tree = xr.DataTree.from_dict(groups | ({f"/{FILES}": group} if group.variables else {}))
-    found = compare_models(study, ONLY_MODEL, tree, ONLY_MODEL)
-    return {"changes": [*found.changes], "uncompared": [*found.uncompared]}
+    model = model_identity(study, ONLY_MODEL)
+    found = compare_models(model, tree, ONLY_MODEL)
+    _, uncompared = compared_names(model, found.dependencies)
+    return {"changes": [*found.changes], "uncompared": [*uncompared]}
 
 
 def load_libraries() -> None:

@@ -15,10 +15,10 @@ import pytest
 
 import uqpen
 from uqpen.cli.main import COMMANDS
-from uqpen.core.derived import Reduction
 from uqpen.core.errors import UqpenError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
+from uqpen.core.variables import Reduction
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.rare_events import RARE_EVENT_METHODS
@@ -174,11 +174,18 @@ DECISIONS = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
 
 def test_every_decision_is_listed_under_its_title() -> None:
     page = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
-    listed = re.findall(r"^- \[(\d+)\]\((\S+)\) (.*)\.$", page, re.MULTILINE)
+    rows = re.findall(r"^\| \[(\d+)\]\((\S+)\) \| (.*) \| ([\d, ]*)\|$", page, re.MULTILINE)
     titles = [path.read_text(encoding="utf-8").splitlines()[0] for path in DECISIONS]
-    assert [name for _, name, _ in listed] == [path.name for path in DECISIONS]
-    assert [f"# {title}" for _, _, title in listed] == titles
-    assert [int(number) for number, _, _ in listed] == list(range(1, len(listed) + 1))
+    assert [name for _, name, _, _ in rows] == [path.name for path in DECISIONS]
+    assert [f"# {title}" for _, _, title, _ in rows] == titles
+    assert all(name.startswith(f"{number}-") for number, name, _, _ in rows)
+
+
+def test_every_number_of_a_decision_is_found_on_one_page() -> None:
+    page = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[(\d+)\]\(\S+\) \| .* \| ([\d, ]*)\|$", page, re.MULTILINE)
+    found = [int(number) for row in rows for number in re.findall(r"\d+", " ".join(row))]
+    assert sorted(found) == list(range(1, len(found) + 1))
 
 
 @pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)

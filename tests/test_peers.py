@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 peers = pytest.importorskip("peers", reason="the folder of benchmarks is not here")
 

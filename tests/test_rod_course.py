@@ -10,8 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.core.arrays import FloatArray
-from uqpen.models.rod_erosion import make_rod
-from uqpen.models.rod_trajectory import trajectory
+from uqpen.models.rod_course import make_rod, trajectory
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +52,7 @@ def test_runs_are_those_of_another_integration(
         constants = {
             name: float(made[name].values.flat[run % made[name].size]) for name in CONSTANTS
         }
-        known = trajectory(make_rod(**constants, smoothing=smoothing), depths=2001)
+        known = trajectory(make_rod({**constants, "smoothing": smoothing}), depths=2001)
         depths = made["target_depth"].values
         is_reached = depths <= known.depth[-1]
         assert 2 <= is_reached.sum() < 6

@@ -23,7 +23,7 @@ from uqpen.core.errors import UqpenError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.processes import processes
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 from uqpen.server import ModelServer, ServedModel, model_server
 
 pytestmark = pytest.mark.slow

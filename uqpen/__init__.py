@@ -45,35 +45,35 @@ if TYPE_CHECKING:
     from uqpen.distributions.copulas import GaussianCopula as GaussianCopula
     from uqpen.distributions.copulas import StudentCopula as StudentCopula
     from uqpen.distributions.frozen import FrozenDistribution as FrozenDistribution
-    from uqpen.distributions.truncated import Truncated as Truncated
     from uqpen.distributions.univariate import *  # noqa: F403
     from uqpen.distributions.univariate import Discrete as Discrete
+    from uqpen.distributions.univariate import Truncated as Truncated
     from uqpen.execution.failures import FailurePolicy as FailurePolicy
     from uqpen.figures.page import figure as figure
     from uqpen.library import make_archive as make_archive
     from uqpen.library import run as run
     from uqpen.library import verify as verify
     from uqpen.models.alekseevskii_tate import AlekseevskiiTate as AlekseevskiiTate
-    from uqpen.models.campbell import Campbell as Campbell
     from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
-    from uqpen.models.ishigami import Ishigami as Ishigami
+    from uqpen.models.known_functions import Campbell as Campbell
+    from uqpen.models.known_functions import Ishigami as Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
-    from uqpen.models.rigid_penetration_trajectory import (
+    from uqpen.models.rod_trajectories import (
         RigidPenetrationTrajectory as RigidPenetrationTrajectory,
+    )
+    from uqpen.models.rod_trajectories import (
+        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
     )
     from uqpen.models.walker_anderson import WalkerAnderson as WalkerAnderson
     from uqpen.models.walker_anderson_drucker_prager import (
         WalkerAndersonDruckerPrager as WalkerAndersonDruckerPrager,
     )
-    from uqpen.models.walker_anderson_trajectory import (
-        WalkerAndersonTrajectory as WalkerAndersonTrajectory,
-    )
     from uqpen.report.page import write_report as write_report
     from uqpen.results.archive import Archive as Archive
     from uqpen.results.archive import open_archive as open_archive
     from uqpen.study.load import parse_study as parse_study
-    from uqpen.study.python_model import OutputSpec as OutputSpec
-    from uqpen.study.python_model import PythonModel as PythonModel
+    from uqpen.study.python_study import OutputSpec as OutputSpec
+    from uqpen.study.python_study import PythonModel as PythonModel
     from uqpen.study.python_study import Study as Study
     from uqpen.study.python_study import load_study as load_study
     from uqpen.surrogates.active_learning import ActiveLearning as ActiveLearning
@@ -85,6 +85,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
+# A distribution that a study file has no name for: it is limits beside another.
+_TRUNCATED = {"truncated": "uqpen.distributions.univariate:Truncated"}
+
 # Imported when they are asked for, so that the command line starts at once.
 _HOMES: dict[str, Sequence[str]] = {
     "uqpen.archive.write": ("write",),
@@ -92,17 +95,15 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.core.errors": ("ArchiveError", "StudyError", "UqpenError"),
     "uqpen.designs.stopping.precision": ("Precision",),
     "uqpen.distributions.frozen": ("FrozenDistribution",),
-    "uqpen.distributions.truncated": ("Truncated",),
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),
-    "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
-    "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
-    **member_homes(DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES),
+    **member_homes(DESIGNS, DISTRIBUTIONS, _TRUNCATED, COPULAS, MODELS, SURROGATES),
 }
 _NAMES = sorted(name for names in _HOMES.values() for name in names)
 

@@ -13,9 +13,9 @@ from uqpen.execution import EXECUTORS, Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
-from uqpen.study.named_object import OBJECT
-from uqpen.study.python_objects import joint_paths
+from uqpen.study.python_study import joint_paths
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.table_reader import OBJECT
 from uqpen.verification.check_result import CheckResult
 from uqpen.verification.verify import verify as verify_parts
 

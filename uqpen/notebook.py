@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
-from uqpen.core.progress import Progress
-from uqpen.core.progress_record import ProgressRecord
+from uqpen.core.progress import Progress, ProgressRecord
 from uqpen.results.progress_texts import runs_text, step_text
 
 __all__ = ["NotebookProgress", "notebook_progress"]
@@ -22,7 +21,9 @@ _PERIOD = 0.2
 @contextlib.contextmanager
 def notebook_progress() -> Iterator[Progress]:
     """Provide a progress bar in a notebook; elsewhere, progress is not shown."""
-    if not _is_notebook():
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if getattr(shell, "kernel", None) is None:
         yield Progress()
         return
     from IPython.display import display
@@ -32,13 +33,6 @@ def notebook_progress() -> Iterator[Progress]:
         yield bar
     finally:
         bar.finish()
-
-
-def _is_notebook() -> bool:
-    """Check that this process is the kernel of a notebook."""
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython is not None else None
-    return getattr(shell, "kernel", None) is not None
 
 
 class NotebookProgress(ProgressRecord):

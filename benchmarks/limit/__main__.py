@@ -29,8 +29,8 @@ from coverage_table import Place
 from program import Erode, compile_limit, find_compiler
 from solver import admissible_points, dop853, worst_error
 
-from uqpen.models import rod_lanes
-from uqpen.models.eroding_rod import DEFAULT_TOLERANCE, penetrate
+from uqpen.models import walker_anderson
+from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson, erode
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -76,10 +76,10 @@ def main() -> int:
 def _rods_and_reference() -> tuple[FloatArray, FloatArray]:
     """The rods of the plain study, and their depths and residues at a tight tolerance."""
     batch = admissible_points()
-    with mock.patch.object(rod_lanes, "erode", wraps=rod_lanes.erode) as erode:
-        penetrate(**batch, tolerance=1e-12)
-    (rods, _), _ = erode.call_args
-    reference = _depth_and_residue(rod_lanes.erode, rods, 1e-12)
+    with mock.patch.object(walker_anderson, "erode", wraps=erode) as watched:
+        WalkerAnderson(1e-12).evaluate(batch)
+    (rods, _), _ = watched.call_args
+    reference = _depth_and_residue(erode, rods, 1e-12)
     some = {name: values[:CHECKED] for name, values in batch.items()}
     other = dop853(some, 1e-13) / batch["projectile_length"][0]
     agreement = worst_error(reference[:, :CHECKED], other)
@@ -88,7 +88,7 @@ def _rods_and_reference() -> tuple[FloatArray, FloatArray]:
 
 
 def _depth_and_residue(erode: Erode, rods: FloatArray, tolerance: float) -> FloatArray:
-    """Final depths and residues in lengths of the rod; see `eroding_rod.penetrate`."""
+    """Final depths and residues in lengths of the rod; see `WalkerAnderson.evaluate`."""
     u, _, L, z = erode(rods, tolerance)[:4]
     return np.array([z + (rods[0] * L + rods[6] / 2) * np.log1p(u**2 / rods[7]), L])
 
@@ -97,13 +97,13 @@ def _at_equal_error(limit: Erode, rods: FloatArray, reference: FloatArray) -> di
     def error(erode: Erode, tolerance: float) -> float:
         return worst_error(_depth_and_residue(erode, rods, tolerance), reference)
 
-    ours = error(rod_lanes.erode, DEFAULT_TOLERANCE)
+    ours = error(erode, DEFAULT_TOLERANCE)
     # The error is no smooth function of the tolerance: the loosest of those that keep it.
     tolerances = DEFAULT_TOLERANCE * np.geomspace(3.0, 0.3, 41)
     loosest = next(each for each in tolerances.tolist() if error(limit, each) <= ours)
-    counted = float(rod_lanes.count_evaluations(rods, DEFAULT_TOLERANCE).mean())
+    counted = float((8 + 6 * erode(rods, DEFAULT_TOLERANCE)[5]).mean())
     return {
-        "uqpen": Measured(rod_lanes.erode, DEFAULT_TOLERANCE, ours, counted),
+        "uqpen": Measured(erode, DEFAULT_TOLERANCE, ours, counted),
         "C++": Measured(limit, loosest, error(limit, loosest), limit(rods, loosest)[5].mean()),
     }
 

@@ -205,7 +205,7 @@ static void land_all(Lanes& lanes, const double* rods, long runs, double* ends) 
     }
 }
 
-// As `rod_lanes.erode`, for at least one run; `ends` has six rows, the last of numbers of steps.
+// As `walker_anderson.erode`, for at least one run; `ends` has six rows, the last of numbers of steps.
 extern "C" void erode(const double* rods, long runs, double tolerance, double* ends) {
     alignas(64) Lanes lanes = {};
     long occupant[LANES], waiting = LANES, unfinished = runs;

@@ -30,7 +30,7 @@ def find_compiler() -> str | None:
 
 
 def compile_limit(compiler: str, folder: Path) -> Erode:
-    """Compile the program in a folder; return it as a function like `rod_lanes.erode`.
+    """Compile the program in a folder; return it as a function like `walker_anderson.erode`.
 
     Its result has a sixth row: the number of evaluations of the slopes.
     """

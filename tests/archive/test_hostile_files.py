@@ -18,7 +18,7 @@ import uqpen
 from uqpen.archive.hashes import append_checksum, is_broken
 from uqpen.archive.read import is_archive, open_archive
 from uqpen.core.errors import ArchiveError
-from uqpen.core.netcdf.content import ARCHIVE_LIMITS, ContentLimits, RefusedContentError
+from uqpen.core.netcdf.hdf5 import ARCHIVE_LIMITS, ContentLimits, RefusedContentError
 from uqpen.core.netcdf.opening import check_netcdf
 
 HOSTILE = Path(__file__).parents[1] / "data" / "hostile"

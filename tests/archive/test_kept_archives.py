@@ -21,9 +21,8 @@ from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.read import open_archive, read_tree
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.verification.check_result import CheckOutcome
+from uqpen.verification.check_result import CheckOutcome, find_differences
 from uqpen.verification.diff import diff_archives
-from uqpen.verification.differences import find_differences
 from uqpen.verification.verify import verify
 from uqpen.workflow.repetition import TOLERANCE
 

@@ -13,7 +13,7 @@ from uqpen.checkpoints.sources import RunSource
 from uqpen.checkpoints.stored_runs import FinishedRuns
 from uqpen.core.model import Results
 from uqpen.core.status import Status
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 RUNS, SEEDS = 4000, 200
 Points = dict[str, NDArray[np.float64]]

@@ -87,7 +87,7 @@ def test_large_parts_are_written_as_they_come(
 ) -> None:
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
-    monkeypatch.setattr("uqpen.checkpoints.parts._MOST_BYTES", 5 * bytes_of_a_run)
+    monkeypatch.setattr("uqpen.checkpoints.stored_runs._MOST_BYTES", 5 * bytes_of_a_run)
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
         make(folder)

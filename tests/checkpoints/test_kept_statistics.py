@@ -14,8 +14,7 @@ import uqpen
 from uqpen.archive.write import write
 from uqpen.checkpoints.make_archive import ResumeOptions, make_archive
 from uqpen.cli.export import export
-from uqpen.cli.report import report
-from uqpen.cli.show import show
+from uqpen.cli.show import report, show
 from uqpen.core.errors import CheckpointError, StudyError
 from uqpen.core.labels import BATCH_HASH
 from uqpen.execution import Progress, run_count, status_counts

@@ -27,7 +27,7 @@ from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.results.export import table_content
 from uqpen.results.runs_table import run_table_parts, runs_table
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
 from uqpen.verification.diff import diff_runs
 from uqpen.workflow import run_design

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.checkpoints.replaced import runs_not_kept
+from uqpen.checkpoints.make_archive import runs_not_kept
 from uqpen.execution import Progress
 from uqpen.study.study import ValidatedStudy
 

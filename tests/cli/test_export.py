@@ -16,8 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 import uqpen
-from uqpen.cli.export import export
-from uqpen.cli.table_file import table_format
+from uqpen.cli.export import export, table_format
 from uqpen.results import TABLE_FORMATS
 from uqpen.results.export import table_content
 

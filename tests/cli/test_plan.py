@@ -19,7 +19,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.required_runs import required_runs
+from uqpen.statistics.running_estimates import required_runs
 from uqpen.study.load import pilot_study
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
@@ -116,7 +116,7 @@ def test_a_precision_must_be_asked_for(tmp_path: Path) -> None:
 
 @pytest.fixture
 def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uqpen.statistics.required_runs._SAMPLES", 12)
+    monkeypatch.setattr("uqpen.statistics.running_estimates._SAMPLES", 12)
 
 
 @pytest.mark.usefixtures("few_samples")

@@ -14,7 +14,7 @@ from rich.console import Console
 import uqpen
 from uqpen.checkpoints.journal import Journal
 from uqpen.cli.progress import _Lines, progress_lines, show_progress
-from uqpen.core.progress_record import StudyProgress
+from uqpen.core.progress import StudyProgress
 from uqpen.execution import Progress
 from uqpen.notebook import NotebookProgress
 from uqpen.study.study import ValidatedStudy

@@ -14,8 +14,8 @@ import xarray as xr
 from click.testing import CliRunner
 
 from uqpen.cli.console import plain_table, show_table, standard_output
+from uqpen.cli.messages import SPELLED_OUT
 from uqpen.cli.options import quiet_option
-from uqpen.cli.printable import SPELLED_OUT
 from uqpen.cli.progress import show_progress
 from uqpen.cli.screen import show_tables
 from uqpen.results.table import OutputTable

@@ -26,7 +26,7 @@ import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.core.columns import read_columns
 from uqpen.core.errors import ArchiveError, SettingsError, TableError
-from uqpen.core.netcdf.content import ARCHIVE_LIMITS, DATA_LIMITS
+from uqpen.core.netcdf.hdf5 import ARCHIVE_LIMITS, DATA_LIMITS
 from uqpen.core.netcdf.opening import (
     LARGEST_DATA,
     RefusedContentError,

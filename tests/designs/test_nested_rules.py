@@ -30,8 +30,15 @@ from uqpen.designs.quadrature import (
 )
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Triangular, Uniform
+from uqpen.distributions.univariate import (
+    Beta,
+    Gamma,
+    Lognormal,
+    Normal,
+    Triangular,
+    Truncated,
+    Uniform,
+)
 from uqpen.study.load import parse_study
 from uqpen.verification.check_result import CheckOutcome
 

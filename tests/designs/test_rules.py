@@ -21,7 +21,6 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -29,6 +28,7 @@ from uqpen.distributions.univariate import (
     Lognormal,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

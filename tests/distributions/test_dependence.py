@@ -34,7 +34,7 @@ from uqpen.distributions.copulas import (
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 FloatArray = npt.NDArray[np.float64]
 

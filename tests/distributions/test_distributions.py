@@ -14,7 +14,6 @@ from scipy import stats
 from uqpen.core.errors import SettingsError
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -23,6 +22,7 @@ from uqpen.distributions.univariate import (
     LogUniform,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

@@ -27,8 +27,7 @@ from uqpen.distributions.measurements import (
     fitted_families,
     parameters_text,
 )
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Gamma, Gumbel, Lognormal, Normal, Weibull
+from uqpen.distributions.univariate import Gamma, Gumbel, Lognormal, Normal, Truncated, Weibull
 
 VALUES = st.lists(st.integers(-50, 50), min_size=2, max_size=30).filter(lambda x: len(set(x)) > 1)
 

@@ -14,7 +14,6 @@ from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions import orthogonal_polynomials as module
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Discrete,
@@ -24,6 +23,7 @@ from uqpen.distributions.univariate import (
     LogUniform,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

@@ -28,7 +28,7 @@ from uqpen.execution.batch import Batch
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 pytestmark = pytest.mark.slow
 

@@ -21,7 +21,7 @@ from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.processes import processes
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Ishigami
 
 STUDY = """\
 seed = 3

@@ -12,9 +12,12 @@ from scipy.optimize import brentq
 from uqpen.core.model import Arrays, Model, Results
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
-from uqpen.models.drucker_prager import effective_yield_limit, plastic_extent
 from uqpen.models.walker_anderson import WalkerAnderson
-from uqpen.models.walker_anderson_drucker_prager import WalkerAndersonDruckerPrager
+from uqpen.models.walker_anderson_drucker_prager import (
+    WalkerAndersonDruckerPrager,
+    effective_yield_limit,
+    plastic_extent,
+)
 
 # FFI/RAPPORT-2000/05876, Table 3.1.
 ROD = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
@@ -13,12 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from uqpen.models import rod_lanes, tsitouras
-from uqpen.models.eroding_rod import DEFAULT_TOLERANCE, Penetration, penetrate
+from uqpen.core.status import Status
+from uqpen.models import tsitouras, walker_anderson
 from uqpen.models.rod_and_target import Termination
-from uqpen.models.rod_course import Trajectory
-from uqpen.models.rod_erosion import erosion_slopes, integrate_erosion, make_rod
-from uqpen.models.rod_trajectory import trajectory
+from uqpen.models.rod_course import (
+    Trajectory,
+    erosion_slopes,
+    integrate_erosion,
+    make_rod,
+    trajectory,
+)
+from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 
 pytestmark = pytest.mark.processor
 
@@ -44,6 +50,21 @@ NOMINAL = {
 # What the default tolerance promises, relative; the largest error in 40 000 draws of the report's
 # law was 1.9e-7.
 PROMISED = 1e-6
+
+
+class Penetration(NamedTuple):
+    """The outputs of a batch, and whether each of its runs was solved."""
+
+    depth: FloatArray
+    residue: FloatArray
+    erosion_end_depth: FloatArray
+    termination: FloatArray
+    solved: npt.NDArray[np.bool_]
+
+
+def penetrate(*, tolerance: float = DEFAULT_TOLERANCE, **batch: FloatArray) -> Penetration:
+    results = WalkerAnderson(tolerance).evaluate(batch)
+    return Penetration(*results.outputs.values(), results.status == Status.OK)
 
 
 def rods(**changes: float | FloatArray) -> Inputs:
@@ -207,18 +228,19 @@ def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density
     # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
     assert depth == pytest.approx(length / steady, rel=3e-3)
     assert residue < 1e-5 * length
-    course = trajectory(make_rod(**{**NOMINAL, **weak}), depths=3)
+    course = trajectory(make_rod({**NOMINAL, **weak}), depths=3)
     # Steady flow: v = u (1 + sqrt(ρt/ρp)), but for strengths 5e-4 of the pressure and s/L.
     assert course.tail_velocity[1] / course.nose_velocity[1] == pytest.approx(1 + steady, rel=3e-3)
 
 
 def test_momentum_changes_by_the_forces_on_rod_and_target_only():
     values = {**NOMINAL, "smoothing": 0.7}
-    rod = make_rod(**values)
-    steps = integrate_erosion(rod, 1e-8).steps
+    rod = make_rod(values)
+    steps, _, _ = integrate_erosion(rod, 1e-8)
+    assert steps is not None
     Omega, profile, kappa, added = rod[0], rod[1], rod[2], rod.added_length
     for u, x, L, z in steps.before.T.tolist():
-        du, dx, dL, _ = erosion_slopes((u, x, L, z), rod)
+        du, dx, dL, _ = erosion_slopes(np.array([u, x, L, z]), rod)
         v, dv, s, ds = u * (1 + x), du * (1 + x) + u * dx, kappa * x, kappa * dx
         change = Omega * (dv * L + v * dL + (ds * (u - v) + s * (du - dv)) / profile) + added * du
         force = -0.5 * (Omega * (v**2 - u**2) + u**2 + rod.resistance)
@@ -280,13 +302,16 @@ def test_a_run_has_the_same_bits_with_any_number_of_threads(monkeypatch):
 
 
 def test_a_run_of_the_reports_law_takes_326_evaluations_of_the_slopes():
-    with mock.patch.object(rod_lanes, "erode", wraps=rod_lanes.erode) as erode:
+    erode = walker_anderson.erode
+    with mock.patch.object(walker_anderson, "erode", wraps=erode) as watched:
         penetrate(**concrete(2000))
-    (all_rods, _), _ = erode.call_args
-    found = rod_lanes.count_evaluations(all_rods, DEFAULT_TOLERANCE)
+    (all_rods, _), _ = watched.call_args
+    found, tighter = (
+        1 + 6 * erode(all_rods, tolerance)[5] + 7  # the start, steps, the event
+        for tolerance in (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE / 32)
+    )
     # The standard deviation among runs is 100, so that of the mean is 2.
     assert found.mean() == pytest.approx(326, abs=10)
-    tighter = rod_lanes.count_evaluations(all_rods, DEFAULT_TOLERANCE / 32)
     # Steps of order 5 go with the fifth root of the tolerance.
     assert tighter.mean() / found.mean() == pytest.approx(2.0, rel=0.2)
 
@@ -314,7 +339,7 @@ def test_an_empty_batch_gives_an_empty_result():
 def test_a_thin_plastic_zone_is_stiff_but_solved(ratio):
     changes = {"plasticity_radius": ratio * NOMINAL["crater_radius"]}
     result = penetrate(**rods(**changes))
-    course = trajectory(make_rod(**{**NOMINAL, **changes}), depths=2)
+    course = trajectory(make_rod({**NOMINAL, **changes}), depths=2)
     assert result.solved.all()
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
@@ -331,7 +356,7 @@ def test_the_stiffest_runs_solved_agree_with_those_of_a_tighter_tolerance():
 @pytest.mark.parametrize("velocity", [1.0, 10.0, 100.0])
 def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
     result = penetrate(**rods(impact_velocity=velocity))
-    rod = make_rod(**{**NOMINAL, "impact_velocity": velocity})
+    rod = make_rod({**NOMINAL, "impact_velocity": velocity})
     inertia = rod.density_ratio * rod.length + rod.added_length
     # A closed form: only rounding in its few operations.
     depth = inertia * np.log1p(velocity**2 / rod.resistance)
@@ -354,7 +379,7 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
 )
 def test_extreme_rods_end_where_an_independent_integration_ends(changes):
     result = penetrate(**rods(**changes))
-    course = trajectory(make_rod(**{**NOMINAL, **changes}), depths=2)
+    course = trajectory(make_rod({**NOMINAL, **changes}), depths=2)
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
 
@@ -364,7 +389,7 @@ def test_extreme_rods_end_where_an_independent_integration_ends(changes):
 
 @pytest.fixture(scope="module")
 def course() -> Trajectory:
-    return trajectory(make_rod(**NOMINAL), depths=10_001)
+    return trajectory(make_rod(NOMINAL), depths=10_001)
 
 
 @pytest.mark.parametrize(
@@ -382,10 +407,9 @@ def test_trajectory_passes_through_known_points(course, depth, time, nose, tail,
 
 
 def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
-    erosion = integrate_erosion(make_rod(**NOMINAL), 1e-10)
-    u, x, _, z = erosion.state
+    _, (u, x, _, z), time = integrate_erosion(make_rod(NOMINAL), 1e-10)
     # Seven digits are known.
-    assert (erosion.time, z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
+    assert (time, z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
     assert x == pytest.approx(0.0, abs=1e-12)
 
 
@@ -393,7 +417,7 @@ def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
 def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     values = {**NOMINAL, "smoothing": smoothing}
     # Three digits are known.
-    assert trajectory(make_rod(**values)).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
+    assert trajectory(make_rod(values)).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -402,19 +426,20 @@ def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     ids=["breakdown", "smoothed", "standstill"],
 )
 def test_erosion_is_that_of_an_integration_by_scipy(changes):
-    rod = make_rod(**{**NOMINAL, **changes})
-    erosion = integrate_erosion(rod, 1e-10)
+    rod = make_rod({**NOMINAL, **changes})
+    steps, _, end = integrate_erosion(rod, 1e-10)
+    assert steps is not None
     known = solve_ivp(
-        lambda _, state: erosion_slopes(state.tolist(), rod),
-        (0.0, erosion.time),
+        lambda _, state: erosion_slopes(state, rod),
+        (0.0, end),
         [rod.impact_velocity, 0.0, rod.length, 0.0],
         method="DOP853",
-        t_eval=erosion.steps.start,
+        t_eval=steps.start,
         rtol=1e-12,
         atol=1e-14 * np.array([rod.impact_velocity, 1.0, rod.length, rod.length]),
     )
     scales = np.abs(known.y).max(axis=1, keepdims=True)
-    np.testing.assert_allclose(erosion.steps.before / scales, known.y / scales, atol=2e-9)
+    np.testing.assert_allclose(steps.before / scales, known.y / scales, atol=2e-9)
 
 
 @pytest.mark.parametrize(
@@ -423,7 +448,7 @@ def test_erosion_is_that_of_an_integration_by_scipy(changes):
     ids=["breakdown", "smoothed", "standstill", "rigid"],
 )
 def test_trajectory_ends_where_the_lanes_end(changes):
-    result = trajectory(make_rod(**{**NOMINAL, **changes}))
+    result = trajectory(make_rod({**NOMINAL, **changes}))
     # Both integrations allow each of some hundred steps an error of 1e-10 or less.
     assert (result.depth[-1], result.length[-1]) == pytest.approx(one(**changes), rel=1e-9)
     assert result.nose_velocity[-1] == 0

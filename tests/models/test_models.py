@@ -11,11 +11,10 @@ from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
-from uqpen.models import MODELS, rod_lanes
+from uqpen.models import MODELS
 from uqpen.models.alekseevskii_tate import AlekseevskiiTate
-from uqpen.models.campbell import Campbell
 from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
-from uqpen.models.ishigami import Ishigami
+from uqpen.models.known_functions import Campbell, Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
 from uqpen.models.walker_anderson import WalkerAnderson
@@ -167,8 +166,10 @@ def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
 
 
 def test_the_integrator_numbers_terminations_as_the_output_does() -> None:
-    assert rod_lanes.CAUGHT_UP == Termination.BREAKDOWN
-    assert rod_lanes.AT_REST == Termination.STANDSTILL
+    from uqpen.models import rod_kernel
+
+    assert rod_kernel.CAUGHT_UP == Termination.BREAKDOWN
+    assert rod_kernel.AT_REST == Termination.STANDSTILL
     assert [category.label for category in OUTPUTS[3].categories] == ["v = u", "u = 0", "rigid"]
 
 

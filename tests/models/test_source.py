@@ -56,15 +56,14 @@ class TestBuiltIn:
         ("model", "module", "belongs"),
         [
             ("walker-anderson", "walker_anderson", True),
-            ("walker-anderson", "eroding_rod", True),
             ("walker-anderson", "rod_kernel", True),
             ("walker-anderson", "tsitouras", True),
-            ("walker-anderson", "rod_trajectory", True),
+            ("walker-anderson", "rod_course", True),
             ("rigid-penetration", "rod_course", True),
             ("walker-anderson", "rigid_penetration", False),
             ("walker-anderson", "source", False),
             ("rigid-penetration", "rod_and_target", True),
-            ("rigid-penetration", "eroding_rod", False),
+            ("rigid-penetration", "walker_anderson", False),
             ("ishigami", "rod_and_target", False),
         ],
     )

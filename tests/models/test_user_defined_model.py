@@ -16,7 +16,7 @@ from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.models.user_module import load_module
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_model
 from uqpen.verification.archived_study import archived_study
 from uqpen.verification.check_result import CheckOutcome

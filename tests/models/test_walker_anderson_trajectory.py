@@ -14,13 +14,13 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.models.rigid_penetration import RigidPenetration
-from uqpen.models.rigid_penetration_trajectory import RigidPenetrationTrajectory
-from uqpen.models.rod_curves import Along, Curves, follow_erosion
-from uqpen.models.rod_erosion import make_rod
-from uqpen.models.rod_motion import RigidMotion, make_rods
-from uqpen.models.rod_trajectories import RodTrajectories
-from uqpen.models.rod_trajectory import trajectory
-from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
+from uqpen.models.rod_course import make_rod, trajectory
+from uqpen.models.rod_motion import Along, Curves, RigidMotion, follow_erosion, make_rods
+from uqpen.models.rod_trajectories import (
+    RigidPenetrationTrajectory,
+    RodTrajectories,
+    WalkerAndersonTrajectory,
+)
 from uqpen.testing import check_model
 
 DATA = Path(__file__).parents[1] / "data"
@@ -54,7 +54,7 @@ def inputs(*cases: dict[str, float]) -> dict[str, FloatArray]:
 
 @pytest.mark.parametrize("case", CASES)
 def test_curves_are_those_of_one_rod_followed_carefully(case: str) -> None:
-    known = trajectory(make_rod(**CASES[case]), tolerance=1e-12)
+    known = trajectory(make_rod(CASES[case]), tolerance=1e-12)
     u, v, L, s = known.nose_velocity, known.tail_velocity, known.length, known.plastic_extent
     # Rounding may put the coordinate of rest behind the end of the curves.
     expected = np.stack([u, v, L, s, known.depth, known.time])[:, :-1]

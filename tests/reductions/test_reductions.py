@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uqpen.core.derived import Reduction
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Dimension, Output
+from uqpen.core.variables import Reduction
 from uqpen.reductions import REDUCTIONS
 from uqpen.reductions.derived import derived_outputs
 

@@ -18,13 +18,14 @@ from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.execution.batch import Batch, BatchResult
-from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
 from uqpen.rehearsal.rehearse import (
+    RehearsalSettings,
     RepeatRecord,
     RepeatWork,
     make_repeats,
     rehearse,
     rehearsed_statistics,
+    sufficient_runs,
 )
 from uqpen.rehearsal.rehearsed_study import (
     RehearsedStudy,
@@ -33,7 +34,6 @@ from uqpen.rehearsal.rehearsed_study import (
     surrogate_truth,
     tail_shares,
 )
-from uqpen.rehearsal.required_runs import sufficient_runs
 from uqpen.statistics.threshold import Threshold
 from uqpen.study.load import parse_study
 from uqpen.study.study import ValidatedStudy

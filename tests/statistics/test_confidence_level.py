@@ -16,8 +16,8 @@ from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
+from uqpen.study.identity import level_attribute
 from uqpen.study.study import ValidatedStudy
-from uqpen.workflow.root_attributes import level_attribute
 
 MakeStudy = Callable[..., ValidatedStudy]
 

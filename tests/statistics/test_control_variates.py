@@ -60,7 +60,7 @@ def test_intervals_of_mean_quantile_and_probability_cover(noise: float) -> None:
         below, above = mean.margins(0.95)
         thresholds = MatchedThresholds.of(made, 0.95)
         _, *quantile = thresholds.quantile(0.8)
-        _, *probability = thresholds.probability_below(1.0, is_strict=False)
+        _, *probability = thresholds.probability_below(1.0, is_strict=False).bounds
         for k, ((lower, upper), true) in enumerate(
             [
                 ((mean.value - below, mean.value + above), 0.0),
@@ -78,7 +78,7 @@ def test_a_close_stand_in_makes_quantiles_and_probabilities_narrower() -> None:
     for noise in (0.02, 5.0):
         thresholds = MatchedThresholds.of(noisy(4, noise, runs=200), 0.95)
         _, *quantile = thresholds.quantile(0.5)
-        _, *probability = thresholds.probability_below(0.3, is_strict=False)
+        _, *probability = thresholds.probability_below(0.3, is_strict=False).bounds
         widths.append([np.ptp(quantile), np.ptp(probability)])
     assert widths[0][0] < 0.5 * widths[1][0]
     assert widths[0][1] < 0.5 * widths[1][1]

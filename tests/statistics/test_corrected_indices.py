@@ -14,7 +14,7 @@ from corrected_surrogates import NORMAL, STREAM, corrected_by, made
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
+from uqpen.statistics.surrogate.corrected_statistics import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos

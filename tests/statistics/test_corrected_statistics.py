@@ -23,19 +23,18 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import clopper_pearson
-from uqpen.statistics.surrogate.correction.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.correction.corrected_moments import (
+from uqpen.statistics.intervals import bonett_price, clopper_pearson
+from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
+from uqpen.statistics.surrogate.corrected_moments import (
     CorrectedMoments,
     corrected_mean,
     spacing,
 )
-from uqpen.statistics.surrogate.correction.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction.correction_runs import (
+from uqpen.statistics.surrogate.corrected_statistics import narrower
+from uqpen.statistics.surrogate.correction_runs import (
     CorrectionRuns,
     missing_run_predictions,
 )
-from uqpen.statistics.surrogate.correction.disagreements import CorrectedProbability, bonett_price
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
@@ -517,7 +516,7 @@ def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
     )
     happens = runs.values > 0.5
 
-    def probability(weights: FloatArray) -> CorrectedProbability:
+    def probability(weights: FloatArray) -> Estimate:
         weighted = replace(runs, weights=weights, missing_weights=weights[:0])
         return CorrectedCdf(weighted).above(np.array([0.5]))
 

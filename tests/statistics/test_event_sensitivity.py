@@ -10,7 +10,6 @@ from scipy import special
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Discrete,
@@ -18,6 +17,7 @@ from uqpen.distributions.univariate import (
     Gumbel,
     Lognormal,
     Normal,
+    Truncated,
     Uniform,
     Weibull,
 )

@@ -21,7 +21,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 

@@ -27,8 +27,7 @@ from uqpen.distributions.copulas import (
 )
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.measurements import Empirical
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Lognormal, Normal
+from uqpen.distributions.univariate import Lognormal, Normal, Truncated
 from uqpen.study.load import parse_study
 from uqpen.workflow import run
 

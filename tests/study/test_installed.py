@@ -14,7 +14,7 @@ import xarray as xr
 import uqpen
 from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.lookup import package_version
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.verification.check_result import CheckOutcome
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from uqpen.core.errors import StudyError
 from uqpen.distributions.joint_distribution import FixedInput, RandomInput
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Normal, Uniform
+from uqpen.distributions.univariate import Normal, Truncated, Uniform
 from uqpen.models.surroundings import ModelFolder
 from uqpen.statistics.quantity_of_interest import Threshold
 from uqpen.study.load import load_study, parse_study

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from uqpen.core.errors import ModelError
 from uqpen.study.load import parse_study
-from uqpen.study.new_study.data_draft import data_draft
-from uqpen.study.new_study.function_draft import function_draft
+from uqpen.study.new_study import data_draft, function_draft
 
 BEAM = """
 from typing import Annotated

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import uqpen
-from uqpen.cli.rerun import rerun
+from uqpen.cli.verify import rerun
 from uqpen.core.errors import ModelError
 from uqpen.execution import Progress
 from uqpen.study.study import ValidatedStudy

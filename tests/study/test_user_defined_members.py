@@ -19,7 +19,7 @@ from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import CheckpointError, ModelError, StudyError
 from uqpen.designs.design import UnloadedDesign
 from uqpen.execution import Progress
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_design, check_distribution
 from uqpen.verification.archived_study import archived_study
 from uqpen.verification.check_result import CheckOutcome, CheckResult

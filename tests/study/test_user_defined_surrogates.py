@@ -23,7 +23,7 @@ from uqpen.core.errors import ModelError, StudyError
 from uqpen.figures.page import panels
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_surrogate
 from uqpen.verification.archived_study import refuse_user_defined_names
 from uqpen.verification.check_result import CheckOutcome, CheckResult

@@ -13,7 +13,6 @@ from uqpen.core.lookup import resolve
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.measurements import Empirical
-from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.univariate import (
     Beta,
     Discrete,
@@ -23,6 +22,7 @@ from uqpen.distributions.univariate import (
     LogUniform,
     Normal,
     Triangular,
+    Truncated,
     Uniform,
     Weibull,
 )

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from uqpen.surrogates.chaos.expansion import (
+    input_shares,
     mean,
-    shapley_effects,
-    sobol_indices,
     standard_deviation,
 )
 
@@ -23,22 +22,19 @@ def test_moments() -> None:
     assert standard_deviation(INDICES, COEFFICIENTS) == math.sqrt(5)
 
 
-def test_indices_of_every_order() -> None:
-    found = sobol_indices(INDICES, COEFFICIENTS)
+def test_first_and_total_order_indices() -> None:
+    found = input_shares(INDICES, COEFFICIENTS)
     np.testing.assert_allclose(found.first, [0.2, 0.0, 0.0])
     np.testing.assert_allclose(found.total, [0.2, 0.8, 0.8])
-    np.testing.assert_allclose(
-        found.second, [[np.nan, 0.0, 0.0], [0.0, np.nan, 0.8], [0.0, 0.8, np.nan]]
-    )
 
 
 def test_shapley_effects_share_interactions_equally() -> None:
-    np.testing.assert_allclose(shapley_effects(INDICES, COEFFICIENTS), [0.2, 0.4, 0.4])
+    np.testing.assert_allclose(input_shares(INDICES, COEFFICIENTS).shapley, [0.2, 0.4, 0.4])
 
 
 def test_what_does_not_vary_has_no_indices() -> None:
-    found = sobol_indices(INDICES, np.array([2.0, 0.0, 0.0]))
+    found = input_shares(INDICES, np.array([2.0, 0.0, 0.0]))
     assert np.isnan(found.first).all()
-    assert np.isnan(shapley_effects(INDICES, np.array([2.0, 0.0, 0.0]))).all()
+    assert np.isnan(found.shapley).all()
     assert standard_deviation(INDICES[:1], COEFFICIENTS[:1]) == 0.0
-    assert np.isnan(sobol_indices(INDICES[:1], COEFFICIENTS[:1]).total).all()
+    assert np.isnan(input_shares(INDICES[:1], COEFFICIENTS[:1]).total).all()

@@ -28,7 +28,7 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal
 from uqpen.execution import Evaluator, evaluate
-from uqpen.models.campbell import Campbell
+from uqpen.models.known_functions import Campbell
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
@@ -149,7 +149,9 @@ def test_a_field_of_rank_two_is_reproduced(surrogate: Surrogate, design: Design)
 CHOICE = dict.fromkeys(("peak", *(score_name("field", i) for i in (0, 1))), "gaussian-process")
 
 
-@pytest.mark.parametrize("surrogate", [GaussianProcess(design="t"), FixedChoice("t", CHOICE)])
+@pytest.mark.parametrize(
+    "surrogate", [GaussianProcess(design="t"), FixedChoice("t", choice=CHOICE)]
+)
 def test_values_are_evaluated_without_deviations(
     surrogate: Surrogate, monkeypatch: pytest.MonkeyPatch
 ) -> None:

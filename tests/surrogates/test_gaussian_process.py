@@ -14,7 +14,7 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Lognormal, Uniform
 from uqpen.execution import Evaluator, evaluate
-from uqpen.models.campbell import Campbell
+from uqpen.models.known_functions import Campbell
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate

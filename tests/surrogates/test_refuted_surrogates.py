@@ -15,7 +15,7 @@ import uqpen
 from uqpen.charts.source_comparison import compared_statistics
 from uqpen.core.errors import SettingsError
 from uqpen.core.labels import BOUND, NOTE
-from uqpen.rehearsal.opening import open_rehearsed
+from uqpen.rehearsal.rehearsed_study import open_rehearsed
 from uqpen.report.blocks import Alerts, Findings, Quote
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import BOUND, BOUNDS
+from uqpen.verification.check_result import find_differences
 from uqpen.verification.diff import disjoint_intervals
-from uqpen.verification.differences import find_differences
 
 TIME = xr.Variable("time", [0.0, 86_400.0, 172_800.0], {"units": "s", "display_units": "day"})
 

@@ -61,6 +61,7 @@ from uqpen.core.labels import (
     MODELS,
     NOT_FITTED,
     NOTE,
+    PROBABILITY,
     RECIPE,
     REFUTED,
     ROLE,
@@ -82,7 +83,6 @@ from uqpen.core.labels import (
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import EntryDimension, Statistic
-from uqpen.core.statistic_dimensions import PROBABILITY
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.core.variables import MOST_DIMENSIONS

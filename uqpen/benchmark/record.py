@@ -140,7 +140,15 @@ class EstimateRecord:
             output: list(found)
             for output, found in groupby(self._reference, lambda statistic: statistic.output)
         }
-        of_methods = {statistic: self._method_values(statistic) for statistic in self._reference}
+        of_methods = {
+            statistic: {
+                statistic.name: self._estimates[statistic][..., 0],
+                f"{statistic.name}_error": self.accuracy(statistic).bounds,
+                f"{statistic.name}_coverage": self.coverage(statistic),
+                f"{statistic.name}_slope": self.slopes(statistic),
+            }
+            for statistic in self._reference
+        }
         taken = {method.source for method in self._methods}
         place = f"/{STATISTICS_GROUP}/{_free_name(REFERENCE, taken)}"
         yield place, xr.Dataset(attrs={SOURCE_KIND: REFERENCE, RUNS_SPENT: reference_runs})
@@ -177,15 +185,6 @@ class EstimateRecord:
 
     def _costs(self, method: int) -> list[MethodCost]:
         return [self._methods[method].cost(budget) for budget in self._settings.budgets]
-
-    def _method_values(self, statistic: BenchmarkStatistic) -> dict[str, FloatArray]:
-        """Return the estimates of all methods, and the statistics of their errors."""
-        return {
-            statistic.name: self._estimates[statistic][..., 0],
-            f"{statistic.name}_error": self.accuracy(statistic).bounds,
-            f"{statistic.name}_coverage": self.coverage(statistic),
-            f"{statistic.name}_slope": self.slopes(statistic),
-        }
 
     def _method_array(
         self, method: int, statistic: BenchmarkStatistic, name: str, values: FloatArray

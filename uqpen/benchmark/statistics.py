@@ -10,9 +10,16 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import BENCHMARK_STATISTICS, CATALOGUE
-from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
+from uqpen.core.labels import (
+    BOUNDS,
+    EXCEEDANCE,
+    LOWER_THRESHOLD,
+    MOMENTS,
+    PROBABILITY,
+    QUANTILES,
+    THRESHOLD,
+)
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 

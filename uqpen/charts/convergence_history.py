@@ -15,9 +15,8 @@ from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Dots, Rule, all_bounded, has_interval, series_marker
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, STOPPING_NOTE
+from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, RUNS_SO_FAR, STOPPING_NOTE
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
 from uqpen.results.archive_view import ArchiveView, output_title
@@ -159,7 +158,14 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
     position = view.series(design)
     marker = series_marker(position)
     bounds, runs, unit = history.bounds, history.runs, unit_suffix(history.unit)
-    lower, upper, is_cut = _axis_limits(bounds)
+    # All estimates fit between the limits, which cut off wide intervals.
+    estimates = bounds[np.isfinite(bounds[:, 0]), 0]
+    last = bounds[-1]
+    half = np.nanmax(np.abs(last[1:] - last[0])) if np.isfinite(last[1:]).any() else np.inf
+    sides = bounds[:, 1:][np.isfinite(bounds[:, 1:])]
+    kept = np.clip(sides, last[0] - _WIDEST * half, last[0] + _WIDEST * half) if half else sides
+    lower, upper = min([*estimates, *kept]), max([*estimates, *kept])
+    is_cut = bool((sides < lower).any() or (sides > upper).any())
     texts = [
         f"{count_text(size, 'run')}: {shown_estimate(estimate, history.convert)}{unit}"
         for size, estimate in zip(runs, history.estimates, strict=True)
@@ -171,24 +177,15 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
         summary=f"{capitalized(output_title(view, output))} by {design}, "
         f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
         x=logarithmic_axis("runs so far", runs),
-        y=Axis(title_with_unit(history.label, history.unit), (lower, upper)),
+        y=Axis(
+            title_with_unit(history.label, history.unit),
+            padded_limits(float(lower), float(upper), 0.05),
+        ),
         marks=(trace, Rule(float(bounds[-1, 0]), "quiet", "dot", is_horizontal=True)),
         notes=(_CUT,) if is_cut else (),
         height=260,
         of=output,
     )
-
-
-def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
-    """Return the axis limits, and whether they cut off any wide interval; all estimates fit."""
-    estimates = bounds[np.isfinite(bounds[:, 0]), 0]
-    last = bounds[-1]
-    half = np.nanmax(np.abs(last[1:] - last[0])) if np.isfinite(last[1:]).any() else np.inf
-    sides = bounds[:, 1:][np.isfinite(bounds[:, 1:])]
-    kept = np.clip(sides, last[0] - _WIDEST * half, last[0] + _WIDEST * half) if half else sides
-    lower, upper = min([*estimates, *kept]), max([*estimates, *kept])
-    is_cut = bool((sides < lower).any() or (sides > upper).any())
-    return *padded_limits(float(lower), float(upper), 0.05), is_cut
 
 
 def _table(

@@ -26,8 +26,7 @@ from uqpen.charts.marks import (
 )
 from uqpen.charts.study_limits import LimitMarks, limit_marks, output_span, study_limits
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INTERVAL_LEVEL, MISSING, NOTE, STATUS
-from uqpen.core.statistic_dimensions import THRESHOLD
+from uqpen.core.labels import INTERVAL_LEVEL, MISSING, NOTE, STATUS, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.core.units import Scale
 from uqpen.results.archive_view import ArchiveView, output_title

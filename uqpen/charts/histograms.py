@@ -14,8 +14,7 @@ from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.distributions import scale_notes
 from uqpen.charts.marks import Bars, Dots, Rule, Shade, all_bounded, interval_notes
 from uqpen.charts.study_limits import limit_marks, output_span
-from uqpen.core.labels import INTERVAL_LEVEL, SURROGATES
-from uqpen.core.statistic_dimensions import PROBABILITY
+from uqpen.core.labels import INTERVAL_LEVEL, PROBABILITY, SURROGATES
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
 from uqpen.results.output_tables import add_shares
@@ -60,7 +59,10 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     limits = limit_marks(view, output, span)
     counts, edges = span.bins(values)
     outside = values.size - int(counts.sum())
-    marked = _marked_estimates(view, output, design)
+    statistics = view.statistics.statistics(design, output)
+    mean = [("mean", statistics["mean"])] if "mean" in statistics else []
+    quantiles = statistics.get("quantile", ())
+    marked = [*mean, *((quantile_label(each[PROBABILITY].item()), each) for each in quantiles)]
     drawn, keys, lacks = _estimate_marks(view, output, span, marked)
     notes = []
     if outside:
@@ -69,7 +71,11 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
         # Sentences quote a corrected surrogate where there is one.
-        whose = ", of these runs alone" * _is_quoted_of_surrogate(view, output)
+        whose = ", of these runs alone" * any(
+            is_corrected(view.statistics.get(each, output, "mean"))
+            or is_corrected(view.statistics.entries(each, output, "quantile").get(0.5))
+            for each in group_names(view.tree, SURROGATES)
+        )
         notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates{whose}.")
     notes += scale_notes(view, output, span, ())
     if lacks:
@@ -89,16 +95,6 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         height=280,
         of=output,
     )
-
-
-def _marked_estimates(
-    view: ArchiveView, output: str, design: str
-) -> list[tuple[str, xr.DataArray]]:
-    """Return the marked estimates along ``bound``, in SI units, each with its name."""
-    statistics = view.statistics.statistics(design, output)
-    mean = [("mean", statistics["mean"])] if "mean" in statistics else []
-    quantiles = statistics.get("quantile", ())
-    return [*mean, *((quantile_label(each[PROBABILITY].item()), each) for each in quantiles)]
 
 
 def _estimate_marks(
@@ -125,15 +121,6 @@ def _estimate_marks(
         text = f"{name} {estimated}{unit_suffix(view.unit(output))}"
         keys.append(LegendKey(text, series, "line", dash))
     return drawn, keys, lacks
-
-
-def _is_quoted_of_surrogate(view: ArchiveView, output: str) -> bool:
-    """Return whether sentences state a mean or median that a surrogate has from real runs."""
-    return any(
-        is_corrected(view.statistics.get(each, output, "mean"))
-        or is_corrected(view.statistics.entries(each, output, "quantile").get(0.5))
-        for each in group_names(view.tree, SURROGATES)
-    )
 
 
 def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:

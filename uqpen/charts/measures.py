@@ -22,9 +22,8 @@ from uqpen.charts.marks import (
 )
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import MEASURES
-from uqpen.core.labels import INPUT
+from uqpen.core.labels import CATEGORY, INPUT
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.input_measures import index_titles, without_arbitrary_zeros

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
@@ -76,14 +75,6 @@ def _category_labels(output: xr.DataArray) -> dict[int, str]:
     labels = np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))
     named = zip(codes, map(str, labels), strict=True)
     return {code: label for code, label in named if label != "lost"}
-
-
-def _jitter(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:
-    """Spread runs around the row of their category, so that they do not hide each other."""
-    row_of = {code: row for row, code in enumerate(kinds)}
-    rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])
-    golden = (np.arange(rows.size) * 0.6180339887498949) % 1
-    return rows + 0.5 * (golden - 0.5)
 
 
 @dataclass(frozen=True)
@@ -164,7 +155,11 @@ class PlottedRuns:
         if output in self.view.numeric_outputs:
             return self.values(output, self.completed), ()
         kinds = _category_labels(self.completed[output])
-        return _jitter(self.completed[output].values, kinds), tuple(kinds.values())
+        codes = self.completed[output].values
+        row_of = {code: row for row, code in enumerate(kinds)}
+        rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])
+        golden = (np.arange(rows.size) * 0.6180339887498949) % 1
+        return rows + 0.5 * (golden - 0.5), tuple(kinds.values())
 
 
 def scatter_output_charts(cloud: PlottedRuns, output: str) -> Iterator[Charts]:

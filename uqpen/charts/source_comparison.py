@@ -184,10 +184,13 @@ def main_statistics(found: Sequence[ComparedStatistic]) -> list[ComparedStatisti
     return [*first, *thresholds[:1], *shares[:_MOST_SHARES]]
 
 
-def _compared_widths(
-    view: ArchiveView, found: Sequence[ComparedStatistic]
-) -> list[_ComparedWidths]:
-    """Return the widths of intervals of the main statistics that several sources have."""
+def interval_cost_charts(
+    view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
+) -> list[Charts]:
+    """Return the charts of widths against the runs that they took, if there are any to compare.
+
+    Their table has the number of independent draws for as narrow an interval.
+    """
     compared: list[_ComparedWidths] = []
     for statistic in main_statistics(found):
         widths = {}
@@ -198,17 +201,6 @@ def _compared_widths(
                 widths[source] = _IntervalWidth(runs, (upper - lower) / 2, estimate)
         if len(widths) > 1:
             compared.append((statistic, widths))
-    return compared
-
-
-def interval_cost_charts(
-    view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
-) -> list[Charts]:
-    """Return the charts of widths against the runs that they took, if there are any to compare.
-
-    Their table has the number of independent draws for as narrow an interval.
-    """
-    compared = _compared_widths(view, found)
     if not compared:
         return []
     plain = next(

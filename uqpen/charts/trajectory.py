@@ -56,8 +56,19 @@ def trajectory_charts(view: ArchiveView, most_points: int | None = None) -> Iter
     notes = ["One run at the nominal inputs: it has no scatter, so there are no intervals."]
     if lacking := [name for name in every if name not in trajectories]:
         notes.append(f"Without a trajectory: {', '.join(lacking)}.")
+    found: list[list[str]] = []
+    for name, variable in first.data_vars.items():
+        for names in found:
+            other = first[names[0]]
+            own, others = _largest_value(variable), _largest_value(other)
+            is_same = other.attrs.get("units") == variable.attrs.get("units")
+            if is_same and others < _ALIKE * own < _ALIKE**2 * others:
+                names.append(str(name))
+                break
+        else:
+            found.append([str(name)])
     yield Charts(
-        tuple(_chart(view, trajectories, names, most_points) for names in _shared_axes(first)),
+        tuple(_chart(view, trajectories, names, most_points) for names in found),
         keys=tuple(LegendKey(name, every.index(name), "line") for name in trajectories if name),
         notes=tuple(notes),
     )
@@ -70,22 +81,6 @@ def find_trajectories(view: ArchiveView) -> dict[str, xr.Dataset]:
         for each in (view.model_views if view.model else [view])
         if (trajectory := read_group(each.tree, TRAJECTORY))
     }
-
-
-def _shared_axes(course: xr.Dataset) -> list[list[str]]:
-    """Return the quantities that can be read off the same axis."""
-    found: list[list[str]] = []
-    for name, variable in course.data_vars.items():
-        for names in found:
-            other = course[names[0]]
-            own, others = _largest_value(variable), _largest_value(other)
-            is_same = other.attrs.get("units") == variable.attrs.get("units")
-            if is_same and others < _ALIKE * own < _ALIKE**2 * others:
-                names.append(str(name))
-                break
-        else:
-            found.append([str(name)])
-    return found
 
 
 def _largest_value(array: xr.DataArray) -> float:

@@ -61,7 +61,7 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import model_fingerprint
+from uqpen.study.identity import model_identity
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 
 __all__ = ["FAILED", "CheckpointFolder", "keep_runs", "lock_archive"]
@@ -88,6 +88,8 @@ _WORTH_A_PART = 10.0
 class CheckpointFolder:
     """Folder of the finished runs while an archive is made.
 
+    Unfinished files of an earlier start are removed from it.
+
     Parameters
     ----------
     folder : Path
@@ -98,6 +100,11 @@ class CheckpointFolder:
         Receives reports of damaged parts.
     runs_in_memory : int
         A round that would make more runs of a design in memory goes by blocks.
+
+    Raises
+    ------
+    ArchiveError
+        If something else stands where runs are kept.
     """
 
     def __init__(
@@ -115,6 +122,9 @@ class CheckpointFolder:
         self._progress = progress
         self._open: list[_RoundCheckpoint] = []
         self._saved, self._cost = time.monotonic(), 0.0
+        if folder.exists() and not folder.is_dir():
+            raise ArchiveError(f"{folder}: is no folder: runs are kept in one of this name")
+        remove_temporary(folder)
 
     def check_compatibility(self) -> None:
         """Check that the study would still make the stored runs of its designs.
@@ -169,18 +179,6 @@ class CheckpointFolder:
         for file in part_files(folder):
             file.rename(target / file.name)
         (folder / MADE_OF).unlink()
-
-    def remove_temporary_files(self) -> None:
-        """Remove unfinished files of an earlier start.
-
-        Raises
-        ------
-        ArchiveError
-            If something else stands where runs are kept.
-        """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise ArchiveError(f"{self.folder}: is no folder: runs are kept in one of this name")
-        remove_temporary(self.folder)
 
     def remove_all(self) -> None:
         """Remove all runs."""
@@ -542,7 +540,7 @@ def keep_runs(
         path.parent.mkdir(parents=True, exist_ok=True)
         with lock_archive(path):
             target = _new_set_aside(root)
-            record = encode_fingerprint(model_fingerprint(study, model))
+            record = encode_fingerprint(model_identity(study, model).fingerprint)
             write_file(target / MADE_OF, record)
             write_runs(part_path(target, 0, 0), runs)
     except ArchiveError:

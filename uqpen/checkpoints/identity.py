@@ -14,29 +14,20 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.files import FILES, archived_files, files_by_name
+from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.dependency import IMPORTED, LIBRARY, MODULE, OPENED, Dependency
 from uqpen.core.labels import DEPENDENCIES, RUNS
-from uqpen.core.lookup import class_version
-from uqpen.core.model import Model
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
 from uqpen.models.dependencies import current_sha256
-from uqpen.models.python_function import PythonFunction
-from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_defined_model import UserDefinedModel
-from uqpen.study.fingerprint import flatten_tables, point_classes
-from uqpen.study.study import ValidatedStudy
-from uqpen.study.user_defined_members import object_surrogates, user_defined_objects
-from uqpen.workflow.root_attributes import level_attribute, root_attributes
+from uqpen.study.identity import ModelIdentity, StudyIdentity, model_tables
 
 __all__ = [
     "Change",
     "ModelComparison",
     "compare_models",
     "compared_names",
-    "depends_on_batch",
     "encode_fingerprint",
     "fingerprint_changes",
     "has_missing_runs",
@@ -72,131 +63,102 @@ class ModelComparison(NamedTuple):
         True if both have the same limit on the time of a run.
     is_same_domain : bool
         True if both studies have the same constraints.
-    same : tuple of str
-        Names of files, modules and variables of the environment that were compared, and are the
-        same. The model's table in the study is not named.
-    uncompared : tuple of str
-        What decides the runs and was not compared, in words, such as
-        ``"what ./solver reads and starts"``.
     """
 
     changes: tuple[str, ...]
     dependencies: frozenset[str] = frozenset()
     is_same_limit: bool = True
     is_same_domain: bool = True
-    same: tuple[str, ...] = ()
-    uncompared: tuple[str, ...] = ()
 
 
-def compare_models(
-    study: ValidatedStudy, name: str, tree: xr.DataTree, archived_name: str
-) -> ModelComparison:
+def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) -> ModelComparison:
     """Compare a model of an archive with one of a study; nothing of the archive is executed.
 
     What the archive's runs depend on is compared with what is there now, under the same names, also
     what only a run has imported or read.
-
-    Parameters
-    ----------
-    study, name
-        The study, and the name of its model.
-    tree, archived_name
-        The archive, and the name of its model.
     """
-    model = study.models[name].model
-    if reason := _unknown_version(model):
-        return ModelComparison((reason,))
-    texts = tomllib.loads(str(tree.attrs["study_text"])), tomllib.loads(study.text)
-    files = {file.name: file for file in archived_files(read_group(tree, FILES))}
-    known = [*map(Dependency.from_line, model.dependencies())]
+    if model.unknown:
+        return ModelComparison((model.unknown,))
+    files = {file.name: file.sha256 for file in archived_files(read_group(tree, FILES))}
     # Those that it opens are compared below: a start may have written what the next one reads.
-    opened = {each.name for each in known if each.role in (OPENED, LIBRARY)}
-    named = files_by_name(model.files(), study.folder)
-    own = {file: snapshot for file, snapshot in named.items() if file not in opened}
+    opened = {each.name for each in model.dependencies if each.role in (OPENED, LIBRARY)}
+    own = [name for name in model.files if name not in opened]
     attributes = {
         str(key): str(value) for key, value in model_trees(tree)[archived_name].attrs.items()
     }
     lines = frozenset(filter(None, attributes.get(DEPENDENCIES, "").split("\n")))
-    archived = sorted(map(Dependency.from_line, lines))
-    used, used_now = _compared_dependencies(model, known, archived, study.folder)
+    used, used_now = _compared_dependencies(model, sorted(map(Dependency.from_line, lines)))
     start = "model_"
     before = {key[len(start) :]: attributes[key] for key in attributes if key.startswith(start)}
-    changed = list(
-        fingerprint_changes(
+    table, constraints = model_tables(tomllib.loads(str(tree.attrs["study_text"])), archived_name)
+    changed = [
+        *fingerprint_changes(
             {
-                **_table(texts[0], archived_name),
+                **table,
                 **_versions(before, model),
-                **{f"file {file}": files[file].sha256 for file in own if file in files},
+                **{f"file {name}": files[name] for name in own if name in files},
                 **used,
             },
             {
-                **_table(texts[1], name),
-                **_versions(model.identity(), model),
-                **{f"file {file}": snapshot.sha256 for file, snapshot in own.items()},
+                **model.table,
+                **_versions(model.attributes, model),
+                **{f"file {name}": model.files[name].sha256 for name in own},
                 **used_now,
             },
         )
-    )
-    domain = [change.text for change in fingerprint_changes(*map(_constraints, texts))]
+    ]
+    domain = [change.text for change in fingerprint_changes(constraints, model.constraints)]
     changes = [change.text for change in changed if not change.is_limit]
-    changes += domain if depends_on_batch(model) else []
-    same, uncompared = compared_names(model, lines, study.folder)
     return ModelComparison(
-        tuple(changes),
+        (*changes, *(domain if model.depends_on_batch else ())),
         lines,
         not any(change.is_limit for change in changed),
         not domain,
-        same,
-        uncompared,
     )
 
 
 def compared_names(
-    model: Model, lines: Iterable[str], folder: Path
+    model: ModelIdentity, lines: Iterable[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return what is compared of a model whose runs are taken, and what is not.
 
     Parameters
     ----------
-    model : Model
+    model : ModelIdentity
         The model.
     lines : iterable of str
         What the runs depend on, as in `Results.files`.
-    folder : Path
-        Folder of the study.
 
     Returns
     -------
-    same, uncompared : tuple of str
-        As in `ModelComparison`.
+    same : tuple of str
+        Names of files, modules and variables of the environment that were compared. The model's
+        table in the study is not named.
+    uncompared : tuple of str
+        What decides the runs and was not compared, in words, such as
+        ``"what ./solver reads and starts"``.
     """
-    found = sorted({Dependency.from_line(line) for line in {*lines, *model.dependencies()}})
-    names = [*files_by_name(model.files(), folder), *(each.name for each in found if each.sha256)]
+    found = sorted({*map(Dependency.from_line, lines), *model.dependencies})
+    names = [*model.files, *(each.name for each in found if each.sha256)]
     unhashed = filter(None, (each.uncompared for each in found))
     return tuple(dict.fromkeys(names)), tuple(dict.fromkeys([*model.uncompared, *unhashed]))
 
 
-def depends_on_batch(model: Model) -> bool:
-    """Return True for a model whose results may depend on the runs that are made with them."""
-    return model.vectorized and not model.is_batch_independent
-
-
 def _compared_dependencies(
-    model: Model, loaded: Sequence[Dependency], archived: Sequence[Dependency], folder: Path
+    model: ModelIdentity, archived: Sequence[Dependency]
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the hashes of what archived runs depend on, by name: in the archive, and now.
 
     Modules that the model has loaded now are compared, too, if the archive has none of their names:
     a source decides what is imported. That it opens another file follows from one that has changed.
     """
-    known = {each[:2]: each.sha256 for each in loaded}
+    known = {each[:2]: each.sha256 for each in model.dependencies}
     before: dict[str, str] = {}
     now: dict[str, str] = {}
-    context = surroundings.on_import_path() if (surroundings := _folder(model)) else nullcontext()
-    with context:
+    with model.surroundings.on_import_path() if model.surroundings else nullcontext():
         for each in archived:
             if each.sha256:
-                found = known.get(each[:2]) or current_sha256(each, folder)
+                found = known.get(each[:2]) or current_sha256(each, model.folder)
                 before[each.label] = each.sha256
                 now |= {each.label: found} if found else {}
     roles = (IMPORTED, MODULE)
@@ -206,63 +168,41 @@ def _compared_dependencies(
     return before, now
 
 
-def _unknown_version(model: Model) -> str:
-    """Return the reason why versions of a model cannot be distinguished; empty if they can."""
-    folder = _folder(model)
-    if model.unknown_dependency:
-        return f"its model has versions that cannot be distinguished: {model.unknown_dependency}"
-    if isinstance(model, PythonFunction) and folder is not None and not folder.imported:
-        return f"no archive says which version of {model.name} its runs were made with"
-    return ""
+def _versions(attributes: Mapping[str, str], model: ModelIdentity) -> dict[str, str]:
+    """Return attributes without what follows from files, or from the source of the model."""
+    replaced = _VERSION if _SOURCE in attributes else ""
+    left_out = replaced if model.surroundings is None else _SOURCE
+    return {f"model {key}": value for key, value in attributes.items() if key != left_out}
 
 
-def _folder(model: Model) -> ModelFolder | None:
-    """Return the folder of a user-defined model, whose modules it may import in its runs."""
-    return model.surroundings if isinstance(model, PythonFunction | UserDefinedModel) else None
-
-
-def _versions(identity: Mapping[str, str], model: Model) -> dict[str, str]:
-    """Return an identity without what follows from files, or from the source of the model."""
-    replaced = _VERSION if _SOURCE in identity else ""
-    left_out = replaced if _folder(model) is None else _SOURCE
-    return {f"model {key}": value for key, value in identity.items() if key != left_out}
-
-
-def _table(content: Mapping[str, Any], name: str) -> dict[str, str]:
-    """Return the table of a model as texts by key, without the inputs that it sets itself."""
-    table = content.get("models", {}).get(name, {}) if name else content.get("model", {})
-    kept = {key: value for key, value in table.items() if key != "with"}
-    return dict(flatten_tables({"model": kept}))
-
-
-def _constraints(content: Mapping[str, Any]) -> dict[str, str]:
-    return dict(flatten_tables({"constraints": content.get("constraints", {})}))
-
-
-def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
+def is_unchanged(
+    study: StudyIdentity, tree: xr.DataTree, comparisons: Mapping[str, ModelComparison]
+) -> bool:
     """Check that a study would make the archive again that is there: text, files, versions.
 
     If that is not sure, as something comes from an installed package or is an object of a program,
-    it is not unchanged.
+    it is not unchanged. `comparisons` are those with the models of the same names.
     """
-    expected = {**root_attributes(study), **level_attribute(study)}
-    # Models are compared below, also by what only their runs have used.
-    of_models = (*(key for key in expected if key.startswith("model_")), DEPENDENCIES)
-    kept = {key: value for key, value in expected.items() if key not in of_models}
-    if any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items()):
-        return False
-    if not _is_identified(study):
-        return False
-    archived_models = model_trees(tree)
-    if [*archived_models] != [*study.models]:
-        return False
-    comparisons = [compare_models(study, name, tree, name) for name in study.models]
-    if any(each.changes or not each.is_same_limit for each in comparisons):
+    # Models are compared by themselves, also by what only their runs have used.
+    kept = {
+        key: value
+        for key, value in study.attributes.items()
+        if not key.startswith("model_") and key != DEPENDENCIES
+    }
+    if (
+        not study.is_known
+        or any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items())
+        or [*comparisons] != [*study.models]
+        or any(each.changes or not each.is_same_limit for each in comparisons.values())
+    ):
         return False
     # Some of these are opened or imported by a run alone.
-    compared = {name for each in comparisons for name in each.same}
-    loaded = files_by_name(study.files(), study.folder)
-    files = {name: file.sha256 for name, file in loaded.items() if name not in compared}
+    compared = {
+        name
+        for model, found in comparisons.items()
+        for name in compared_names(study.models[model], found.dependencies)[0]
+    }
+    files = {name: file.sha256 for name, file in study.files.items() if name not in compared}
     archived = archived_files(read_group(tree, FILES))
     return files == {file.name: file.sha256 for file in archived if file.name not in compared}
 
@@ -277,17 +217,6 @@ def has_missing_runs(tree: xr.DataTree) -> bool:
         for model in model_trees(tree).values()
         for design in group_names(model, RUNS)
     )
-
-
-def _is_identified(study: ValidatedStudy) -> bool:
-    """Check that an archive states the version of all that a study consists of."""
-    if user_defined_objects(study.text) or object_surrogates(tomllib.loads(study.text)):
-        return False
-    classes = [cls for design in study.designs for _, cls in point_classes(study, design)]
-    classes += map(type, study.surrogates.values())
-    if any(class_version(cls) for cls in classes):
-        return False
-    return all(analysis.surroundings is not None for analysis in study.analyses)
 
 
 def read_fingerprint(record: Path) -> dict[str, str] | None:

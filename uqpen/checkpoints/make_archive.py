@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_unchecked
+from uqpen.archive.files import FILES, archived_files, files_by_name
+from uqpen.archive.read import group_names, model_trees, read_group, read_unchecked
 from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.folder import FAILED, CheckpointFolder, lock_archive
 from uqpen.checkpoints.identity import has_missing_runs, is_unchanged
 from uqpen.checkpoints.journal import Journal, are_costly
 from uqpen.checkpoints.recheck import Recheck, is_as_made, runs_that_are_as_made
-from uqpen.checkpoints.replaced import lacks_runs, runs_not_kept, unusable_runs
 from uqpen.checkpoints.sources import (
     ArchivePlace,
+    PointIndex,
     RunFinder,
     RunSource,
+    first_points,
+    input_columns,
     open_archives,
     sources_of_archives,
     unused_designs,
 )
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import (
     ArchiveError,
     CheckpointError,
@@ -31,17 +37,33 @@ from uqpen.core.errors import (
     StudyError,
     TooManyFailedError,
 )
-from uqpen.core.labels import REUSED_RUNS
+from uqpen.core.labels import REUSED_RUNS, RUN, RUNS, STATUS
 from uqpen.core.limits import RUNS_IN_MEMORY
+from uqpen.core.model import Model
 from uqpen.core.status import Status
+from uqpen.designs.design import Design, Extension, UnloadedDesign
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
+from uqpen.study.designs_section import read_designs
+from uqpen.study.document import parse_document
+from uqpen.study.identity import (
+    POINT_TABLES,
+    StudyIdentity,
+    study_identity,
+)
 from uqpen.study.study import ValidatedStudy
+from uqpen.study.table_reader import TableReader
 from uqpen.study.user_defined_members import user_defined_objects
+from uqpen.surrogates.refinement import RefinedDesign
 from uqpen.workflow import Checkpoints, run
 
-__all__ = ["ResumeOptions", "make_archive"]
+__all__ = [
+    "ResumeOptions",
+    "lacks_runs",
+    "make_archive",
+    "runs_not_kept",
+    "unusable_runs",
+]
 
 
 @dataclass(frozen=True)
@@ -127,29 +149,32 @@ def make_archive(
     title = f"{study.name}: study {study.sha256[:16]}"
     log = path.with_name(f"{path.name}.log")
     is_worth_keeping = not resume.fresh and are_costly(log, path.name)
+    identity = study_identity(study)
     with (
         lock_archive(path),
         Journal(log, title, progress or Progress()) as journal,
     ):
         named = resume.reuse or ()
-        archives = open_archives(path, named, journal) if resume.takes_archived_runs else []
+        archives = (
+            open_archives(identity, path, named, journal) if resume.takes_archived_runs else []
+        )
         replaced = next((each for each in archives if not each.is_named), None)
-        recheck = Recheck(study, resume.recheck, map, journal)
-        if (
-            replaced
-            and _is_complete(study, replaced.tree, resume)
-            and is_as_made(study, replaced, recheck)
-        ):
+        recheck = Recheck(study, identity, resume.recheck, map, journal)
+        if replaced and _stays(replaced, identity, recheck, resume):
             journal.inform(f"{replaced.name}: nothing has changed, so it stays as it is")
             return replaced.tree
         is_unknown = _warn_if_unknown(study, journal)
-        finished = _checkpoint_folder(study, path, journal, runs_in_memory)
+        finished = CheckpointFolder(
+            path.with_name(f"{path.name}.parts"), identity.runs, journal, runs_in_memory
+        )
         if resume.read_again:
             study = _read_again(study, finished, repeats_others=resume.fresh)
-        _discard_runs(finished, resume)
-        finder = _finder(
-            study, finished, archives, journal, resume, recheck, has_parts=not is_unknown
-        )
+        if resume.fresh:
+            finished.remove_all()
+        finished.check_compatibility()
+        if resume.repeat_failed:
+            finished.discard_failed()
+        finder = _finder(recheck, finished, archives, journal, resume, has_parts=not is_unknown)
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
             own = (finished.scratch if is_unknown else finished.checkpoint)(design, model, number)
@@ -161,9 +186,7 @@ def make_archive(
                 tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
             # Of an archive that cannot be read, nobody knows what it has.
-            loses = is_worth_keeping and (
-                replaced is None or lacks_runs(study, tree, replaced.tree)
-            )
+            loses = is_worth_keeping and (replaced is None or lacks_runs(study, tree, replaced))
             copy = _write(tree, path, finished, keeps_earlier=loses)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(finished) or "nothing was written") from None
@@ -174,6 +197,21 @@ def make_archive(
             tree = read_unchecked(path, runs_in_memory)  # as the files of the runs are removed
         finished.remove_archived(finder.used_folders())
     return tree
+
+
+def _stays(
+    replaced: ArchivePlace, identity: StudyIdentity, recheck: Recheck, resume: ResumeOptions
+) -> bool:
+    """Check that an archive has all that a study would make, and that its runs are the same."""
+    of_same_name = {
+        name: found[name] for name, found in replaced.comparisons.items() if name in found
+    }
+    return (
+        [*model_trees(replaced.tree)] == [*of_same_name]
+        and is_unchanged(identity, replaced.tree, of_same_name)
+        and not (resume.repeat_failed and has_missing_runs(replaced.tree))
+        and is_as_made(recheck, replaced)
+    )
 
 
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
@@ -187,26 +225,6 @@ def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
                 "cannot be distinguished from this one"
             )
     return any(reason for reason, _ in unknown)
-
-
-def _is_complete(study: ValidatedStudy, tree: xr.DataTree, resume: ResumeOptions) -> bool:
-    """Check that an archive has all that a study would make."""
-    return is_unchanged(study, tree) and not (resume.repeat_failed and has_missing_runs(tree))
-
-
-def _checkpoint_folder(
-    study: ValidatedStudy, path: Path, journal: Journal, runs_in_memory: int
-) -> CheckpointFolder:
-    """Return the folder of finished runs beside an archive."""
-    fingerprints = {
-        (model, design): run_fingerprint(study, model, design)
-        for model in study.models
-        for design in study.designs
-    }
-    folder = path.with_name(f"{path.name}.parts")
-    finished = CheckpointFolder(folder, fingerprints, journal, runs_in_memory)
-    finished.remove_temporary_files()
-    return finished
 
 
 def _read_again(
@@ -227,7 +245,12 @@ def _read_again(
     models = {name: variant.model.reading_again() for name, variant in study.models.items()}
     if all(variant.model is models[name] for name, variant in study.models.items()):
         raise StudyError("no model of the study keeps the folders of its runs; a command does")
-    if not repeats_others and (without := _runs_without_folder(study, finished)):
+    without = 0
+    for model, found in () if repeats_others else finished.finished_runs():
+        for position in np.flatnonzero(found.results.status == Status.OK).tolist():
+            inputs = {name: float(values[position]) for name, values in found.inputs.items()}
+            without += study.models[model].model.run_folder(inputs) is None
+    if without:
         raise CheckpointError(
             f"{finished.folder}: {without} finished runs have no folder that could be read again\n"
             'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
@@ -238,32 +261,12 @@ def _read_again(
     return replace(study, models=variants)
 
 
-def _runs_without_folder(study: ValidatedStudy, finished: CheckpointFolder) -> int:
-    """Return the number of finished runs whose folders are not kept."""
-    count = 0
-    for model, found in finished.finished_runs():
-        for position in np.flatnonzero(found.results.status == Status.OK).tolist():
-            inputs = {name: float(values[position]) for name, values in found.inputs.items()}
-            count += study.models[model].model.run_folder(inputs) is None
-    return count
-
-
-def _discard_runs(finished: CheckpointFolder, resume: ResumeOptions) -> None:
-    """Remove the finished runs that are to be made again; check that the others are of use."""
-    if resume.fresh:
-        finished.remove_all()
-    finished.check_compatibility()
-    if resume.repeat_failed:
-        finished.discard_failed()
-
-
 def _finder(
-    study: ValidatedStudy,
+    recheck: Recheck,
     finished: CheckpointFolder,
     archives: Sequence[ArchivePlace],
     journal: Journal,
     resume: ResumeOptions,
-    recheck: Recheck,
     *,
     has_parts: bool,
 ) -> RunFinder:
@@ -271,12 +274,19 @@ def _finder(
 
     Some of those that it would take are made again; `has_parts` if it takes those of its designs.
     """
-    archived = sources_of_archives(study, archives, journal)
-    sources = {
-        name: _model_sources(study, name, finished, archived[name], resume) for name in study.models
-    }
+    study, identity = recheck.study, recheck.identity
+    archived = sources_of_archives(study, identity, archives, journal)
+    sources: dict[str, list[RunSource]] = {}
+    for name, model in identity.models.items():
+        # Those set aside come first. Where versions cannot be distinguished, none were.
+        is_unknown = study.models[name].model.unknown_dependency
+        aside = [] if is_unknown else finished.set_aside_sources(name, model.fingerprint)
+        sources[name] = [*aside, *archived[name]]
+        if resume.repeat_failed:
+            left = (each.without_statuses(FAILED) for each in sources[name])
+            sources[name] = [*filter(None, left)]
     finder = runs_that_are_as_made(
-        study, sources, archives, finished, recheck, journal, has_parts=has_parts
+        recheck, sources, archives, finished, journal, has_parts=has_parts
     )
     for archive in archives:
         for name, reason in unused_designs(archive.tree).items():
@@ -286,22 +296,6 @@ def _finder(
     for name, text in (not_kept | unusable_runs(study, finder, not_kept)).items():
         journal.inform(f"{name}: {text}")
     return finder
-
-
-def _model_sources(
-    study: ValidatedStudy,
-    model: str,
-    finished: CheckpointFolder,
-    archived: Sequence[RunSource],
-    resume: ResumeOptions,
-) -> list[RunSource]:
-    """Return the finished runs that a model of a study may take; those set aside come first."""
-    sources = [*archived]
-    if not study.models[model].model.unknown_dependency:
-        sources = [*finished.set_aside_sources(model, model_fingerprint(study, model)), *sources]
-    if not resume.repeat_failed:
-        return sources
-    return [*filter(None, (each.without_statuses(FAILED) for each in sources))]
 
 
 def _kept_text(finished: CheckpointFolder) -> str:
@@ -348,3 +342,165 @@ def _write(
     except BaseException:
         finished.save()
         raise
+
+
+# What becomes of the runs of an archive that is replaced
+
+# Where one of these has changed, the points or the model have, whatever the designs are.
+_DECISIVE = ("seed", "model", "models", "inputs", "joint", "dependence", "constraints")
+
+
+def lacks_runs(study: ValidatedStudy, tree: xr.DataTree, earlier: ArchivePlace) -> bool:
+    """Check whether an earlier archive has runs that the new one of a study does not have.
+
+    Only runs that are ok count: of the others, a study takes those that it would make.
+    """
+    if _lacks_designs(study, earlier.tree):
+        return True
+    new = model_trees(tree)
+    for archived, group in model_trees(earlier.tree).items():
+        # A model that stands under several names has its runs under each of them.
+        names = [name for name, found in earlier.comparisons.items() if not found[archived].changes]
+        if not any(_has_runs(study.models[name].model, new[name], group) for name in names):
+            return True
+    return False
+
+
+def _lacks_designs(study: ValidatedStudy, earlier: xr.DataTree) -> bool:
+    """Check whether a design without runs, or with very many, was another one."""
+    unused = unused_designs(earlier)
+    if not unused:
+        return False
+    before, now = tomllib.loads(str(earlier.attrs["study_text"])), tomllib.loads(study.text)
+    if any(before.get(key) != now.get(key) for key in POINT_TABLES):
+        return True
+    known = {file.name: file.sha256 for file in archived_files(read_group(earlier, FILES))}
+    for name in unused:
+        if name not in study.designs or before["designs"][name] != now["designs"][name]:
+            return True
+        # These place the points of a refinement.
+        is_refined = isinstance(study.designs[name], RefinedDesign)
+        tables = ("surrogates", "outputs") if is_refined else ()
+        files = files_by_name([*study.joint.files, *study.design_files(name)], study.folder)
+        if any(before.get(key) != now.get(key) for key in tables) or any(
+            known.get(file) != snapshot.sha256 for file, snapshot in files.items()
+        ):
+            return True
+    return False
+
+
+def _has_runs(model: Model, new: xr.DataTree, earlier: xr.DataTree) -> bool:
+    """Check that the group of a model in an archive has all runs of an earlier group."""
+    own = [*_ok_inputs(new, model)]
+    for inputs in _ok_inputs(earlier, model):
+        same = [each for each in own if each.keys() == inputs.keys()]
+        known = {key: np.concatenate([each[key] for each in same]) for key in inputs if same}
+        runs = len(next(iter(inputs.values())))
+        if runs and not (known and (PointIndex(known).find(inputs, 0, runs) >= 0).all()):
+            return False
+    return True
+
+
+def _ok_inputs(group: xr.DataTree, model: Model) -> Iterator[Arrays]:
+    """Yield the inputs of the runs that are ok, design by design, as far as they are at hand."""
+    unused = unused_designs(group)
+    for design in group_names(group, RUNS):
+        if design not in unused:
+            runs = read_group(group, RUNS, design)
+            is_ok = runs[STATUS].values == Status.OK
+            columns = input_columns(runs, model)
+            yield {key: values[is_ok] for key, values in columns.items()}
+
+
+def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]:
+    """Return what becomes of the runs of an archive that the designs of a study do not keep.
+
+    Each text has the number of runs, and the settings nearest to the study's that keep them. Of
+    a study with another model, other inputs or another seed there is none.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study that is going to replace the archive.
+    archive : DataTree
+        An archive without faults.
+
+    Returns
+    -------
+    dict of str to str
+        By the name of a design.
+    """
+    try:
+        document = parse_document(str(archive.attrs.get("study_text", "")), study.name)
+    except StudyError:
+        return {}
+    before, now = document.content, tomllib.loads(study.text)
+    if any(before.get(key) != now.get(key) for key in _DECISIVE):
+        return {}
+    # Without trust, no code that the archive names is executed.
+    table = TableReader(document, study.folder, trust=False, content=before).table("designs")
+    designs, _ = read_designs(table)
+    first = next(iter(model_trees(archive).values()))
+    found = {}
+    for name, settings in table.content.items():
+        runs = read_group(first, RUNS, name).sizes.get(RUN, 0)
+        table_now = now.get("designs", {}).get(name)
+        text = _use_text(study, name, settings, table_now, designs.get(name), runs)
+        if runs and text:
+            found[name] = text
+    return found
+
+
+def _use_text(
+    study: ValidatedStudy,
+    name: str,
+    before: dict[str, Any],
+    now: dict[str, Any] | None,
+    earlier: Design | None,
+    runs: int,
+) -> str:
+    """Return what becomes of the runs of a design, given its tables; empty if all are kept."""
+    if before == now:
+        return ""
+    if now is None:
+        return f"its {runs} earlier runs are not used: the study has no design of this name"
+    if before.get("kind") != now.get("kind"):
+        return f"its {runs} earlier runs are not used: it is of another kind"
+    design = study.designs[name]
+    if earlier is None or isinstance(earlier, UnloadedDesign):
+        return Extension(None).text(runs, design.run_count(study.joint))
+    # A design that redraws points has made more runs than its settings say, one that stops fewer.
+    settled = min(runs, earlier.run_count(study.joint))
+    return design.extension(earlier, study.joint).text(settled, design.run_count(study.joint))
+
+
+def unusable_runs(
+    study: ValidatedStudy,
+    finder: RunFinder,
+    known: Collection[str],
+) -> dict[str, str]:
+    """Return a text for each changed design of whose finished runs none is at its first points.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    finder : RunFinder
+        The runs that the study may take.
+    known : collection of str
+        Names of designs that are left out.
+
+    Returns
+    -------
+    dict of str to str
+        By the name of a design.
+    """
+    texts = {}
+    for name in study.designs:
+        for model, found in finder.sources.items():
+            runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
+            if not runs or name in known:
+                continue
+            if not finder.used_places(model, first_points(study, name, model)):
+                texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
+    return texts

@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.checkpoints.folder import CheckpointFolder
-from uqpen.checkpoints.identity import compared_names, depends_on_batch
+from uqpen.checkpoints.identity import compared_names
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
 from uqpen.checkpoints.sources import (
     BY_MACHINE,
@@ -52,6 +52,7 @@ from uqpen.execution.omitted_runs import are_omitted
 from uqpen.models.source import BuiltInModel
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text
+from uqpen.study.identity import StudyIdentity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.repetition import (
     TOLERANCE,
@@ -139,8 +140,8 @@ class Recheck:
 
     Parameters
     ----------
-    study : ValidatedStudy
-        The study.
+    study, identity : ValidatedStudy, StudyIdentity
+        The study, and what decides its runs.
     wanted : bool or None
         Whether runs are made again; None for all but costly ones.
     map : callable
@@ -150,9 +151,15 @@ class Recheck:
     """
 
     def __init__(
-        self, study: ValidatedStudy, wanted: bool | None, map: Map, journal: Journal
+        self,
+        study: ValidatedStudy,
+        identity: StudyIdentity,
+        wanted: bool | None,
+        map: Map,
+        journal: Journal,
     ) -> None:
-        self._study, self._wanted, self._map, self._journal = study, wanted, map, journal
+        self.study, self.identity = study, identity
+        self._wanted, self._map, self._journal = wanted, map, journal
         self._outcomes: dict[tuple[str, str], RecheckOutcome] = {}
 
     def applies(self, name: str) -> bool:
@@ -160,7 +167,7 @@ class Recheck:
 
         An archive has the hash of the whole source of a built-in model.
         """
-        model = self._study.models[name].model
+        model = self.study.models[name].model
         return not (isinstance(model, BuiltInModel) or model.uncallable_reason)
 
     def look(
@@ -212,8 +219,8 @@ class Recheck:
     ) -> RecheckOutcome:
         if not self.applies(name):
             return RecheckOutcome()
-        model = self._study.models[name].model
-        generator = Stream(self._study.seed, "recheck", name).generator()
+        model = self.study.models[name].model
+        generator = Stream(self.study.seed, "recheck", name).generator()
         chosen = choose_runs(model, sources, generator)
         batch = None if chosen else _chosen_hash(omitted, generator)
         if not (chosen or batch):
@@ -234,9 +241,9 @@ class Recheck:
             self._journal.start_step("making finished runs again, for comparison")
             comparison: _Comparison | _HashComparison
             if chosen:
-                comparison = _Comparison(self._study, own, place, sources, chosen, self._map)
+                comparison = _Comparison(self.study, own, place, sources, chosen, self._map)
             elif batch:
-                comparison = _HashComparison(self._study, name, own, batch, self._map)
+                comparison = _HashComparison(self.study, name, own, batch, self._map)
             refusal = comparison.make(seconds)
         if refusal:
             self._refuse(name, place, refusal)
@@ -274,9 +281,8 @@ class Recheck:
 
     def _inform(self, name: str, place: Place, sources: Sequence[RunSource], text: str) -> None:
         """Say what was compared, and how."""
-        model = self._study.models[name].model
         lines = frozenset[str]().union(*(each.runs.results.files for each in sources))
-        same, uncompared = compared_names(model, lines, self._study.folder)
+        same, uncompared = compared_names(self.identity.models[name], lines)
         others = f"not compared: {', '.join(uncompared)}" if uncompared else ""
         said = "; ".join(filter(None, [_same_text(same), text, others]))
         self._journal.inform(f"{place.name}: {name}: {said}" if name else f"{place.name}: {said}")
@@ -507,11 +513,12 @@ def _same_text(names: Sequence[str]) -> str:
     return f"{joined} {'are' if len(listed) > 1 else 'is'} the same"
 
 
-def is_as_made(study: ValidatedStudy, archive: ArchivePlace, recheck: Recheck) -> bool:
+def is_as_made(recheck: Recheck, archive: ArchivePlace) -> bool:
     """Check that some runs of an archive of this very study are the same when made again."""
     outcomes = []
+    study, identity = recheck.study, recheck.identity
     for name in filter(recheck.applies, study.models):
-        found, _ = archived_sources(study, name, archive, first_blocks=True)
+        found = archived_sources(study, identity, name, archive, first_blocks=True)
         group = model_trees(archive.tree)[name]
         designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
         omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
@@ -520,11 +527,10 @@ def is_as_made(study: ValidatedStudy, archive: ArchivePlace, recheck: Recheck) -
 
 
 def runs_that_are_as_made(
-    study: ValidatedStudy,
+    recheck: Recheck,
     sources: _Sources,
     archives: Sequence[ArchivePlace],
     finished: CheckpointFolder,
-    recheck: Recheck,
     journal: Journal,
     *,
     has_parts: bool,
@@ -535,16 +541,14 @@ def runs_that_are_as_made(
 
     Parameters
     ----------
-    study : ValidatedStudy
-        The study.
+    recheck : Recheck
+        Makes runs of the study again.
     sources : mapping of str to sequence of RunSource
         The sources of runs by the name of a model.
     archives : sequence of ArchivePlace
         The archives among their places.
     finished : CheckpointFolder
         The finished runs beside the archive.
-    recheck : Recheck
-        Makes runs again.
     journal : Journal
         Receives the numbers of runs that are taken.
     has_parts : bool
@@ -555,6 +559,7 @@ def runs_that_are_as_made(
     CheckpointError
         If runs of the folder, or of an archive that the user has named, differ.
     """
+    study = recheck.study
     parts = {name: finished.part_sources(name) for name in study.models if recheck.applies(name)}
     parts = {name: found for name, found in parts.items() if found and has_parts}
     planned = sum(study.design_runs(design) for design in study.designs)

@@ -16,13 +16,12 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.hashes import group_hashes, recorded_hashes
-from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
+from uqpen.archive.provenance import provenance_differences
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.identity import (
     ModelComparison,
     compare_models,
-    depends_on_batch,
     fingerprint_changes,
     list_changes,
     read_fingerprint,
@@ -59,9 +58,8 @@ from uqpen.execution.batch import BatchResult, join_results
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.study.fingerprint import is_user_defined
+from uqpen.study.identity import StudyIdentity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
-from uqpen.workflow import root_attributes
 
 __all__ = [
     "BY_MACHINE",
@@ -130,10 +128,13 @@ class ArchivePlace(Place):
         Its content.
     is_named : bool
         True if the user has named it.
+    comparisons : mapping of str to mapping of str to ModelComparison
+        Its models by name, compared with those of the study; by the name of the study's model.
     """
 
     tree: xr.DataTree
     is_named: bool
+    comparisons: Mapping[str, Mapping[str, ModelComparison]]
 
     @property
     def are_needed(self) -> bool:
@@ -265,9 +266,11 @@ def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
 
 
 def open_archives(
-    replaced: Path, named: Sequence[str | Path], journal: Journal
+    study: StudyIdentity, replaced: Path, named: Sequence[str | Path], journal: Journal
 ) -> list[ArchivePlace]:
     """Read the archive that is replaced, if it can be used, and those that the user has named.
+
+    Their models are compared with those of the study.
 
     Raises
     ------
@@ -276,26 +279,51 @@ def open_archives(
     """
     others = [Path(path) for path in named]
     found = [
-        _open_archive(path, is_named=True)
+        _open_archive(study, path, is_named=True)
         for path in others
         if path.resolve() != replaced.resolve()
     ]
     if replaced.exists():
         try:
-            found.insert(0, _open_archive(replaced, is_named=False))
+            found.insert(0, _open_archive(study, replaced, is_named=False))
         except ArchiveError as error:
             reason = str(error).removeprefix(f"{replaced}: ")
             journal.inform(f"{shown_path(replaced)}: none of its runs is taken: {reason}")
     return found
 
 
-def _open_archive(path: Path, *, is_named: bool) -> ArchivePlace:
+def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> ArchivePlace:
+    """Read the archive of a study whose groups are those that were written.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, has been changed, or is no archive of a study.
+    """
+    tree = read_tree(path)
+    if recorded_hashes(tree) != group_hashes(tree):
+        raise ArchiveError(f"{path}: has been changed since it was written")
+    if fault := next(find_faults(tree), None):
+        raise ArchiveError(f"{path}: is damaged: {fault}")
+    try:
+        tomllib.loads(str(tree.attrs["study_text"]))
+    except ValueError as error:
+        raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
+    if is_benchmark(tree):
+        raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
     log = path.absolute().with_name(f"{path.name}.log")
-    return ArchivePlace(shown_path(path), log, _open_intact(path), is_named)
+    comparisons = {
+        name: {archived: compare_models(model, tree, archived) for archived in model_trees(tree)}
+        for name, model in study.models.items()
+    }
+    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons)
 
 
 def sources_of_archives(
-    study: ValidatedStudy, archives: Sequence[ArchivePlace], journal: Journal
+    study: ValidatedStudy,
+    identity: StudyIdentity,
+    archives: Sequence[ArchivePlace],
+    journal: Journal,
 ) -> Mapping[str, list[RunSource]]:
     """Return the runs that each model of a study may take from archives, by the model's name.
 
@@ -310,12 +338,20 @@ def sources_of_archives(
         changes: list[str] = []
         runs = 0
         for name, sources in found.items():
-            own, changed = archived_sources(study, name, archive)
+            own = archived_sources(study, identity, name, archive)
             sources += own
             runs += sum(len(source.runs.runs) for source in own)
-            changes += changed
+            if not own:
+                # Those of the model of the same name, if there is one.
+                compared = archive.comparisons[name]
+                changes += (compared.get(name) or next(iter(compared.values()))).changes
         if runs:
-            journal.write_line(f"{archive.name}: {_made_with(study, archive.tree)}")
+            differences = provenance_differences(archive.tree.attrs, identity.attributes)
+            texts = ", ".join(f"{what} {one} (here {other})" for what, one, other in differences)
+            journal.write_line(
+                f"{archive.name}: study {str(archive.tree.attrs['study_sha256'])[:16]}, made with "
+                f"{texts or 'the same versions and kind of processor as here'}"
+            )
         elif not changes:
             if archive.is_named:
                 reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
@@ -336,41 +372,11 @@ def sources_of_archives(
     return found
 
 
-def _made_with(study: ValidatedStudy, tree: xr.DataTree) -> str:
-    """Return the provenance of an archive, for the log."""
-    differences = provenance_differences(tree.attrs, root_attributes(study))
-    texts = ", ".join(f"{name} {one} (here {other})" for name, one, other in differences)
-    origin = f"study {str(tree.attrs['study_sha256'])[:16]}"
-    return f"{origin}, made with {texts or 'the same versions and kind of processor as here'}"
-
-
 def shown_path(path: Path) -> str:
     """Return a path as short as it can be written here."""
     path = path.absolute()
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-def _open_intact(path: Path) -> xr.DataTree:
-    """Read the archive of a study whose groups are those that were written.
-
-    Raises
-    ------
-    ArchiveError
-        If it cannot be read, has been changed, or is no archive of a study.
-    """
-    tree = read_tree(path)
-    if recorded_hashes(tree) != group_hashes(tree):
-        raise ArchiveError(f"{path}: has been changed since it was written")
-    if fault := next(find_faults(tree), None):
-        raise ArchiveError(f"{path}: is damaged: {fault}")
-    try:
-        tomllib.loads(str(tree.attrs["study_text"]))
-    except ValueError as error:
-        raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
-    if is_benchmark(tree):
-        raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
-    return tree
 
 
 def unused_designs(tree: xr.DataTree) -> dict[str, str]:
@@ -387,70 +393,61 @@ def unused_designs(tree: xr.DataTree) -> dict[str, str]:
 
 
 def archived_sources(
-    study: ValidatedStudy, name: str, archive: ArchivePlace, *, first_blocks: bool = False
-) -> tuple[list[RunSource], tuple[str, ...]]:
-    """Return the runs of an archive that are runs of a model; if there are none, what has changed.
+    study: ValidatedStudy,
+    identity: StudyIdentity,
+    name: str,
+    archive: ArchivePlace,
+    *,
+    first_blocks: bool = False,
+) -> list[RunSource]:
+    """Return the runs of an archive that are runs of a model; none if it has changed.
 
     Of a design with very many runs there is none, or the first block only.
 
     Parameters
     ----------
-    study, name
-        The study, and the name of its model.
+    study, identity, name
+        The study, what decides its runs, and the name of its model.
     archive : ArchivePlace
         The archive.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """
-    names = list(model_trees(archive.tree))
-    # The model of the same name first: its changes are told if there is no other.
-    names.sort(key=lambda each: each != name)
-    comparisons = {each: compare_models(study, name, archive.tree, each) for each in names}
-    found = [
-        source
-        for archived, comparison in comparisons.items()
-        if not comparison.changes
-        for source in _sources(study, name, archive, archived, comparison, first_blocks)
-    ]
-    return found, () if found else comparisons[names[0]].changes
-
-
-def _sources(
-    study: ValidatedStudy,
-    name: str,
-    archive: ArchivePlace,
-    archived_name: str,
-    comparison: ModelComparison,
-    first_blocks: bool,
-) -> Iterator[RunSource]:
-    tree = archive.tree
-    model = study.models[name].model
-    left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
-    left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
-    here = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
+    tree, here = archive.tree, identity.models[name].software
     then = {key: value for key, value in tree.attrs.items() if key in here}
     others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
     made_with = [f"runs made with {others}"] if others else []
-    group = model_trees(tree)[archived_name]
-    changed = _changed_designs(study, tree)
-    for design in group_names(group, RUNS):
-        archived = read_group(group, RUNS, design)
-        is_whole = archived.sizes[RUN] <= RUNS_IN_MEMORY
-        if not is_whole:
-            if not first_blocks:
+    before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
+    now = identity.content.get("designs", {})
+    # The model of the same name first.
+    archived = sorted(archive.comparisons[name].items(), key=lambda each: each[0] != name)
+    found = []
+    for model, comparison in archived:
+        left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
+        left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
+        group = model_trees(tree)[model]
+        for design in () if comparison.changes else group_names(group, RUNS):
+            runs = read_group(group, RUNS, design)
+            is_whole = runs.sizes[RUN] <= RUNS_IN_MEMORY
+            if not is_whole and not first_blocks:
                 continue  # they are found by their inputs, for which all have to be in memory
-            archived = archived.isel({RUN: slice(BLOCK)})
-        for runs in _archived_rounds(archived, model, comparison.dependencies):
-            source = RunSource(
-                archive.name,
-                runs,
-                is_complete=is_whole,
-                made_with=(*made_with, *_inherited(tree, archived_name, design)),
-                changed_design=design if design in changed else "",
-                design=design,
-            ).without_statuses(left_out)
-            if source is not None:
-                yield source
+            is_changed = design in before.keys() & now.keys() and before[design] != now[design]
+            found += [
+                RunSource(
+                    archive.name,
+                    each,
+                    is_complete=is_whole,
+                    made_with=(*made_with, *_inherited(tree, model, design)),
+                    changed_design=design if is_changed else "",
+                    design=design,
+                ).without_statuses(left_out)
+                for each in _archived_rounds(
+                    runs if is_whole else runs.isel({RUN: slice(BLOCK)}),
+                    study.models[name].model,
+                    comparison.dependencies,
+                )
+            ]
+    return [*filter(None, found)]
 
 
 def _inherited(tree: xr.DataTree, model: str, design: str) -> Iterator[str]:
@@ -460,13 +457,6 @@ def _inherited(tree: xr.DataTree, model: str, design: str) -> Iterator[str]:
         # Whether they are made again is decided wherever they are taken.
         if line.startswith(label) and not line.endswith(NOT_MADE_AGAIN):
             yield line.removeprefix(label)
-
-
-def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
-    """Return the names of the designs that the archive's study has with other settings."""
-    texts = str(tree.attrs["study_text"]), study.text
-    before, now = (tomllib.loads(text).get("designs", {}) for text in texts)
-    return {name for name in before.keys() & now.keys() if before[name] != now[name]}
 
 
 def _archived_rounds(

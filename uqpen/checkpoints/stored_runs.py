@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.growing_runs import FailureRecord, GrowingRuns
+from uqpen.archive.lazy_variables import FailureRecord, GrowingRuns
 from uqpen.core.arrays import Arrays, IntArray, raw_bytes
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import DERIVED_FROM, FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS

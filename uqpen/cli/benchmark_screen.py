@@ -15,8 +15,8 @@ from rich.text import Text
 
 from uqpen.benchmark.compare import BenchmarkProgress
 from uqpen.cli.console import show_table, standard_output
+from uqpen.cli.messages import screen_text
 from uqpen.cli.options import is_quiet
-from uqpen.cli.printable import screen_text
 from uqpen.results.benchmark_tables import (
     LEGEND,
     entry_table,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.loading import loading
-from uqpen.cli.messages import ExitCode
+from uqpen.cli.messages import ExitCode, loading
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:
@@ -33,8 +32,9 @@ def check(file: Path, is_tried: bool) -> ExitCode:
     """
     with loading():
         from uqpen.cli.console import plain_table, standard_output
-        from uqpen.cli.printable import printable
+        from uqpen.cli.messages import printable
         from uqpen.study.load import load_study
+        from uqpen.study.new_study import FILL_IN
         from uqpen.study.summary import (
             design_rows,
             input_rows,
@@ -66,22 +66,16 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         console.print()
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
     console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
-    if placeholders := _placeholders(study):
-        console.print(f"warning: {placeholders}", markup=False)
+    # Lines that `uqpen init` has left to its reader.
+    if count := sum(f"# {FILL_IN}:" in line for line in study.text.splitlines()):
+        lines = "1 line is" if count == 1 else f"{count} lines are"
+        text = f"{lines} still marked {FILL_IN}; correct the value, then remove the mark"
+        console.print(f"warning: {text}", markup=False)
     if not is_tried:
         return ExitCode.DONE
-    from uqpen.cli.trial import show_trial_runs
+    from uqpen.cli.run import show_trial_runs
 
     return show_trial_runs(study)
-
-
-def _placeholders(study: ValidatedStudy) -> str:
-    """Return the number of lines that `uqpen init` has left to its reader; empty for none."""
-    from uqpen.study.new_study.draft import FILL_IN
-
-    count = sum(f"# {FILL_IN}:" in line for line in study.text.splitlines())
-    lines = "1 line is" if count == 1 else f"{count} lines are"
-    return f"{lines} still marked {FILL_IN}; correct the value, then remove the mark" * bool(count)
 
 
 def _input_remarks(study: ValidatedStudy) -> Iterator[str]:

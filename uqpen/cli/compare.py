@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.loading import loading
-from uqpen.cli.messages import ExitCode, show_message
+from uqpen.cli.messages import ExitCode, loading, show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
@@ -48,7 +47,7 @@ def compare(
     The exit code is 3 if all runs of the reference failed.
     """
     from uqpen.cli.progress import show_step
-    from uqpen.cli.report import announce_report
+    from uqpen.cli.show import announce_report
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()

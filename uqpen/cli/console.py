@@ -1,8 +1,9 @@
-"""Lines and tables on standard output."""
+"""Lines, tables and findings about archives on standard output."""
 
 from __future__ import annotations
 
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,15 +14,19 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from uqpen.cli.printable import screen_text
+from uqpen.cli.messages import screen_text
 
 if TYPE_CHECKING:
     from uqpen.results.table import OutputTable
+    from uqpen.verification.check_result import CheckResult
+    from uqpen.verification.diff import DiffSection
 
 __all__ = [
     "plain_table",
+    "show_check",
     "show_line",
     "show_plain_tables",
+    "show_section",
     "show_table",
     "standard_output",
 ]
@@ -151,3 +156,46 @@ def _table_parts(table: OutputTable, width: int) -> Iterator[_TablePart]:
         rows = [[label, *row[start:end]] for label, row in zip(labels, cells, strict=True)]
         yield _TablePart(["", *names[start:end]], [longest, *widths[start:end]], rows)
         start = end
+
+
+# Findings about archives, on a screen of any width.
+
+_COLUMN = 13
+_INDENT = "  "
+
+_STYLES = {"DIFFERENT": "bold red", "IMPOSSIBLE": "bold red", "CLOSE": "yellow"}
+
+
+def show_check(result: CheckResult) -> None:
+    """Show a check with its result, and the differences below."""
+    console = standard_output()
+    head = f"{result.name:<{_COLUMN}}{result.text}"
+    _show(console, head, " " * _COLUMN, _STYLES.get(result.verdict.name, ""))
+    _show_lines(console, result.details)
+
+
+def show_section(section: DiffSection) -> None:
+    """Show the differences of one kind, under its name."""
+    console = standard_output()
+    console.print(Text(section.name, style="bold"))
+    if not section.verbatim:
+        _show_lines(console, section.lines)
+        return
+    for line in section.lines:
+        text = Text(f"{_INDENT}{screen_text(line)}")
+        text.truncate(console.width - 1, overflow="ellipsis")
+        console.print(text, soft_wrap=True)
+
+
+def _show_lines(console: Console, lines: Sequence[str]) -> None:
+    for line in lines:
+        # A message of several lines has an indentation of its own, which is kept.
+        text = line.lstrip(" ")
+        margin = _INDENT + line[: len(line) - len(text)]
+        _show(console, f"{margin}{text}", f"{margin}{_INDENT}", "")
+
+
+def _show(console: Console, text: str, indent: str, style: str) -> None:
+    wrapped = textwrap.wrap(screen_text(text), console.width - 1, subsequent_indent=indent)
+    for line in wrapped or [""]:
+        console.print(Text(line, style=style), soft_wrap=True)

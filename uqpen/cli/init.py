@@ -35,12 +35,10 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
 
     Lines to fill in are marked; `uqpen check` accepts the file as it is.
     """  # noqa: D301 - the \\b keeps the lines that follow it as they are
-    from uqpen.cli.printable import printable
+    from uqpen.cli.messages import printable
     from uqpen.core.errors import ExportError
     from uqpen.core.files import replace_file
-    from uqpen.study.new_study.command_draft import command_draft
-    from uqpen.study.new_study.data_draft import data_draft
-    from uqpen.study.new_study.function_draft import function_draft
+    from uqpen.study.new_study import command_draft, data_draft, function_draft
 
     stem, colon, function = (source or "").rpartition(".py:")
     model = Path(f"{stem}.py" if colon else source or "")

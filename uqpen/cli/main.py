@@ -10,14 +10,13 @@ from pathlib import Path
 import click
 
 from uqpen import __version__
-from uqpen.cli.messages import ExitCode, show_message
-from uqpen.cli.printable import SPELLED_OUT
+from uqpen.cli.messages import SPELLED_OUT, ExitCode, show_message
 from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import interrupt_exit_code, record_interrupts
 from uqpen.core.lookup import nearest, resolve
 from uqpen.core.output_streams import lasting_streams, stream_error
 
-__all__ = ["COMPLETION", "main", "uqpen"]
+__all__ = ["COMPLETION", "completion", "main", "uqpen"]
 
 _NAMES = (
     "init study check plan show export report figure compare rehearse verify diff rerun models run "
@@ -25,7 +24,15 @@ _NAMES = (
 )
 # The environment variable by which a shell asks for completions.
 COMPLETION = "_UQPEN_COMPLETE"
-COMMANDS = {name: f"uqpen.cli.{name}:{name}" for name in _NAMES.split()}
+# Commands that stand beside another of the same subject.
+_BESIDE = {
+    "figure": "show",
+    "report": "show",
+    "rerun": "verify",
+    "diff": "verify",
+    "completion": "main",
+}
+COMMANDS = {name: f"uqpen.cli.{_BESIDE.get(name, name)}:{name}" for name in _NAMES.split()}
 
 
 class _Commands(click.Group):
@@ -100,3 +107,21 @@ def _run(arguments: list[str]) -> int:
     except (click.Abort, KeyboardInterrupt):
         show_message("interrupted")
         return ExitCode.INTERRUPTED
+
+
+@click.command(short_help="Print the completion script of a shell.")
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print what SHELL needs to complete commands, options and files of uqpen.
+
+    \b
+    bash:  echo 'eval "$(uqpen completion bash)"' >> ~/.bashrc
+    zsh:   echo 'eval "$(uqpen completion zsh)"' >> ~/.zshrc
+    fish:  uqpen completion fish > ~/.config/fish/completions/uqpen.fish
+    """  # noqa: D301 - the \\b keeps the lines that follow it as they are
+    from click.shell_completion import get_completion_class
+
+    root = click.get_current_context().find_root()
+    found = get_completion_class(shell)
+    assert found is not None  # as the choice names those that click has
+    click.echo(found(root.command, {}, "uqpen", COMPLETION).source())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,16 +22,31 @@ def models(name: str | None) -> None:
     Of a model, these are its inputs, outputs, units, settings and defaults.
     """
     from uqpen.cli.console import plain_table, standard_output
-    from uqpen.core.lookup import installed_packages, resolve
+    from uqpen.core.lookup import choices, installed_packages, resolve
     from uqpen.models import MODELS
-    from uqpen.study.user_defined_members import MODEL
+    from uqpen.study.user_defined_members import MODEL, load_class
 
     if name in MODELS:
         _show_model(resolve(MODELS[name])())
         return
     installed = installed_packages(MODEL.group)
     if name is not None:
-        _show_model(_installed_model(name, installed))
+        from uqpen.core.errors import ModelError, UnknownNameError
+        from uqpen.models.user_code import error_text
+        from uqpen.study.model_section import find_variable_faults
+
+        if name not in installed:
+            raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')
+        cls, _ = load_class(name, Path(), MODEL)
+        try:
+            model: Model = cls()
+            faults = list(find_variable_faults(model))
+        except (Exception, SystemExit) as error:  # a user-defined class can raise anything
+            raise ModelError(f'"{name}" without settings: {error_text(error)}') from None
+        if faults:
+            found, expected = faults[0]
+            raise ModelError(f'"{name}" has {found}; expected {expected}')
+        _show_model(model)
         return
     rows = [(known, _paragraphs(resolve(reference))[0]) for known, reference in MODELS.items()]
     # They are not imported: that can take long, or fail.
@@ -44,37 +58,6 @@ def models(name: str | None) -> None:
     standard_output().print(plain_table(["model", "what it is"], rows))
 
 
-def _installed_model(name: str, installed: Collection[str]) -> Model:
-    """Return a model of an installed package, with its default settings.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such model.
-    ModelError
-        If its package cannot be imported, or it cannot be made or described.
-    """
-    from uqpen.core.errors import ModelError, UnknownNameError
-    from uqpen.core.lookup import choices
-    from uqpen.models import MODELS
-    from uqpen.models.user_code import error_text
-    from uqpen.study.model_class_section import find_variable_faults
-    from uqpen.study.user_defined_members import MODEL, load_class
-
-    if name not in installed:
-        raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')
-    cls, _ = load_class(name, Path(), MODEL)
-    try:
-        model: Model = cls()
-        faults = list(find_variable_faults(model))
-    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
-        raise ModelError(f'"{name}" without settings: {error_text(error)}') from None
-    if faults:
-        found, expected = faults[0]
-        raise ModelError(f'"{name}" has {found}; expected {expected}')
-    return model
-
-
 def _paragraphs(model: type[Model]) -> list[str]:
     """Return a model's documentation before its first section, a line for each paragraph."""
     text = inspect.cleandoc(model.__doc__ or "").partition("\nParameters\n")[0]
@@ -84,7 +67,7 @@ def _paragraphs(model: type[Model]) -> list[str]:
 
 def _show_model(model: Model) -> None:
     from uqpen.cli.console import show_plain_tables, standard_output
-    from uqpen.core.setting_fields import declared_settings
+    from uqpen.core.settings import declared_settings
 
     console = standard_output()
     console.print(model.name, style="bold")

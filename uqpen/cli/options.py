@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options and arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -15,9 +15,12 @@ from uqpen.core.lookup import resolve
 from uqpen.execution import EXECUTORS, ExecutorDetail
 
 if TYPE_CHECKING:
+    from uqpen.designs.stopping.precision import Precision
     from uqpen.execution import Map
+    from uqpen.study.study import ValidatedStudy
 
 __all__ = [
+    "EXAMPLE",
     "PATH",
     "ExecutorOptions",
     "executor_option",
@@ -25,6 +28,7 @@ __all__ = [
     "is_quiet",
     "output_option",
     "quiet_option",
+    "read_precision",
     "resume_options",
     "trust_option",
 ]
@@ -152,3 +156,27 @@ trust_option = click.option(
     is_flag=True,
     help="Execute code that ARCHIVE names: models, distributions, designs, surrogates, analyses.",
 )
+
+
+# Wanted precision: a table as in a study file.
+
+EXAMPLE = '{ depth = { mean = "1 %" } }'
+
+
+def read_precision(written: str, study: ValidatedStudy) -> Precision:
+    """Return the precision that the option ``--until`` states; a mistake in it is one of usage."""
+    import tomllib
+
+    from uqpen.core.errors import SettingsError
+    from uqpen.designs.stopping.precision import Precision
+
+    try:
+        rule = Precision(tomllib.loads(f"until = {written}")["until"])
+        problems = list(rule.check_outputs(study.quantities_of_interest))
+        if problems:
+            raise SettingsError(problems)
+    except tomllib.TOMLDecodeError:
+        raise click.UsageError(f"--until: found {written}, expected {EXAMPLE}") from None
+    except SettingsError as error:
+        raise click.UsageError(f"--until: {error}") from None
+    return rule

@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.loading import loading
-from uqpen.cli.messages import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
-from uqpen.cli.precision_argument import EXAMPLE, read_precision
+from uqpen.cli.messages import ExitCode, loading
+from uqpen.cli.options import (
+    EXAMPLE,
+    PATH,
+    ExecutorOptions,
+    executor_option,
+    output_option,
+    read_precision,
+)
 
 if TYPE_CHECKING:
     from uqpen.designs.stopping.precision import Precision
-    from uqpen.statistics.required_runs import RequiredRuns
+    from uqpen.statistics.running_estimates import RequiredRuns
     from uqpen.study.study import ValidatedStudy
 
 __all__ = ["plan"]
@@ -56,7 +61,7 @@ def plan(
     from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_step
     from uqpen.cli.study import make_and_show
-    from uqpen.core.progress_record import ProgressRecord
+    from uqpen.core.progress import ProgressRecord
     from uqpen.designs.design import RUNS
 
     here = Path.cwd()
@@ -104,7 +109,7 @@ def _show_required_runs(
     from uqpen.core.streams import Stream
     from uqpen.execution.omitted_runs import bytes_of_hashes
     from uqpen.execution.runs import bytes_of_a_run
-    from uqpen.statistics.required_runs import required_runs
+    from uqpen.statistics.running_estimates import required_runs
 
     tree, (design,) = open_archive(archive), study.designs
     rows, most, size = [], 0.0, 0

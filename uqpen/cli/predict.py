@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.export import alternatives, table_format, write_table
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
-from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
-from uqpen.cli.table_file import alternatives, table_format, write_table
 from uqpen.results import TABLE_FORMATS
 
 if TYPE_CHECKING:
@@ -20,7 +19,61 @@ if TYPE_CHECKING:
     from uqpen.core.columns import Column
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
-__all__ = ["predict"]
+__all__ = ["open_surrogate", "predict", "split_surrogate"]
+
+# A surrogate of an archive as an argument: ``ARCHIVE:NAME``.
+
+
+def split_surrogate(argument: str) -> tuple[Path, str] | None:
+    """Return the archive and the name of ``ARCHIVE:NAME``; no name for ``ARCHIVE`` alone.
+
+    None stands for an argument that names no archive.
+    """
+    path, _, name = argument.rpartition(".nc:")
+    if path:
+        return Path(f"{path}.nc"), name
+    return (Path(argument), "") if argument.endswith(".nc") else None
+
+
+def open_surrogate(
+    tree: xr.DataTree, path: Path, name: str, folder: Path | None, *, trust: bool
+) -> ArchivedSurrogate:
+    """Return a surrogate of an archive; the only one where no name is given.
+
+    Code that the archive names is executed only with `trust`. `folder` has the files that its study
+    names, by default those that it keeps.
+
+    Raises
+    ------
+    UnknownNameError
+        If the archive has no such surrogate, or several and no name is given.
+    UqpenError
+        As `archived_surrogate`, and if trusted code cannot be loaded.
+    """
+    from uqpen.core.errors import UnknownNameError
+    from uqpen.surrogates.archived_surrogate import archived_surrogate, surrogate_paths
+    from uqpen.verification.archived_study import restored_study
+
+    paths = surrogate_paths(tree)
+    if not paths:
+        raise UnknownNameError(f"{path}: contains no surrogate")
+    if not name and len(paths) > 1:
+        raise UnknownNameError(
+            f"{path}: contains several surrogates; expected one of {_list(path, paths)}"
+        )
+    label = name or next(iter(paths))
+    if not trust or label not in paths:
+        return archived_surrogate(tree, label)
+    with restored_study(tree, folder, trust=True) as restored:
+        settings = restored.study.surrogates[paths[label][1]]
+        return archived_surrogate(tree, label, kind=None if settings.absence else type(settings))
+
+
+def _list(path: Path, names: object) -> str:
+    return ", ".join(f"{path}:{name}" for name in names)  # type: ignore[attr-defined]
+
+
+# The command.
 
 _ENDINGS = alternatives(f".{ending}" for ending in (*TABLE_FORMATS, "nc"))
 
@@ -66,7 +119,28 @@ def predict(
         show_message(said)
     if is_dataset and file is not None:
         del columns, taken  # of many points, their numbers take as much as the values
-        _write_dataset(found.predict(values), file)
+        import tempfile
+
+        import xarray as xr
+
+        from uqpen.archive.netcdf import write_tree
+        from uqpen.cli.messages import printable
+        from uqpen.core.errors import ExportError
+        from uqpen.core.files import replace_file
+        from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
+
+        # NetCDF has no booleans.
+        predicted = found.predict(values)
+        numbers = predicted.assign({EXTRAPOLATED: predicted[EXTRAPOLATED].astype("int8")})
+        with tempfile.TemporaryDirectory() as made:
+            whole = Path(made) / file.name
+            write_tree(xr.DataTree(numbers), whole)
+            try:
+                with whole.open("rb") as stream:
+                    replace_file(file, iter(lambda: stream.read(_READ), b""))
+            except OSError as error:
+                raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+        click.echo(printable(str(file)))
     else:
         write_table(prediction_parts(found, values, taken), kind, file)
 
@@ -86,28 +160,3 @@ def _checked_values(
         return values, found.extrapolation_text(found.extrapolation(values))
     except ModelError as error:
         raise TableError(f'"{points.name}": {error}') from None
-
-
-def _write_dataset(predicted: xr.Dataset, file: Path) -> None:
-    """Write predictions as a NetCDF file of one group."""
-    import tempfile
-
-    import xarray as xr
-
-    from uqpen.archive.netcdf import write_tree
-    from uqpen.cli.printable import printable
-    from uqpen.core.errors import ExportError
-    from uqpen.core.files import replace_file
-    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
-
-    # NetCDF has no booleans.
-    numbers = predicted.assign({EXTRAPOLATED: predicted[EXTRAPOLATED].astype("int8")})
-    with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / file.name
-        write_tree(xr.DataTree(numbers), whole)
-        try:
-            with whole.open("rb") as stream:
-                replace_file(file, iter(lambda: stream.read(_READ), b""))
-        except OSError as error:
-            raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
-    click.echo(printable(str(file)))

@@ -14,12 +14,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from uqpen.cli.messages import wrapped_message
+from uqpen.cli.messages import printable, wrapped_message
 from uqpen.cli.options import is_quiet
-from uqpen.cli.printable import printable
 from uqpen.core.limits import RUNS_IN_MEMORY
-from uqpen.core.progress import Progress
-from uqpen.core.progress_record import ProgressRecord, StudyProgress
+from uqpen.core.progress import Progress, ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
 from uqpen.results.progress_texts import duration_text, runs_text, step_text
 

@@ -9,15 +9,22 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.messages import ExitCode, show_message
-from uqpen.cli.options import PATH, ExecutorOptions, folder_option, quiet_option, trust_option
-from uqpen.cli.precision_argument import EXAMPLE, read_precision
+from uqpen.cli.options import (
+    EXAMPLE,
+    PATH,
+    ExecutorOptions,
+    folder_option,
+    quiet_option,
+    read_precision,
+    trust_option,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import xarray as xr
 
-    from uqpen.rehearsal.required_runs import SufficientRuns
+    from uqpen.rehearsal.rehearse import SufficientRuns
 
 __all__ = ["rehearse"]
 
@@ -80,10 +87,9 @@ def rehearse(
     from uqpen.cli.progress import show_progress, show_step
 
     with show_step("reading the study"):
-        from uqpen.rehearsal.opening import open_rehearsed
-        from uqpen.rehearsal.rehearsal_settings import RehearsalSettings
+        from uqpen.rehearsal.rehearse import RehearsalSettings, sufficient_runs
         from uqpen.rehearsal.rehearse import rehearse as rehearse_study
-        from uqpen.rehearsal.required_runs import sufficient_runs
+        from uqpen.rehearsal.rehearsed_study import open_rehearsed
 
         settings = RehearsalSettings(repeats, runs)
     opened = open_rehearsed(study, archive=archive, surrogate=surrogate, folder=folder, trust=trust)
@@ -114,49 +120,38 @@ def _repeats_text(findings: xr.Dataset) -> str:
 
 def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text: bool) -> None:
     """Show the findings as tables or as JSON."""
-    from uqpen.cli.printable import printable_json
+    from uqpen.cli.messages import printable_json
     from uqpen.rehearsal.findings_tables import rehearsal_json
 
     if not as_text:
-        _show_tables(findings, sufficient)
+        from rich.text import Text
+
+        from uqpen.cli.console import show_line, show_table, standard_output
+        from uqpen.cli.messages import screen_text
+        from uqpen.rehearsal.findings_tables import coverage_tables, rehearsal_heading, width_tables
+
+        console = standard_output()
+        title = f"{findings.attrs['title']}: rehearsal"
+        console.print(Text(screen_text(title), style="bold"))
+        for line in rehearsal_heading(findings):
+            show_line(f" {line}")
+        for table in (*coverage_tables(findings), *width_tables(findings)):
+            show_table(console, table)
+        if sufficient:
+            from uqpen.cli.console import show_plain_tables
+            from uqpen.rehearsal.rehearse import MOST_RUNS
+            from uqpen.results.digits import grouped_number
+
+            more = f"more than {grouped_number(MOST_RUNS)}"
+            rows = [
+                (each.target, each.design, grouped_number(each.runs) if each.runs else more)
+                for each in sufficient
+            ]
+            show_plain_tables(console, (["target", "design", "runs that do"], rows))
+        console.print()
         return
     found = rehearsal_json(findings)
     if sufficient:
         found["sufficient_runs"] = [each._asdict() for each in sufficient]
     text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False)
     click.echo(printable_json(text))
-
-
-def _show_tables(findings: xr.Dataset, sufficient: Sequence[SufficientRuns]) -> None:
-    from rich.text import Text
-
-    from uqpen.cli.console import show_line, show_table, standard_output
-    from uqpen.cli.printable import screen_text
-    from uqpen.rehearsal.findings_tables import coverage_tables, rehearsal_heading, width_tables
-
-    console = standard_output()
-    title = f"{findings.attrs['title']}: rehearsal"
-    console.print(Text(screen_text(title), style="bold"))
-    for line in rehearsal_heading(findings):
-        show_line(f" {line}")
-    for table in (*coverage_tables(findings), *width_tables(findings)):
-        show_table(console, table)
-    if sufficient:
-        _show_sufficient_runs(sufficient)
-    console.print()
-
-
-def _show_sufficient_runs(found: Sequence[SufficientRuns]) -> None:
-    from uqpen.cli.console import show_plain_tables, standard_output
-    from uqpen.rehearsal.required_runs import MOST_RUNS
-    from uqpen.results.digits import grouped_number
-
-    rows = [
-        (
-            each.target,
-            each.design,
-            grouped_number(each.runs) if each.runs else f"more than {grouped_number(MOST_RUNS)}",
-        )
-        for each in found
-    ]
-    show_plain_tables(standard_output(), (["target", "design", "runs that do"], rows))

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.messages import show_message
+from uqpen.cli.messages import ExitCode, show_message, wrapped_message
 from uqpen.cli.options import folder_option, trust_option
-from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
+from uqpen.cli.predict import open_surrogate, split_surrogate
 
 if TYPE_CHECKING:
-    from xarray import DataTree
-
     from uqpen.core.arrays import FloatArray
     from uqpen.core.model import Input, Model, Output
     from uqpen.distributions.constraints import Constraint
-    from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
+    from uqpen.study.study import ValidatedStudy
 
     Inputs = Mapping[str, float]
 
-__all__ = ["run"]
+__all__ = ["run", "show_trial_runs"]
 
 
 @click.command(short_help="Run a model once and show its outputs.")
@@ -89,7 +88,12 @@ def _run_surrogate(
     found = open_surrogate(tree, path, name, folder, trust=trust)
     values = _parse_inputs(found.fitted.name, found.inputs, given)
     if any(found.fitted.missing_inputs(values)):
-        values = {**_medians(tree, found, folder, trust=trust), **values}
+        from uqpen.verification.archived_study import restored_study
+
+        names = set(found.fitted.random_inputs)
+        with restored_study(tree, folder, trust=trust) as restored:
+            nominal = restored.study.joint.nominal()
+        values = {**{name: value for name, value in nominal.items() if name in names}, **values}
     predicted = found.predict(values)
     rows = []
     for output in found.outputs:
@@ -106,18 +110,6 @@ def _run_surrogate(
         show_message(text)
 
 
-def _medians(
-    tree: DataTree, found: ArchivedSurrogate, folder: Path | None, *, trust: bool
-) -> dict[str, float]:
-    """Return the medians of a surrogate's inputs, as far as the archive's study gives them."""
-    from uqpen.verification.archived_study import restored_study
-
-    names = set(found.fitted.random_inputs)
-    with restored_study(tree, folder, trust=trust) as restored:
-        nominal = restored.study.joint.nominal()
-    return {name: value for name, value in nominal.items() if name in names}
-
-
 def _output_rows(
     model: Model, inputs: Inputs, constraints: Sequence[Constraint], units: Mapping[str, str]
 ) -> Iterator[tuple[str, str, str]]:
@@ -126,7 +118,6 @@ def _output_rows(
 
     from uqpen.core.errors import ModelError
     from uqpen.core.status import STATUS_TEXT, Status
-    from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.execution import Evaluator
 
     if model.uncallable_reason:
@@ -143,32 +134,31 @@ def _output_rows(
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
     values = model.derive(results.outputs, results.status)
-    for output in model.all_outputs:
-        unit = units.get(output.name, output.preferred_unit)
-        if output.dims:
-            shown = _field_text(output, values[output.name][0], unit)
-            yield output.name, shown, "" if unit == DIMENSIONLESS else unit
-            continue
-        value = float(values[output.name][0])
-        if output.categories:
-            yield output.name, output.categories[round(value)].label, ""
-        elif output.absent and np.isnan(value):
-            yield output.name, f"none: {output.absent}", ""
-        else:
-            shown = f"{scale(unit).from_si(value):.10g}"
-            yield output.name, shown, "" if unit == DIMENSIONLESS else unit
+    outputs = ((each, units.get(each.name, each.preferred_unit)) for each in model.all_outputs)
+    yield from _shown_values(outputs, values, 10)
 
 
-def _field_text(output: Output, values: FloatArray, unit: str) -> str:
-    """Return the range of a field and its dimensions."""
+def _shown_values(
+    outputs: Iterable[tuple[Output, str]], values: Mapping[str, FloatArray], digits: int
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the name of each output, its value, category, or range and dimensions, and its unit."""
     import numpy as np
 
-    from uqpen.core.units import scale
+    from uqpen.core.units import DIMENSIONLESS, scale
 
-    lowest, highest = scale(unit).from_si(np.array([np.nanmin(values), np.nanmax(values)]))
-    ends = f"{lowest:.10g} to {highest:.10g}"
-    along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
-    return f"{ends} along {along}"
+    for output, unit in outputs:
+        found, shown = values[output.name][0], "" if unit == DIMENSIONLESS else unit
+        if output.categories:
+            yield output.name, output.categories[round(float(found))].label, ""
+        elif output.dims:
+            ends = scale(unit).from_si(np.array([np.nanmin(found), np.nanmax(found)]))
+            lowest, highest = (f"{end:.{digits}g}" for end in ends)
+            along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
+            yield output.name, f"{lowest} to {highest} along {along}", shown
+        elif output.absent and np.isnan(found):
+            yield output.name, f"none: {output.absent}", ""
+        else:
+            yield output.name, f"{scale(unit).from_si(float(found)):.{digits}g}", shown
 
 
 def _parse_inputs(model: str, inputs: Sequence[Input], pairs: Iterable[str]) -> dict[str, float]:
@@ -188,3 +178,40 @@ def _parse_inputs(model: str, inputs: Sequence[Input], pairs: Iterable[str]) -> 
         except QuantityError as error:
             raise ModelError(f"--set {variable.name}: {error}") from None
     return values
+
+
+# The trial run of ``uqpen check --try``.
+
+
+def show_trial_runs(study: ValidatedStudy) -> ExitCode:
+    """Make a run of each model at the nominal inputs; show its outputs, or why it failed."""
+    from uqpen.checkpoints.folder import keep_runs
+    from uqpen.cli.console import plain_table, show_line, standard_output
+    from uqpen.core.status import STATUS_TEXT, Status
+    from uqpen.workflow.design_runs import trial_run
+
+    code = ExitCode.DONE
+    for name, variant in study.models.items():
+        show_line("")
+        trial = trial_run(study, name)
+        which = f" of {name}" if study.has_several_models else ""
+        messages = [f"warning: {warning}" for warning in trial.warnings]
+        if trial.status is Status.OK:
+            show_line(f"trial run{which} at the nominal inputs, {trial.seconds:.3g} s\n")
+            quantities = study.model_quantities(variant.model)
+            outputs = ((each.output, each.display_unit) for each in quantities)
+            values = variant.model.derive(trial.results.outputs, trial.results.status)
+            rows = list(_shown_values(outputs, values, 6))
+            standard_output().print(plain_table(["output", "value", "unit"], rows))
+            archive = Path("archives") / f"{study.name}.nc"
+            if keep_runs(study, archive, trial.inputs, trial.results, name):
+                show_line(f"kept for {archive}, as a design has this point")
+        else:
+            code = ExitCode.TOO_MANY_FAILED
+            show_line(f"trial run{which} at the nominal inputs: {STATUS_TEXT[trial.status]}")
+            if trial.folder is not None:
+                messages.insert(0, f"  its files are in {trial.folder}")
+            messages.insert(0, f"  {trial.reason}")
+        for text in messages:
+            show_line(wrapped_message(text, sys.stdout))
+    return code

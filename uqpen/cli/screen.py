@@ -8,7 +8,7 @@ from rich.text import Text
 
 from uqpen.archive.read import group_names
 from uqpen.cli.console import plain_table, show_table, standard_output
-from uqpen.cli.printable import screen_text
+from uqpen.cli.messages import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
@@ -28,13 +28,6 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     console.print(Text(screen_text(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
-    _show_fields(console, tree)
-    _show_failures(console, tree)
-    console.print()
-
-
-def _show_fields(console: Console, tree: xr.DataTree) -> None:
-    """Show a row for each output with dimensions, curves at some places, and what follows."""
     for table in (*field_tables(tree), *curve_tables(tree)):
         show_table(console, table)
     if option := place_option(tree):
@@ -45,6 +38,8 @@ def _show_fields(console: Console, tree: xr.DataTree) -> None:
         console.print()
     for line in lines:
         console.print(Text(screen_text(line)))
+    _show_failures(console, tree)
+    console.print()
 
 
 def _show_failures(console: Console, tree: xr.DataTree) -> None:

@@ -11,7 +11,7 @@ import click
 
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
-from uqpen.cli.surrogate_argument import split_surrogate
+from uqpen.cli.predict import split_surrogate
 
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output
@@ -168,7 +168,7 @@ def make_offers(
 def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
     """Offer the models of a study: the vector has its random inputs, the others are as it says."""
     from uqpen.archive.provenance import provenance
-    from uqpen.study.fingerprint import model_fingerprint
+    from uqpen.study.identity import model_identity
     from uqpen.study.load import load_study
 
     study = load_study(path)
@@ -179,7 +179,7 @@ def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
         names = (entry.variable.name for entry in study.joint.random)
         varied = named or list(filter(known.__contains__, names))
         fixed = {**study.joint.nominal(), **variant.given}
-        settings = model_fingerprint(study, label).items()
+        settings = model_identity(study, label).fingerprint.items()
         fingerprint = {key: value for key, value in settings if key not in versions}
         yield _offer(label or model.name, model, varied, fixed, study.constraints, fingerprint)
 

@@ -80,9 +80,9 @@ def study(
 
     The exit code is 3 if all runs of a design failed.
     """
-    from uqpen.cli.loading import loading
+    from uqpen.cli.messages import loading
     from uqpen.cli.progress import show_step
-    from uqpen.cli.report import announce_report, write_and_announce
+    from uqpen.cli.show import announce_report, write_and_announce
 
     if reuse and resume["fresh"]:
         raise click.UsageError("--reuse and --fresh exclude each other")

@@ -14,14 +14,23 @@ from itertools import chain, islice
 from types import MappingProxyType
 
 from uqpen.core.labels import (
+    BAND_CONTENT,
     BOUNDS,
     BUDGET,
     BY_RUNS,
+    CATEGORY,
+    CONTENT_LEVEL,
     CONVERGENCE,
+    CURVE,
+    DESIGN_POINT,
+    EVENT,
     EXCEEDANCE,
     INPUT,
     INTERVAL,
+    INTERVAL_CONTENT,
     INTERVAL_LABEL,
+    LOWER_CONTENT,
+    LOWER_THRESHOLD,
     MOMENTS,
     NOTE,
     OF_CATEGORY,
@@ -29,16 +38,23 @@ from uqpen.core.labels import (
     OF_FIELD,
     OF_LOGARITHM,
     PAIR,
+    PERCENT,
+    PROBABILITY,
     QUANTILES,
     RANK,
     REPEAT,
     REPLICATES_OF_BUDGET,
     RESERVED,
+    RETURN_PERIOD,
     RUNS_OF_BUDGET,
+    RUNS_SO_FAR,
     SENSITIVITY,
+    SENSITIVITY_EVENT,
     SHARES,
+    SHORTFALL_LEVEL,
     STATUS,
     TAILS,
+    THRESHOLD,
     VARIANT,
 )
 from uqpen.core.sampling import Sampling
@@ -51,24 +67,6 @@ from uqpen.core.statistic import (
     UnitRule,
     derived,
     of_field,
-)
-from uqpen.core.statistic_dimensions import (
-    BAND_CONTENT,
-    CATEGORY,
-    CONTENT_LEVEL,
-    CURVE,
-    DESIGN_POINT,
-    EVENT,
-    INTERVAL_CONTENT,
-    LOWER_CONTENT,
-    LOWER_THRESHOLD,
-    PERCENT,
-    PROBABILITY,
-    RETURN_PERIOD,
-    RUNS_SO_FAR,
-    SENSITIVITY_EVENT,
-    SHORTFALL_LEVEL,
-    THRESHOLD,
 )
 
 __all__ = [
@@ -101,6 +99,8 @@ _PLACES = f"{_FIELDS}.field_sample"
 _RARE = "uqpen.statistics.rare_events.subset_probability"
 _TAILS = "uqpen.statistics.tails"
 _SENSITIVITY = "uqpen.statistics.sensitivity"
+_RUNS_CORRECT = "uqpen.statistics.surrogate.corrected_statistics:OutputCorrection"
+_STAND_INS = "uqpen.statistics.control_variates:ControlVariates"
 
 
 def _contents(name: str) -> EntryDimension:
@@ -130,24 +130,30 @@ _OF_VALUES = [
             "part": f"{_MOMENTS}:mean_estimate",
             "field": f"{_PLACES}:moments_at_places",
             Sampling.QUADRATURE: "uqpen.statistics.moments.quadrature_moments:quadrature_moments",
+            "corrected": f"{_RUNS_CORRECT}.mean",
+            "stand_ins": f"{_STAND_INS}.mean",
         },
         takes_weights=True,
         is_of_surrogates=True,
-        is_corrected=True,
     ),
     Statistic(
         "std",
         "standard deviation",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("sd", 32, is_compared=True),
-        is_corrected=True,
+        by={
+            "corrected": f"{_RUNS_CORRECT}.std",
+            "stand_ins": f"{_STAND_INS}.std",
+        },
     ),
     Statistic(
         "half_spread",
         "half the 16 % to 84 % range",
         unit=UnitRule.DIFFERENCE,
         shown=Shown("half 16–84 % range", 33),
-        is_corrected=True,
+        by={
+            "corrected": f"{_RUNS_CORRECT}.half_spread",
+        },
     ),
     Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
     Statistic("kurtosis", "kurtosis", is_diagnosis=True),
@@ -172,10 +178,11 @@ _OF_VALUES = [
             "part": f"{_CDF}.quantiles:requested_quantiles",
             "field": f"{_PLACES}:quantiles_at_places",
             Sampling.TOWARDS_EVENT: f"{_RARE}:rare_quantiles",
+            "corrected": f"{_RUNS_CORRECT}.quantiles",
+            "stand_ins": f"{_STAND_INS}.quantiles",
         },
         takes_weights=True,
         is_of_surrogates=True,
-        is_corrected=True,
     ),
     Statistic(
         "tolerance_limit",
@@ -314,10 +321,11 @@ _OF_VALUES = [
             "sample": f"{_CDF}.probabilities:exceedance_probabilities",
             "part": f"{_CDF}.probabilities:requested_exceedances",
             "field": f"{_PLACES}:probabilities_at_places",
+            "corrected": f"{_RUNS_CORRECT}.exceedance",
+            "stand_ins": f"{_STAND_INS}.exceedance",
         },
         takes_weights=True,
         is_of_surrogates=True,
-        is_corrected=True,
     ),
     Statistic(
         "below",
@@ -338,10 +346,11 @@ _OF_VALUES = [
         by={
             "sample": f"{_CDF}.probabilities:below_probabilities",
             "part": f"{_CDF}.probabilities:requested_below",
+            "corrected": f"{_RUNS_CORRECT}.below",
+            "stand_ins": f"{_STAND_INS}.below",
         },
         takes_weights=True,
         is_of_surrogates=True,
-        is_corrected=True,
     ),
     Statistic(
         "share",
@@ -369,10 +378,12 @@ _OF_VALUES = [
         (RANK,),
         own=EntryDimension(RANK, is_listed=False),
         group="cdfs",
-        by={"sample": f"{_CDF}.cdfs:cdf"},
+        by={
+            "sample": f"{_CDF}.cdfs:cdf",
+            "corrected": f"{_RUNS_CORRECT}.at_ranks",
+        },
         takes_weights=True,
         is_of_surrogates=True,
-        is_corrected=True,
     ),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
@@ -383,9 +394,12 @@ _OF_VALUES = [
         UnitRule.VALUE,
         own=EntryDimension(PERCENT, is_listed=False),
         group="percentiles",
-        by={"sample": f"{_CDF}.quantiles:percentiles"},
+        by={
+            "sample": f"{_CDF}.quantiles:percentiles",
+            "corrected": f"{_RUNS_CORRECT}.quantiles",
+            "stand_ins": f"{_STAND_INS}.quantiles",
+        },
         takes_weights=True,
-        is_corrected=True,
     ),
     Statistic(
         "reached",

@@ -9,7 +9,7 @@ __all__ = ["divide_place", "mask_numbers"]
 # A number by itself; that of a name, as in x1, belongs to the name.
 _NUMBER = re.compile(r"(?<![\w.])(?:0x[0-9a-fA-F]+|[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
 
-# The line of the user's code at the end of a reason, as `uqpen.models.failed_line` writes it.
+# The line of the user's code at the end of a reason, as `uqpen.models.user_module` writes it.
 _PLACE = re.compile(r" \([^(),]+, line \d+(?:: .*)?\)$")
 
 

@@ -13,13 +13,21 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
-from uqpen.core.derived import DerivedOutput
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
 from uqpen.core.status import Status
-from uqpen.core.variables import POSITIVE, Bounds, Category, Dimension, Input, Output, Variable
+from uqpen.core.variables import (
+    POSITIVE,
+    Bounds,
+    Category,
+    DerivedOutput,
+    Dimension,
+    Input,
+    Output,
+    Variable,
+)
 
 if TYPE_CHECKING:
     import xarray as xr

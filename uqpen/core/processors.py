@@ -1,16 +1,25 @@
-"""Threads of compiled code: as many as this process has processors, and none beside workers."""
+"""Threads: of compiled code as many as this process has processors, of linear algebra one."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from uqpen.core.errors import Problem, SettingsError
 
-__all__ = ["MOST_THREADS", "map_parts", "processors", "thread_count", "use_one_thread"]
+__all__ = [
+    "MOST_THREADS",
+    "map_parts",
+    "one_blas_thread",
+    "processors",
+    "thread_count",
+    "use_one_thread",
+]
+
 
 Part = TypeVar("Part")
 
@@ -85,3 +94,24 @@ def map_parts(function: Callable[[slice], Part], size: int, worth_a_thread: int)
     with ThreadPoolExecutor(parts - 1) as pool:
         others = [pool.submit(function, each) for each in slices[1:]]
         return [function(slices[0]), *(other.result() for other in others)]
+
+
+# The libraries found, and whether SciPy's linear algebra was loaded: it brings one of its own.
+_controllers: dict[bool, Any] = {}
+
+
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread within this context.
+
+    A sum's last bits depend on how many threads share it. On a busy machine threads also wait for
+    each other far longer than they work.
+    """
+    # It takes milliseconds to find the libraries, and microseconds to limit them.
+    has_scipy = "scipy.linalg" in sys.modules
+    if has_scipy not in _controllers:
+        from threadpoolctl import ThreadpoolController
+
+        _controllers[has_scipy] = ThreadpoolController()
+    with _controllers[has_scipy].limit(limits=1, user_api="blas"):
+        yield

@@ -231,15 +231,15 @@ class Statistic:
         References to the functions that estimate it, by what they take: ``"sample"``, ``"field"``,
         or ``"part"`` of a sample, by which it is followed as runs are added. Those of designs that
         are made for one purpose stand under their `Sampling`, of fields under `of_field` of that.
-        One that estimates several statistics stands at the first of them.
+        One that estimates several statistics stands at the first of them. Under ``"corrected"`` is
+        how real runs correct it where a surrogate estimates it, besides indices; under
+        ``"stand_ins"`` how a model's stand-ins do as control variates.
     takes_weights : bool
         Whether it is right for weighted runs. Others would count every run the same.
     takes_all_values : bool
         Whether it is estimated from all values at once, and so never by blocks of runs.
     is_of_surrogates : bool
         Whether it is estimated from the draws of a surrogate.
-    is_corrected : bool
-        Whether real runs correct its estimate by a surrogate, besides indices.
     own : EntryDimension, optional
         The dimension that its entries lie along, where it is described here.
     asked : Request
@@ -268,7 +268,6 @@ class Statistic:
     takes_weights: bool = False
     takes_all_values: bool = False
     is_of_surrogates: bool = False
-    is_corrected: bool = False
     own: EntryDimension | None = None
     asked: Request = Request()
     shown: Shown = Shown()
@@ -318,7 +317,6 @@ def derived(
         "by": {},
         "takes_all_values": False,
         "is_of_surrogates": False,
-        "is_corrected": False,
         "own": None,
         "asked": Request(),
         "shown": Shown(),

@@ -16,8 +16,13 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, flag
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.distributions.agreement import Agreement, input_agreements, largest_correlation
-from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+from uqpen.distributions.joint_distribution import (
+    Agreement,
+    JointDistribution,
+    input_agreements,
+    largest_correlation,
+    points_dataset,
+)
 from uqpen.execution.batch import BatchResult
 from uqpen.models.data.data_model import DataModel
 

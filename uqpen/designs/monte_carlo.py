@@ -13,8 +13,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, toml_text
 from uqpen.core.limits import MOST_RUNS
 from uqpen.core.sampling import Sampling
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import count, setting
+from uqpen.core.settings import Context, count, setting
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Extension, Rounds, keep_problems, keep_setting
 from uqpen.designs.drawn_points import DrawnPoints

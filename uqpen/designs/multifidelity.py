@@ -13,11 +13,11 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import Problem, toml_text
 from uqpen.core.labels import ROLE, RUN
 from uqpen.core.lookup import choices
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import Design, Extension, ModelRounds
 from uqpen.designs.drawn_points import Round
 from uqpen.designs.feedback import Feedback

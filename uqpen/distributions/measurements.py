@@ -16,8 +16,7 @@ from uqpen.core.errors import Problem, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Input
-from uqpen.core.setting_fields import declared_settings
-from uqpen.core.settings import file
+from uqpen.core.settings import declared_settings, file
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution

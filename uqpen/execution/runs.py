@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import (
     ABSENT,
     CURVE_MAY_END,
@@ -30,6 +29,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.model import Category, Model, Output
 from uqpen.core.status import Status
+from uqpen.core.variables import field_coordinates
 
 if TYPE_CHECKING:
     import xarray as xr

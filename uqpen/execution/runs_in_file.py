@@ -8,7 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.growing_runs import FailureRecord, GrowingRuns
+from uqpen.archive.lazy_variables import FailureRecord, GrowingRuns
 from uqpen.core.blocks import join_blocks
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import RUN

@@ -171,7 +171,15 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
     from uqpen.figures.drawing import Drawing, RoundedLayout
 
     shown = found[:_MOST_PANELS]
-    columns, rows = _panel_rows(shown)
+    groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
+    columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
+    most = max(map(len, groups))
+    if most == 1:
+        groups = [list(shown)]
+    elif len(groups) > 1 and most in (2, 4):
+        columns = most
+    parts = ((group, start) for group in groups for start in range(0, len(group), columns))
+    rows = [group[start : start + columns] for group, start in parts]
     heights = [max(panel.height for panel in row) for row in rows]
     with figure_style():
         page = Drawing(layout=RoundedLayout())
@@ -183,7 +191,14 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
                 notes |= dict.fromkeys(panel.draw_on_axes(axes))
                 # Rows are named once where they are the same as those on the left.
                 has_rows = not column or not panel.rows or panel.rows != row[column - 1].rows
-                _fit_panel(axes, panel, columns, has_rows=has_rows)
+                longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
+                across = _TITLE[columns] - longest // columns
+                axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
+                axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
+                label = _break_lines(axes.get_ylabel(), int(10 * panel.height), 2)
+                axes.set_ylabel(label, parse_math=False)
+                if not has_rows:
+                    axes.tick_params(labelleft=False)
         if len(shown) < len(found):
             notes |= {f"the first {len(shown)} of {len(found)} panels; ask for one output": None}
         below = _legend(page, list(notes), columns)
@@ -193,59 +208,9 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
     return page
 
 
-def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> None:
-    """Break the texts that are too long for their places."""
-    longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
-    across = _TITLE[columns] - longest // columns
-    axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
-    axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
-    axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
-    if not has_rows:
-        axes.tick_params(labelleft=False)
-
-
 def _break_lines(text: str, width: int, most: int) -> str:
     """A text in lines, cut where there would be too many."""
     return "\n".join(textwrap.wrap(plain_text(text, 200), width, max_lines=most, placeholder="…"))
-
-
-def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
-    """Return the number of columns, and the panels of each row."""
-    groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
-    columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
-    most = max(map(len, groups))
-    if most == 1:
-        groups = [list(shown)]
-    elif len(groups) > 1 and most in (2, 4):
-        columns = most
-    rows = [
-        group[start : start + columns]
-        for group in groups
-        for start in range(0, len(group), columns)
-    ]
-    return columns, rows
-
-
-def _legend_entries(page: Drawing) -> dict[str, Any]:
-    """Return the handles of a legend by their labels.
-
-    Where a label has other colours in other panels, letters say which panels are meant.
-    """
-    found: dict[str, dict[str, tuple[Any, list[Axes]]]] = {}
-    for axes in page.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            looks = found.setdefault(label, {})
-            looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
-    shared = [panels for looks in found.values() if len(looks) > 1 for _, panels in looks.values()]
-    marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
-    letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
-    for axes, letter in letters.items():
-        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
-    return {
-        " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
-        for label, looks in found.items()
-        for handle, panels in looks.values()
-    }
 
 
 def _handle_colour(handle: Any) -> str:
@@ -261,7 +226,21 @@ def _handle_colour(handle: Any) -> str:
 
 def _legend(page: Drawing, notes: list[str], columns: int) -> float:
     """Put one legend, with the notes above its entries, below all panels; return its height."""
-    handles = _legend_entries(page)
+    found: dict[str, dict[str, tuple[Any, list[Axes]]]] = {}
+    for axes in page.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            looks = found.setdefault(label, {})
+            looks.setdefault(_handle_colour(handle), (handle, []))[1].append(axes)
+    shared = [panels for looks in found.values() if len(looks) > 1 for _, panels in looks.values()]
+    marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
+    letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
+    for axes, letter in letters.items():
+        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
+    handles = {
+        " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
+        for label, looks in found.items()
+        for handle, panels in looks.values()
+    }
     width = int(_WIDTHS[columns] * _CHARACTERS)
     lines = [line for note in notes for line in textwrap.wrap(plain_text(note, 300), width)]
     if not handles and not lines:

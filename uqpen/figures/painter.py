@@ -143,7 +143,22 @@ def _draw_mark(axes: Axes, mark: Mark) -> None:
                 linewidth=0,
             )
         case Points():
-            _draw_points(axes, mark)
+            x, y = (np.asarray(each, dtype=np.float64) for each in (mark.x, mark.y))
+            outline = _POINTS * mark.outline if isinstance(mark.outline, float) else 1.0
+            markers = np.broadcast_to(np.asarray(mark.marker), x.shape)
+            sizes = np.broadcast_to(np.asarray(mark.size, dtype=np.float64), x.shape)
+            for marker, size in dict.fromkeys(zip(markers.tolist(), sizes.tolist(), strict=True)):
+                chosen = (markers == marker) & (sizes == size)
+                axes.plot(
+                    x[chosen],
+                    y[chosen],
+                    **_marker(marker, mark.series),
+                    markersize=_MARKER_POINTS * size,
+                    linestyle="none",
+                    alpha=mark.opacity,
+                    markeredgewidth=outline if marker.endswith("-open") or marker == CROSS else 0,
+                    rasterized=x.size > _MOST_POINTS,
+                )
         case Dots():
             _draw_dots(axes, mark)
         case Bars():
@@ -165,26 +180,6 @@ def _draw_mark(axes: Axes, mark: Mark) -> None:
             _draw_rule(axes, mark)
         case Shade():
             axes.axvspan(mark.lower, mark.upper, color=_colour(mark.series), alpha=0.2, linewidth=0)
-
-
-def _draw_points(axes: Axes, points: Points) -> None:
-    """Draw points, in groups of one marker and one size."""
-    x, y = (np.asarray(each, dtype=np.float64) for each in (points.x, points.y))
-    outline = _POINTS * points.outline if isinstance(points.outline, float) else 1.0
-    markers = np.broadcast_to(np.asarray(points.marker), x.shape)
-    sizes = np.broadcast_to(np.asarray(points.size, dtype=np.float64), x.shape)
-    for marker, size in dict.fromkeys(zip(markers.tolist(), sizes.tolist(), strict=True)):
-        chosen = (markers == marker) & (sizes == size)
-        axes.plot(
-            x[chosen],
-            y[chosen],
-            **_marker(marker, points.series),
-            markersize=_MARKER_POINTS * size,
-            linestyle="none",
-            alpha=points.opacity,
-            markeredgewidth=outline if marker.endswith("-open") or marker == CROSS else 0,
-            rasterized=x.size > _MOST_POINTS,
-        )
 
 
 def _draw_dots(axes: Axes, dots: Dots) -> None:

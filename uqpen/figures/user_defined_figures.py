@@ -11,7 +11,7 @@ from uqpen.core.errors import FigureError
 from uqpen.figures import FIGURES
 from uqpen.figures.painter import chart_panel
 from uqpen.figures.panel import Axes, Panel
-from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
+from uqpen.models.user_module import FunctionFamily, UserDefinedFunction
 from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["FIGURE", "FigureFunction", "figure_panels"]

@@ -6,18 +6,14 @@ __all__ = ["MODELS"]
 
 MODELS = {
     "walker-anderson": "uqpen.models.walker_anderson:WalkerAnderson",
-    "walker-anderson-trajectory": (
-        "uqpen.models.walker_anderson_trajectory:WalkerAndersonTrajectory"
-    ),
+    "walker-anderson-trajectory": "uqpen.models.rod_trajectories:WalkerAndersonTrajectory",
     "walker-anderson-drucker-prager": (
         "uqpen.models.walker_anderson_drucker_prager:WalkerAndersonDruckerPrager"
     ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
-    "rigid-penetration-trajectory": (
-        "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
-    ),
+    "rigid-penetration-trajectory": "uqpen.models.rod_trajectories:RigidPenetrationTrajectory",
     "alekseevskii-tate": "uqpen.models.alekseevskii_tate:AlekseevskiiTate",
     "hydrodynamic-limit": "uqpen.models.hydrodynamic_limit:HydrodynamicLimit",
-    "ishigami": "uqpen.models.ishigami:Ishigami",
-    "campbell-1d": "uqpen.models.campbell:Campbell",
+    "ishigami": "uqpen.models.known_functions:Ishigami",
+    "campbell-1d": "uqpen.models.known_functions:Campbell",
 }

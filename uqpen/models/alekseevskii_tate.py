@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.model import Arrays, BoolArray, Results
-from uqpen.models import rod_and_target
-from uqpen.models.rod_and_target import Termination
-from uqpen.models.source import BuiltInModel
+from uqpen.core.model import Arrays, Results
+from uqpen.models.rod_and_target import RodModel, Termination
 
 __all__ = ["AlekseevskiiTate"]
 
@@ -24,7 +21,7 @@ _LAST = 37
 _NEGLIGIBLE = 40.0
 
 
-class AlekseevskiiTate(BuiltInModel):
+class AlekseevskiiTate(RodModel):
     """An eroding rod whose uneroded part moves as one body, in a target of constant resistance.
 
     It takes the inputs of `walker-anderson` and gives its outputs, so that a study can put one in
@@ -39,17 +36,11 @@ class AlekseevskiiTate(BuiltInModel):
     """
 
     name = "alekseevskii-tate"
-    inputs = rod_and_target.INPUTS
-    outputs = rod_and_target.OUTPUTS
-    alternatives = rod_and_target.ALTERNATIVES
-
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        yield from rod_and_target.conditions(inputs)
 
     def evaluate(self, inputs: Arrays) -> Results:
         # Numbers that overflow give no finite depth, which is the status of their run.
         with np.errstate(all="ignore"):
-            return Results.all_ok(_penetrate(_make_rod(inputs), inputs["impact_velocity"]))
+            return Results.all_ok(_penetrate(inputs))
 
 
 class _Rod(NamedTuple):
@@ -63,20 +54,12 @@ class _Rod(NamedTuple):
     resistance: FloatArray  # 2 Rt/ρt, m2 s-2
 
 
-class _Moment(NamedTuple):
-    """A moment of the erosion: the velocities v, u and v - u, m s-1."""
-
-    tail: FloatArray
-    nose: FloatArray
-    difference: FloatArray
-
-
-def _make_rod(inputs: Arrays) -> _Rod:
+def _penetrate(inputs: Arrays) -> dict[str, FloatArray]:
     R, S = inputs["crater_radius"], inputs["plasticity_radius"]
     density, target_density = inputs["projectile_density"], inputs["target_density"]
-    yield_limit = inputs["projectile_yield_limit"]
+    yield_limit, velocity = inputs["projectile_yield_limit"], inputs["impact_velocity"]
     resistance = 7 / 3 * inputs["target_yield_limit"] * special.log1p((S - R) / R)  # (1)
-    return _Rod(
+    rod = _Rod(
         length=inputs["projectile_length"],
         density_ratio=density / target_density,
         mu=np.sqrt(target_density / density),
@@ -84,18 +67,14 @@ def _make_rod(inputs: Arrays) -> _Rod:
         excess=2 * (resistance - yield_limit) / density,  # (6)
         resistance=2 * resistance / target_density,
     )
-
-
-def _penetrate(rod: _Rod, impact_velocity: FloatArray) -> dict[str, FloatArray]:
-    """Return the outputs of rods at their impact velocities."""
     is_target_stronger = rod.excess > 0
     # Above this velocity of its tail the rod erodes and penetrates.
     limit = np.sqrt(np.abs(rod.excess)) / np.where(is_target_stronger, 1.0, rod.mu)  # (8)
-    erodes = impact_velocity > limit
-    length, eroded = _erode(rod, impact_velocity, limit)
+    erodes = velocity > limit
+    length, eroded = _erode(rod, velocity, limit)
     length = np.where(erodes, length, rod.length)
     erosion_end = np.where(erodes, eroded, 0.0)
-    speed = np.where(is_target_stronger, 0.0, np.minimum(limit, impact_velocity))
+    speed = np.where(is_target_stronger, 0.0, np.minimum(limit, velocity))
     rigid = rod.density_ratio * length * special.log1p(speed**2 / rod.resistance)  # (11)
     ends = np.where(erodes, Termination.BREAKDOWN, Termination.RIGID)
     return {
@@ -108,11 +87,11 @@ def _penetrate(rod: _Rod, impact_velocity: FloatArray) -> dict[str, FloatArray]:
 
 def _erode(rod: _Rod, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return length and depth of rods whose tails have slowed down from one velocity to another."""
-    first = _moment(rod, start)
+    first = _velocities(rod, start)
     lost = start - end
     # The rod shrinks faster than at half of the loss, until there: (9) is convex in v.
-    halfway = _moment(rod, (start + end) / 2)
-    enough = _NEGLIGIBLE * rod.strength / halfway.difference
+    _, halfway = _velocities(rod, (start + end) / 2)
+    enough = _NEGLIGIBLE * rod.strength / halfway
     lost_in_depth = np.where(enough < lost / 2, enough, lost)
     integral = np.zeros_like(lost)
     for step in range(-_LAST, _LAST + 1):
@@ -120,25 +99,29 @@ def _erode(rod: _Rod, start: FloatArray, end: FloatArray) -> tuple[FloatArray, F
         fraction, rest = special.expit(inner), special.expit(-inner)
         weight = _STEP * np.pi * np.cosh(step * _STEP) * fraction * rest
         slower = lost_in_depth * fraction
-        now = _moment(rod, start - slower)
-        integral += weight * now.nose * _share(rod, first, now, slower)
+        now = _velocities(rod, start - slower)
+        integral += weight * now[0] * _share(rod, first, now, slower)
     depth = rod.length * lost_in_depth / rod.strength * integral  # (10)
-    return rod.length * _share(rod, first, _moment(rod, end), lost), depth
+    return rod.length * _share(rod, first, _velocities(rod, end), lost), depth
 
 
-def _moment(rod: _Rod, v: FloatArray) -> _Moment:
+# The nose's velocity u, and that of the tail less it, v - u, m s-1.
+_Velocities = tuple[FloatArray, FloatArray]
+
+
+def _velocities(rod: _Rod, v: FloatArray) -> _Velocities:
     root = np.sqrt(v**2 + rod.excess * (1 / rod.mu**2 - 1))
     # Only a rod as strong as its target erodes down to v = 0.
     u = np.where(v > 0, (v**2 - rod.excess) / (v + rod.mu * root), 0.0)  # (7)
-    return _Moment(v, u, v - u)
+    return u, v - u
 
 
-def _share(rod: _Rod, first: _Moment, now: _Moment, slower: FloatArray) -> FloatArray:
+def _share(rod: _Rod, first: _Velocities, now: _Velocities, slower: FloatArray) -> FloatArray:
     """Return L/L0 by (9), its differences written without cancellation."""
-    mu, u, w = rod.mu, now.nose, now.difference
-    tail, nose = first.difference + w, mu**2 * (first.nose + u)
+    mu, (first_u, first_w), (u, w) = rod.mu, first, now
+    tail, nose = first_w + w, mu**2 * (first_u + u)
     fall_u, fall_w = slower * tail / (tail + nose), slower * nose / (tail + nose)
-    power = (fall_w * tail + fall_u * first.difference + u * fall_w) / 2
+    power = (fall_w * tail + fall_u * first_w + u * fall_w) / 2
     logarithm = special.log1p((mu * fall_u + fall_w) / (mu * u + w))
     exponent = power + np.where(rod.excess == 0, 0.0, rod.excess / (2 * mu) * logarithm)
     # Not NumPy's exponential, whose last bit depends on the processor.

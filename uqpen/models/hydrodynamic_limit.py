@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from uqpen.core.model import Arrays, BoolArray, Results
-from uqpen.models import rod_and_target
-from uqpen.models.source import BuiltInModel
+from uqpen.core.model import Arrays, Results
+from uqpen.models.rod_and_target import OUTPUTS, RodModel
 
 __all__ = ["HydrodynamicLimit"]
 
 
-class HydrodynamicLimit(BuiltInModel):
+class HydrodynamicLimit(RodModel):
     """Depth L0 √(ρp/ρt) of a fast rod that erodes wholly, where neither side's strength matters.
 
     It takes the inputs of `walker-anderson`; the length and the two densities alone have an effect.
@@ -25,12 +22,7 @@ class HydrodynamicLimit(BuiltInModel):
     """
 
     name = "hydrodynamic-limit"
-    inputs = rod_and_target.INPUTS
-    outputs = tuple(each for each in rod_and_target.OUTPUTS if each.name != "termination")
-    alternatives = rod_and_target.ALTERNATIVES
-
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        yield from rod_and_target.conditions(inputs)
+    outputs = tuple(each for each in OUTPUTS if each.name != "termination")
 
     def evaluate(self, inputs: Arrays) -> Results:
         density_ratio = inputs["projectile_density"] / inputs["target_density"]

@@ -2,57 +2,43 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
-from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.dependencies import Dependencies
-from uqpen.models.failed_line import line_in_folder, line_in_function
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
-from uqpen.models.observation import unseen_readers
-from uqpen.models.run_grid import FieldSources, UnusableOutputError
+from uqpen.models.run_grid import FieldSources
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
     check_signature,
-    end_forked_child,
-    error_text,
-    one_line,
+    ending_forks,
     pickle_by_value,
     restore_streams,
 )
-from uqpen.models.user_module import load_function
+from uqpen.models.user_defined_model import FailedRun, UserModel, batch_results
+from uqpen.models.user_module import line_in_function, load_function
 
 __all__ = ["PythonFunction", "check_inputs"]
 
 
-class _FailedRun(NamedTuple):
-    """Run without outputs: its reason and its status."""
-
-    reason: str
-    status: Status = Status.FAILED
-
-
-_CallResult = dict[str, FloatArray] | _FailedRun
+_CallResult = dict[str, FloatArray] | FailedRun
 
 
 @dataclass(frozen=True)
-class PythonFunction(Model):
+class PythonFunction(UserModel):
     """Model that calls a Python function by keyword.
 
     Parameters
@@ -92,19 +78,6 @@ class PythonFunction(Model):
     observed: Dependencies = field(
         default_factory=partial(Dependencies, Path()), repr=False, compare=False
     )
-    is_untrusted: bool = field(default=True, init=False)
-
-    @property
-    def is_object(self) -> bool:
-        return self.source is not None
-
-    @property
-    def is_absent(self) -> bool:
-        return self.source is not None and self.source.is_absent
-
-    @property
-    def unknown_dependency(self) -> str:
-        return self.source.unknown if self.source else ""
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
@@ -114,10 +87,9 @@ class PythonFunction(Model):
         outputs = empty_outputs(self.outputs, runs)
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
-        folder = self.surroundings.on_import_path() if self.surroundings else nullcontext()
-        with restore_streams(), folder:
+        with restore_streams(), self.in_folder():
             for batch, answer in self._batch_results(arguments, runs):
-                if isinstance(answer, _FailedRun):
+                if isinstance(answer, FailedRun):
                     status[batch] = answer.status
                     reasons[batch.start] = answer.reason
                     continue
@@ -126,30 +98,13 @@ class PythonFunction(Model):
         for output in self.outputs:
             measure = scale(self.units[output.name])
             outputs[output.name] = measure.array_to_si(outputs[output.name])
-        return Results(outputs, status, reasons, self._record.lines_of_runs)
-
-    def evaluate_observed(self, inputs: Arrays) -> Results:
-        with self._record.observed_run():
-            results = self.evaluate(inputs)
-        return replace(results, files=results.files | self._record.lines_of_runs)
-
-    def record_files(self, files: frozenset[str]) -> None:
-        self._record.add_reported(files)
-
-    def dependencies(self) -> frozenset[str]:
-        return self._record.lines
-
-    @property
-    def uncompared(self) -> tuple[str, ...]:
-        text = self.source.text if self.source else ""
-        return tuple(unseen_readers(self.surroundings.text if self.surroundings else text))
+        return Results(outputs, status, reasons, self.record.lines_of_runs)
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        return (*self._record.files(), *self.fields.files)
+        return (*self.record.files(), *self.fields.files)
 
-    @property
-    def _record(self) -> ModelFolder | Dependencies:
-        return self.surroundings or self.observed
+    def identity(self) -> dict[str, str]:
+        return {"name": self.name, **self.source_identity}
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process loads the function itself: its modules cannot be sent.
@@ -162,56 +117,35 @@ class PythonFunction(Model):
             return _unpickle, (function, *declared, None, limits, self.source, fields, observed)
         return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
 
-    def identity(self) -> dict[str, str]:
-        if self.source is not None:
-            return {"name": self.name, "source_sha256": self.source.sha256 or "unknown"}
-        if self.surroundings is None:
-            return {"name": self.name}
-        sources = self.surroundings.sources()
-        return {"name": self.name, "source_sha256": hashlib.sha256(sources).hexdigest()}
-
     def _batch_results(self, arguments: Arrays, runs: int) -> Iterator[tuple[slice, _CallResult]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
-        if not self.vectorized:
-            columns = {name: values.tolist() for name, values in arguments.items()}
-            for run in range(runs):
-                one = {name: column[run] for name, column in columns.items()}
-                yield slice(run, run + 1), self._call(one, None)
+        if self.vectorized:
+            yield from batch_results(
+                lambda batch: self._call(
+                    {name: values[batch].copy() for name, values in arguments.items()},
+                    batch.stop - batch.start,
+                ),
+                runs,
+            )
             return
-        batches = [slice(0, runs)]
-        while batches:
-            batch = batches.pop()
-            some = {name: values[batch].copy() for name, values in arguments.items()}
-            answer = self._call(some, batch.stop - batch.start)
-            if isinstance(answer, _FailedRun) and batch.stop - batch.start > 1:
-                # One bad run must not spoil its batch: halve until it is alone.
-                middle = (batch.start + batch.stop) // 2
-                batches += [slice(middle, batch.stop), slice(batch.start, middle)]
-            else:
-                yield batch, answer
+        columns = {name: values.tolist() for name, values in arguments.items()}
+        for run in range(runs):
+            one = {name: column[run] for name, column in columns.items()}
+            yield slice(run, run + 1), self._call(one, None)
 
     def _call(self, arguments: Mapping[str, Any], runs: int | None) -> _CallResult:
         """Return the outputs of one call, or the reason why there are none."""
-        process = os.getpid()
-        answer: _CallResult
         try:
-            returned = self.function(**arguments)
-            answer = extract_outputs(returned, self.outputs, runs, self.fields.grids)
-        except UnusableOutputError as refused:
-            answer = _FailedRun(one_line(str(refused)), refused.status)
+            with ending_forks():
+                returned = self.function(**arguments)
+            return extract_outputs(returned, self.outputs, runs, self.fields.grids)
         except BaseException as error:  # any exception of a black box is data
-            end_forked_child(process, error)
-            if is_user_interrupt(error):
-                raise
-            answer = _FailedRun(error_text(error) + self._failed_line(error))
-        end_forked_child(process)
-        return answer
+            return self.failed_run(error)
 
-    def _failed_line(self, error: BaseException) -> str:
-        """Return the line of the user's code that an exception comes from; empty if unknown."""
-        if self.surroundings is not None:
-            return line_in_folder(error, self.surroundings)
-        return line_in_function(error, self.function, self.source) if self.source else ""
+    def failed_line(self, error: BaseException) -> str:
+        if self.surroundings is None and self.source is not None:
+            return line_in_function(error, self.function, self.source)
+        return super().failed_line(error)
 
 
 def _unpickle(function: bytes, *declared: Any) -> PythonFunction:

@@ -1,4 +1,4 @@
-"""Common parts of the models of a rod going into a thick target.
+"""Base of the models of a rod going into a thick target: their inputs and outputs.
 
 Depths are those in a target without a rear face; a wall of that thickness fails earlier.
 
@@ -14,13 +14,22 @@ from collections.abc import Iterator
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Category, Input, Output
+from uqpen.core.model import (
+    POSITIVE,
+    Arrays,
+    BoolArray,
+    Bounds,
+    Category,
+    FloatArray,
+    Input,
+    Output,
+)
+from uqpen.models.source import BuiltInModel
 
-__all__ = ["ALTERNATIVES", "INPUTS", "OUTPUTS", "Termination", "conditions", "sound_speed"]
+__all__ = ["OUTPUTS", "RodModel", "Termination", "sound_speed"]
 
-INPUTS = (
+_INPUTS = (
     Input("projectile_density", "kg m-3", bounds=POSITIVE, display_unit="g/cm^3"),
     Input("projectile_yield_limit", "Pa", bounds=POSITIVE, display_unit="MPa"),
     Input("projectile_length", "m", bounds=POSITIVE, display_unit="cm"),
@@ -58,9 +67,6 @@ INPUTS = (
     ),
 )
 
-# A Young's modulus gives the sound speed, so one of the two is enough.
-ALTERNATIVES = (("projectile_sound_speed", "projectile_young_modulus"),)
-
 
 class Termination(IntEnum):
     """Kinds of endings of erosion."""
@@ -93,24 +99,35 @@ OUTPUTS = (
     ),
 )
 
+# Of a sound speed and a Young's modulus, where both are given.
 _AGREEMENT = 0.01
 
 
-def sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
+class RodModel(BuiltInModel):
+    """Base of the models with the inputs and outputs of `walker-anderson`."""
+
+    inputs: tuple[Input, ...] = _INPUTS
+    outputs: tuple[Output, ...] = OUTPUTS
+    # A Young's modulus gives the sound speed, so one of the two is enough.
+    alternatives: tuple[tuple[str, ...], ...] = (
+        ("projectile_sound_speed", "projectile_young_modulus"),
+    )
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        S, R = inputs["plasticity_radius"], inputs["crater_radius"]
+        yield S > R, "plasticity_radius > crater_radius"
+        if "projectile_sound_speed" in inputs and "projectile_young_modulus" in inputs:
+            given = inputs["projectile_sound_speed"]
+            agrees = np.abs(_elastic_sound_speed(inputs) / given - 1) <= _AGREEMENT
+            yield agrees, "projectile_sound_speed = sqrt(young_modulus / density) within 1 %"
+
+
+def sound_speed(inputs: Arrays) -> FloatArray:
     """Bar sound speed, m/s: as given, else from Young's modulus and density."""
     if "projectile_sound_speed" in inputs:
         return inputs["projectile_sound_speed"]
     return _elastic_sound_speed(inputs)
 
 
-def conditions(inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """Yield the conditions on the inputs together; see `uqpen.core.model.Model.conditions`."""
-    yield inputs["plasticity_radius"] > inputs["crater_radius"], "plasticity_radius > crater_radius"
-    if "projectile_sound_speed" in inputs and "projectile_young_modulus" in inputs:
-        given = inputs["projectile_sound_speed"]
-        agrees = np.abs(_elastic_sound_speed(inputs) / given - 1) <= _AGREEMENT
-        yield agrees, "projectile_sound_speed = sqrt(young_modulus / density) within 1 %"
-
-
-def _elastic_sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
+def _elastic_sound_speed(inputs: Arrays) -> FloatArray:
     return np.sqrt(inputs["projectile_young_modulus"] / inputs["projectile_density"])

@@ -1,4 +1,4 @@
-"""The compiled part of `rod_lanes`: eroding rods integrated side by side in lanes, by Numba.
+"""The compiled part of `walker_anderson`: eroding rods integrated side by side in lanes, by Numba.
 
 Sixteen runs are integrated together, each with a step of its own, in one loop that the compiler
 turns into vector instructions; a lane whose run has ended takes the next. Lanes share nothing, so
@@ -10,8 +10,7 @@ In them the equations stay regular where the nose comes to rest, which those in 
 Erosion ends where x is 0 again (v = u) or p reaches 8 (u = 0).
 
 All compiled code stands in this one file, as Numba's cache notices no change in another; only what
-never changes comes from elsewhere: the weights of the Runge-Kutta pair, how to compile, and what
-`rod_lanes` shares with it.
+never changes comes from elsewhere: the weights of the Runge-Kutta pair, and how to compile.
 
 References
 ----------
@@ -25,10 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.models.compiled import align_stack, compiled, inlined, use_widest_vectors
-from uqpen.models.rod_phases import AT_REST, CAUGHT_UP, GAVE_UP
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
 
-__all__ = ["erode"]
+__all__ = ["AT_REST", "CAUGHT_UP", "erode"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -37,7 +35,10 @@ Rod = tuple[float, float, float, float, float, float, float, float]
 # Where a step begins, its length, the rod, and what the step is measured along.
 Start = tuple[Vector, float, Rod, int]
 
-# Phases of a lane beside those of `rod_phases`.
+# How erosion ended: v = u and u = 0, with the numbers of `rod_and_target.Termination`, or neither
+# within the steps allowed.
+CAUGHT_UP, AT_REST, GAVE_UP = 0.0, 1.0, -1.0
+# The phases of a lane before its end.
 _ERODING, _PAST_EVENT = 2.0, 3.0
 
 # Runs that are integrated together.
@@ -343,20 +344,7 @@ def _land_all(lanes: FloatArray, rods: FloatArray, ends: FloatArray) -> None:
 
 @compiled("float64[:, ::1](float64[:, ::1], float64)")
 def erode(rods: FloatArray, tolerance: float) -> FloatArray:
-    """Integrate rods.
-
-    Parameters
-    ----------
-    rods : ndarray, shape (8, run)
-        As `uqpen.models.rod_lanes.erode` takes them; at least one.
-    tolerance : float
-        Relative error allowed to a step.
-
-    Returns
-    -------
-    ndarray, shape (6, run)
-        The rows that `uqpen.models.rod_lanes.erode` returns, and the number of steps.
-    """
+    """Integrate rods, at least one; see `uqpen.models.walker_anderson.erode`."""
     align_stack()
     ends = np.empty((6, rods.shape[1]))
     lanes, occupants = np.zeros(_BUFFER), np.empty(_LANES, np.int64)

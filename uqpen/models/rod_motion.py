@@ -1,4 +1,4 @@
-"""Equations of rods in their targets: while they erode, and as rigid bodies afterwards.
+"""Motion of rods in their targets: while they erode, and as rigid bodies afterwards.
 
 While a rod erodes, the unknowns are the nose's velocity u, the excess x = v/u - 1 of the tail's
 velocity v, the length L and the depth z; in them the equations stay regular where the nose comes
@@ -12,19 +12,34 @@ its (2.9) is used with (2 - ε), as (2.4) and (2.8) give it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
-from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
+from uqpen.models.dense_integration import Steps, integrate
 from uqpen.models.rod_and_target import sound_speed
 
-__all__ = ["RigidMotion", "Rods", "at_impact", "erosion_slopes", "make_rods"]
+__all__ = [
+    "Along",
+    "Curves",
+    "RigidMotion",
+    "Rods",
+    "at_impact",
+    "erosion_slopes",
+    "final_states",
+    "follow_erosion",
+    "is_over",
+    "make_rods",
+]
 
 
 class Rods(NamedTuple):
-    """Rods and their targets, as the equations take them; see `make_rods`. Shapes are (run,)."""
+    """Rods and their targets, as the equations take them: arrays of shape (run,), or numbers."""
 
     density_ratio: FloatArray  # Ω
     profile: FloatArray  # 2 + ε
@@ -152,3 +167,149 @@ class RigidMotion(NamedTuple):
         u = np.maximum(slower, 0.0)
         lost = (self.velocity**2 - u**2) / (u**2 + self.resistance)
         return u, self.depth + self.inertia * special.log1p(lost)
+
+
+class Along(IntEnum):
+    """Coordinate of curves: its position in the states of an eroding rod, (u, x, L, z, time)."""
+
+    DEPTH = 3
+    TIME = 4
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Curves of some rods at given coordinates, NaN behind the end of their motion.
+
+    Parameters
+    ----------
+    along : Along
+        The coordinate.
+    coordinates : ndarray, shape (place,)
+        In ascending order, m or s.
+    values : ndarray, shape (6, run, place)
+        u and v, m s-1, L and s, m, the depth of the nose, m, and the time, s.
+    """
+
+    along: Along
+    coordinates: FloatArray
+    values: FloatArray
+
+    @classmethod
+    def make_empty(cls, along: Along, coordinates: FloatArray, runs: int) -> Curves:
+        """Return curves without values."""
+        return cls(along, coordinates, np.full((6, runs, coordinates.size), np.nan))
+
+    def add_erosion(self, steps: Steps, ends: FloatArray, rods: Rods) -> None:
+        """Fill in what lies inside steps of eroding rods, up to their ends, shape (5, step)."""
+        row = self.along
+        step, place = _places(self.coordinates, steps.before[row], ends[row])
+        coordinates = self.coordinates[place]
+        part = steps.parts_at(step, row, coordinates)
+        u, x, L, z, t = steps.states(step, part)
+        run = steps.problem[step]
+        self.values[:, run, place] = u, u * (1 + x), L, rods.plastic_scale[run] * x, z, t
+
+    def add_rigid_motion(self, motion: RigidMotion, rods: Rods, start: FloatArray) -> None:
+        """Fill in what follows the end of erosion, the state of shape (5, run), until rest."""
+        rest = motion.rest_depth if self.along is Along.DEPTH else motion.rest_time
+        behind = np.nextafter(rest, np.inf)
+        run, place = _places(self.coordinates, start[self.along], behind)
+        coordinates, moving = self.coordinates[place], motion.select(run)
+        if self.along is Along.DEPTH:
+            z, (u, t) = coordinates, moving.at_depths(coordinates)
+        else:
+            t, (u, z) = coordinates, moving.at_times(coordinates)
+        # A rod that stops while it erodes keeps its plastic extent; else x is 0.
+        _, x, L, _, _ = start[:, run]
+        self.values[:, run, place] = u, u, L, rods.plastic_scale[run] * x, z, t
+
+
+def follow_erosion(rods: Rods, curves: Sequence[Curves], tolerance: float) -> FloatArray:
+    """Fill curves in until erosion ends, and return the states there.
+
+    Parameters
+    ----------
+    rods : Rods
+        The constants of the equations.
+    curves : sequence of Curves
+        Of these rods.
+    tolerance : float
+        Relative error allowed to a step of the integration.
+
+    Returns
+    -------
+    ndarray, shape (5, run)
+        u, x, L, z and the time: x or u is 0. NaN where erosion does not end within
+        `dense_integration.MOST_STEPS`; the state at impact of a rod that does not begin to erode.
+    """
+    start = at_impact(rods)
+    constants = np.stack(rods)
+    ends = start.copy()
+    # (2.16) and (2.17): the tail falls back behind the nose from the start.
+    erodes = np.flatnonzero(erosion_slopes(start, constants)[1] > 0)
+    ends[:, erodes] = np.nan
+    one = np.ones_like(rods.length)
+    scales = np.stack(
+        [rods.impact_velocity, one, rods.length, rods.length, rods.length / rods.impact_velocity]
+    )
+    for some in integrate(
+        erosion_slopes,
+        start[:, erodes],
+        constants[:, erodes],
+        scales[:, erodes],
+        is_over,
+        tolerance,
+    ):
+        steps = some._replace(problem=erodes[some.problem])
+        states, _ = final_states(steps)
+        for each in curves:
+            each.add_erosion(steps, states, rods)
+        ends[:, steps.problem[steps.is_last]] = states[:, steps.is_last]
+    return ends
+
+
+def final_states(steps: Steps) -> tuple[FloatArray, FloatArray]:
+    """Return the states at the ends of steps: of the last one of a rod, where its erosion ends.
+
+    The second array has the part of each rod's last step after which that is.
+    """
+    last = np.flatnonzero(steps.is_last)
+    parts = np.full((2, last.size), np.inf)
+    for variable in (0, 1):  # u and x
+        passed = np.flatnonzero(steps.after[variable, last] < 0)
+        parts[variable, passed] = steps.parts_at(last[passed], variable, np.zeros(passed.size))
+    ends = steps.after.copy()
+    # Of two events the first is the one that ends erosion.
+    first = parts.min(axis=0)
+    ends[:, last] = steps.states(last, first)
+    ends[parts.argmin(axis=0), last] = 0.0
+    return ends, first
+
+
+def is_over(state: FloatArray) -> BoolArray:
+    """Check that states are past the end of erosion."""
+    u, x = state[:2]
+    return (x < 0) | (u < 0)
+
+
+def _places(
+    coordinates: FloatArray, first: FloatArray, behind: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Return each pair of an interval and a place whose coordinate is in it.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (place,)
+        In ascending order.
+    first, behind : ndarray, shape (interval,)
+        Ends of half-open intervals; NaN where there is none.
+
+    Returns
+    -------
+    interval, place : ndarray of int, shape (pair,)
+    """
+    start = np.searchsorted(coordinates, first)
+    count = np.searchsorted(coordinates, behind) - start
+    interval = np.repeat(np.arange(count.size), count)
+    place = np.arange(interval.size) - np.repeat(np.cumsum(count) - count - start, count)
+    return interval, place

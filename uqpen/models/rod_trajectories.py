@@ -1,4 +1,4 @@
-"""Base of the models of a rod's trajectory: their settings, and curves as outputs."""
+"""Models of a rod's trajectory: their settings, and curves as outputs."""
 
 from __future__ import annotations
 
@@ -8,24 +8,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uqpen.core.model import (
-    Arrays,
-    BoolArray,
-    Dimension,
-    FloatArray,
-    Output,
-    Results,
-    empty_outputs,
-)
-from uqpen.core.settings import choice, count, quantity, validate
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
+from uqpen.core.model import Dimension, Output, Results, empty_outputs
+from uqpen.core.settings import choice, count, number, quantity, validate
 from uqpen.core.status import Status
-from uqpen.models import rod_and_target
 from uqpen.models.dense_integration import MOST_STEPS
-from uqpen.models.rod_curves import Along, Curves
-from uqpen.models.rod_motion import RigidMotion, Rods, make_rods
-from uqpen.models.source import BuiltInModel
+from uqpen.models.rod_and_target import RodModel
+from uqpen.models.rod_motion import (
+    Along,
+    Curves,
+    RigidMotion,
+    Rods,
+    at_impact,
+    follow_erosion,
+    make_rods,
+)
 
-__all__ = ["RodTrajectories"]
+__all__ = ["RigidPenetrationTrajectory", "RodTrajectories", "WalkerAndersonTrajectory"]
 
 # Rods that are followed together, so that their slopes stay in the processor's cache.
 _TOGETHER = 1024
@@ -50,7 +49,7 @@ _AT_REST = (
 
 
 @dataclass(frozen=True)
-class RodTrajectories(BuiltInModel):
+class RodTrajectories(RodModel):
     """Base of the models whose outputs are the curves of a rod, by time or by depth.
 
     The velocities of its nose and tail, its length, the extent of plastic flow in it, and the depth
@@ -79,9 +78,6 @@ class RodTrajectories(BuiltInModel):
     depths: int = count(minimum=2, maximum=100_000, default=201)
     outputs: tuple[Output, ...] = field(init=False, repr=False, compare=False)
 
-    inputs = rod_and_target.INPUTS
-    alternatives = rod_and_target.ALTERNATIVES
-
     def __post_init__(self) -> None:
         validate(self)
         curves = [
@@ -102,9 +98,6 @@ class RodTrajectories(BuiltInModel):
             Along.DEPTH: Dimension("target_depth", "m", "depth in the target", "cm", depths),
         }
         return {key: value for key, value in every.items() if key.name.lower() in self.along}
-
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        yield from rod_and_target.conditions(inputs)
 
     def evaluate(self, inputs: Arrays) -> Results:
         runs = len(inputs["crater_radius"])
@@ -139,7 +132,7 @@ class RodTrajectories(BuiltInModel):
 
     @abstractmethod
     def erode(self, rods: Rods, curves: Sequence[Curves]) -> FloatArray:
-        """Fill curves in until erosion ends; see `uqpen.models.rod_curves.follow_erosion`."""
+        """Fill curves in until erosion ends; see `uqpen.models.rod_motion.follow_erosion`."""
 
 
 def _curve_names(along: Along) -> Iterator[tuple[int, str]]:
@@ -147,3 +140,54 @@ def _curve_names(along: Along) -> Iterator[tuple[int, str]]:
     for row, (name, *_) in enumerate(_CURVES):
         if name != _COORDINATE[along]:
             yield row, name if along is Along.TIME else f"{name}_at_depth"
+
+
+@dataclass(frozen=True)
+class WalkerAndersonTrajectory(RodTrajectories):
+    """Trajectory of an eroding rod in a thick target, by time since impact or by depth.
+
+    The equations are those of `walker-anderson`; the integration is another one, which follows the
+    rods between its steps.
+
+    Parameters
+    ----------
+    along, duration, times, depth_limit, depths
+        The curves; see `RodTrajectories`.
+    tolerance : float
+        Relative error allowed to a step of the integration; with the default, curves of the
+        concrete study are right to 1e-6 of their largest values.
+
+    References
+    ----------
+    Soleng, H. H. & Svinsås, E. (2001). FFI/RAPPORT-2000/05876, as in `uqpen.models.rod_motion`.
+    """
+
+    tolerance: float = number(above=0, below=1e-2, default=1e-8)
+
+    name = "walker-anderson-trajectory"
+
+    def erode(self, rods: Rods, curves: Sequence[Curves]) -> FloatArray:
+        return follow_erosion(rods, curves, self.tolerance)
+
+
+@dataclass(frozen=True)
+class RigidPenetrationTrajectory(RodTrajectories):
+    """Trajectory of a rod that keeps its length, with Walker and Anderson's target.
+
+    It takes the inputs and gives the outputs of `walker-anderson-trajectory`; the projectile's
+    strength, its sound speed and the smoothing have no effect.
+
+    Parameters
+    ----------
+    along, duration, times, depth_limit, depths
+        The curves; see `RodTrajectories`.
+
+    References
+    ----------
+    Soleng & Svinsås (2001), FFI/RAPPORT-2000/05876, section 3.2.2.
+    """
+
+    name = "rigid-penetration-trajectory"
+
+    def erode(self, rods: Rods, curves: Sequence[Curves]) -> FloatArray:
+        return at_impact(rods)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from uqpen.core.model import Model
-from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import declared_settings
 
 __all__ = ["BuiltInModel", "source_sha256"]
 

@@ -16,7 +16,7 @@ __all__ = [
     "changed_file_error",
     "changed_variable_error",
     "check_signature",
-    "end_forked_child",
+    "ending_forks",
     "error_text",
     "one_line",
     "pickle_by_value",
@@ -50,22 +50,22 @@ def one_line(text: str) -> str:
     return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"
 
 
-def end_forked_child(process: int, error: BaseException | None = None) -> None:
-    """End this process if a function that was called in `process` forked it.
+@contextlib.contextmanager
+def ending_forks() -> Iterator[None]:
+    """End, at the end of this context, a process that code within it has forked from this one.
 
     A forked child that returns or raises would go on with the study beside its parent.
-
-    Parameters
-    ----------
-    process : int
-        The number of the process before the call.
-    error : BaseException, optional
-        The exception with which the call ended.
     """
-    if os.getpid() == process:
-        return
-    code = getattr(error, "code", 1) if isinstance(error, SystemExit) else bool(error)
-    os._exit(code if isinstance(code, int) else int(code is not None))
+    process = os.getpid()
+    code: object = 0
+    try:
+        yield
+    except BaseException as error:
+        code = getattr(error, "code", 1) if isinstance(error, SystemExit) else 1
+        raise
+    finally:
+        if os.getpid() != process:
+            os._exit(code if isinstance(code, int) else int(code is not None))
 
 
 def error_text(error: BaseException) -> str:

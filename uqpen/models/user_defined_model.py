@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import os
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,29 +23,123 @@ from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.models.dependencies import Dependencies
-from uqpen.models.failed_line import line_in_folder
 from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.observation import unseen_readers
 from uqpen.models.run_grid import UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
-    end_forked_child,
+    ending_forks,
     error_text,
     one_line,
     pickle_by_value,
     restore_streams,
 )
-from uqpen.models.user_module import load_module
+from uqpen.models.user_module import line_in_folder, load_module
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["UserDefinedModel"]
+__all__ = ["FailedRun", "UserDefinedModel", "UserModel", "batch_results"]
+
+
+class FailedRun(NamedTuple):
+    """Run without outputs: its reason and its status."""
+
+    reason: str
+    status: Status = Status.FAILED
+
+
+Answer = TypeVar("Answer")
+
+
+class UserModel(Model):
+    """Base of the models of the user's code, from a folder or as an object of this process."""
+
+    surroundings: ModelFolder | None
+    source: FunctionSource | None
+    observed: Dependencies
+    is_untrusted = True
+
+    @property
+    def is_object(self) -> bool:
+        return self.source is not None
+
+    @property
+    def is_absent(self) -> bool:
+        return self.source is not None and self.source.is_absent
+
+    @property
+    def unknown_dependency(self) -> str:
+        return self.source.unknown if self.source else ""
+
+    def evaluate_observed(self, inputs: Arrays) -> Results:
+        with self.record.observed_run():
+            results = self.evaluate(inputs)
+        return dataclasses.replace(results, files=results.files | self.record.lines_of_runs)
+
+    def record_files(self, files: frozenset[str]) -> None:
+        self.record.add_reported(files)
+
+    def dependencies(self) -> frozenset[str]:
+        return self.record.lines
+
+    @property
+    def uncompared(self) -> tuple[str, ...]:
+        text = self.source.text if self.source else ""
+        return tuple(unseen_readers(self.surroundings.text if self.surroundings else text))
+
+    @property
+    def record(self) -> ModelFolder | Dependencies:
+        """Record of what its runs depend on."""
+        return self.surroundings or self.observed
+
+    @property
+    def source_identity(self) -> dict[str, str]:
+        """Hash of its source, as far as it is known; empty for a model of an installed package."""
+        if self.source is not None:
+            return {"source_sha256": self.source.sha256 or "unknown"}
+        if self.surroundings is None:
+            return {}
+        return {"source_sha256": hashlib.sha256(self.surroundings.sources()).hexdigest()}
+
+    def in_folder(self) -> contextlib.AbstractContextManager[None]:
+        """Return the context in which its code is called."""
+        return self.surroundings.on_import_path() if self.surroundings else contextlib.nullcontext()
+
+    def failed_run(self, error: BaseException) -> FailedRun:
+        """Return the run whose call has ended by an exception; Ctrl-C is raised again."""
+        if isinstance(error, UnusableOutputError):
+            return FailedRun(one_line(str(error)), error.status)
+        if is_user_interrupt(error):
+            raise error
+        return FailedRun(error_text(error) + self.failed_line(error))
+
+    def failed_line(self, error: BaseException) -> str:
+        """Return the line of the user's code that an exception comes from; empty if unknown."""
+        return line_in_folder(error, self.surroundings) if self.surroundings else ""
+
+
+def batch_results(
+    call: Callable[[slice], Answer | FailedRun], runs: int
+) -> Iterator[tuple[slice, Answer | FailedRun]]:
+    """Yield the answers for parts of a batch, in order: one bad run must not spoil it.
+
+    A part is halved as long as its call fails, until the bad run is alone.
+    """
+    batches = [slice(0, runs)]
+    while batches:
+        batch = batches.pop()
+        answer = call(batch)
+        if isinstance(answer, FailedRun) and batch.stop - batch.start > 1:
+            middle = (batch.start + batch.stop) // 2
+            batches += [slice(middle, batch.stop), slice(batch.start, middle)]
+        else:
+            yield batch, answer
 
 
 @dataclass(frozen=True)
-class UserDefinedModel(Model):
+class UserDefinedModel(UserModel):
     """Model whose class is not one of the package's; its failures are data of its runs.
 
     Parameters
@@ -76,7 +169,6 @@ class UserDefinedModel(Model):
     alternatives: tuple[tuple[str, ...], ...] = field(init=False)
     vectorized: bool = field(init=False)
     enforced_limits: Limits = field(init=False)
-    is_untrusted: bool = field(default=True, init=False)
 
     def __post_init__(self) -> None:
         for name in ("inputs", "outputs", "alternatives", "vectorized", "enforced_limits"):
@@ -84,12 +176,8 @@ class UserDefinedModel(Model):
         object.__setattr__(self, "name", self.reference)
 
     @property
-    def is_object(self) -> bool:
-        return self.source is not None
-
-    @property
     def unknown_dependency(self) -> str:
-        return self.source.unknown if self.source else self.model.unknown_dependency
+        return super().unknown_dependency or self.model.unknown_dependency
 
     @property
     def run_limits(self) -> Limits:
@@ -101,68 +189,82 @@ class UserDefinedModel(Model):
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         with self._in_context("conditions"):
-            found = [
-                (_mask(mask, len(next(iter(inputs.values())))), str(text))
-                for mask, text in self.model.conditions(inputs)
-            ]
+            runs = len(next(iter(inputs.values())))
+            found = []
+            for satisfied, text in self.model.conditions(inputs):
+                mask = np.asarray(satisfied)
+                if mask.dtype != np.bool_ or mask.shape not in ((), (runs,)):
+                    kind = f"{mask.dtype} of shape {mask.shape}"
+                    raise ValueError(f"a condition is {kind}, not bool of shape {(runs,)}")
+                found.append((np.broadcast_to(mask, runs), str(text)))
         yield from found
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
+        import xarray as xr
+
         try:
             with self._in_context("trajectory"):
-                return _dataset(self.model.trajectory(inputs))
+                found = self.model.trajectory(inputs)
+                if found is None or isinstance(found, xr.Dataset):
+                    return found
+                raise TypeError(f"it returned {type(found).__name__}, not an xarray.Dataset")
         except ModelError as error:
             raise TrajectoryError(str(error)) from None
 
     def evaluate(self, inputs: Arrays) -> Results:
-        with self._in_context("evaluate"):
-            results = self._evaluate(inputs, len(next(iter(inputs.values()))))
-        return dataclasses.replace(results, files=results.files | self._record.lines_of_runs)
+        runs = len(next(iter(inputs.values())))
+        outputs = empty_outputs(self.outputs, runs)
+        status = np.full(runs, Status.FAILED, dtype=np.int8)
+        reasons: dict[int, str] = {}
+        files = self.record.lines_of_runs
 
-    def evaluate_observed(self, inputs: Arrays) -> Results:
-        with self._record.observed_run():
-            results = self.evaluate(inputs)
-        return dataclasses.replace(results, files=results.files | self._record.lines_of_runs)
+        def call(batch: slice) -> Results | FailedRun:
+            some = {name: values[batch].copy() for name, values in inputs.items()}
+            try:
+                with ending_forks():
+                    returned = self.model.evaluate(some)
+                return self._checked(returned, batch.stop - batch.start)
+            except BaseException as error:  # any exception of a black box is data
+                return self.failed_run(error)
+
+        with self._in_context("evaluate"):
+            for batch, answer in batch_results(call, runs):
+                if isinstance(answer, FailedRun):
+                    reasons[batch.start] = answer.reason
+                    continue
+                for name, values in answer.outputs.items():
+                    outputs[name][batch] = values
+                status[batch] = answer.status
+                reasons |= {batch.start + run: text for run, text in answer.reasons.items()}
+                files |= answer.files
+        return Results(outputs, status, reasons, files | self.record.lines_of_runs)
 
     def with_folder(self, folder: Path) -> Model:
         return dataclasses.replace(self, model=self.model.with_folder(folder))
 
-    def record_files(self, files: frozenset[str]) -> None:
-        self._record.add_reported(files)
-
-    def dependencies(self) -> frozenset[str]:
-        return self._record.lines
-
     @property
     def uncompared(self) -> tuple[str, ...]:
-        text = self.source.text if self.source else ""
-        readers = unseen_readers(self.surroundings.text if self.surroundings else text)
-        return (*self.model.uncompared, *readers)
+        return (*self.model.uncompared, *super().uncompared)
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        return (*self._record.files(), *self.model.files())
-
-    @property
-    def _record(self) -> ModelFolder | Dependencies:
-        return self.surroundings or self.observed
+        return (*self.record.files(), *self.model.files())
 
     def identity(self) -> dict[str, str]:
         # The text of the study has its settings.
         known = {**self.model.identity(), "name": self.name}
-        if self.source is not None:
-            return known | {"source_sha256": self.source.sha256 or "unknown"}
-        if self.surroundings is None:
-            version = package_version(type(self.model).__module__)
-            return known | ({"version": version} if version else {})
-        sources = self.surroundings.sources()
-        return known | {"source_sha256": hashlib.sha256(sources).hexdigest()}
+        if self.source is not None or self.surroundings is not None:
+            return known | self.source_identity
+        version = package_version(type(self.model).__module__)
+        return known | ({"version": version} if version else {})
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.surroundings is None:
             observed = Dependencies(self.observed.folder)
             return _unpickle, (pickle_by_value(self.model), self.reference, self.source, observed)
         # Another process loads the class itself: its modules cannot be sent.
-        return _restore, (self.surroundings.folder, self.reference, _settings(self.model))
+        fields = getattr(self.model, "__dataclass_fields__", {}).values()
+        settings = {each.name: getattr(self.model, each.name) for each in fields if each.init}
+        return _restore, (self.surroundings.folder, self.reference, settings)
 
     @contextlib.contextmanager
     def _in_context(self, method: str) -> Iterator[None]:
@@ -170,52 +272,15 @@ class UserDefinedModel(Model):
 
         Exceptions of `evaluate` itself are data of its runs, and do not come here.
         """
-        place = self.surroundings.on_import_path() if self.surroundings else None
-        process = os.getpid()
         try:
-            with restore_streams(), place or contextlib.nullcontext():
+            with ending_forks(), restore_streams(), self.in_folder():
                 yield
-        except UqpenError as error:
-            end_forked_child(process, error)
+        except UqpenError:
             raise
         except BaseException as error:  # a user's method can raise anything
-            end_forked_child(process, error)
             if is_user_interrupt(error):
                 raise
             raise ModelError(f"{self.name}: {method} failed: {error_text(error)}") from None
-        end_forked_child(process)
-
-    def _evaluate(self, inputs: Arrays, runs: int) -> Results:
-        """Return the results of a batch; one bad run does not spoil it."""
-        process = os.getpid()
-        own = {name: values.copy() for name, values in inputs.items()}
-        try:
-            results = self._checked(self.model.evaluate(own), runs)
-        except UnusableOutputError as refused:
-            reason = one_line(str(refused))
-        except BaseException as error:  # any exception of a black box is data
-            end_forked_child(process, error)
-            if is_user_interrupt(error):
-                raise
-            reason = error_text(error) + self._failed_line(error)
-        else:
-            end_forked_child(process)
-            return results
-        end_forked_child(process)
-        if runs == 1:
-            failed = np.full(1, Status.FAILED, dtype=np.int8)
-            return Results(empty_outputs(self.outputs, 1), failed, {0: reason})
-        middle = runs // 2
-        first, second = slice(0, middle), slice(middle, runs)
-        return _join(
-            self._evaluate({name: values[first] for name, values in inputs.items()}, middle),
-            self._evaluate(
-                {name: values[second] for name, values in inputs.items()}, runs - middle
-            ),
-        )
-
-    def _failed_line(self, error: BaseException) -> str:
-        return line_in_folder(error, self.surroundings) if self.surroundings else ""
 
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.
@@ -239,42 +304,6 @@ class UserDefinedModel(Model):
             for run in np.flatnonzero(status != Status.OK).tolist()
         }
         return Results(outputs, status.astype(np.int8), reasons, frozenset(returned.files))
-
-
-def _mask(satisfied: object, runs: int) -> BoolArray:
-    """Return the mask of a condition; ValueError for anything but a truth value for each run."""
-    mask = np.asarray(satisfied)
-    if mask.dtype != np.bool_ or mask.shape not in ((), (runs,)):
-        found = f"{mask.dtype} of shape {mask.shape}"
-        raise ValueError(f"a condition is {found}, not bool of shape {(runs,)}")
-    return np.broadcast_to(mask, runs)
-
-
-def _dataset(found: object) -> xr.Dataset | None:
-    """Return the trajectory of a run; TypeError for anything but a dataset or None."""
-    import xarray as xr
-
-    if found is None or isinstance(found, xr.Dataset):
-        return found
-    raise TypeError(f"it returned {type(found).__name__}, not an xarray.Dataset")
-
-
-def _join(first: Results, second: Results) -> Results:
-    """Return the results of two batches as those of one."""
-    runs = len(first.status)
-    outputs = {
-        name: np.concatenate([values, second.outputs[name]])
-        for name, values in first.outputs.items()
-    }
-    reasons = {runs + run: reason for run, reason in second.reasons.items()}
-    status = np.concatenate([first.status, second.status])
-    return Results(outputs, status, {**first.reasons, **reasons}, first.files | second.files)
-
-
-def _settings(model: Model) -> dict[str, Any]:
-    """Return the settings of a model whose class is a dataclass; none of another class."""
-    fields = getattr(model, "__dataclass_fields__", {}).values()
-    return {each.name: getattr(model, each.name) for each in fields if each.init}
 
 
 def _unpickle(model: bytes, reference: str, *others: Any) -> UserDefinedModel:

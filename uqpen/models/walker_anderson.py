@@ -1,30 +1,44 @@
-"""The Walker-Anderson model of an eroding rod, for whole batches of runs."""
+"""The Walker-Anderson model of an eroding rod, for whole batches of runs.
+
+References
+----------
+Walker, J. D. & Anderson, C. E. (1995). Int. J. Impact Engng 16, 19-48.
+Soleng, H. H. & Svinsås, E. (2001). Penetration modelling with uncertainty quantification using the
+Walker-Anderson model. FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import special
 
 from uqpen.core.errors import TrajectoryError
-from uqpen.core.model import Arrays, BoolArray, Results
+from uqpen.core.model import Arrays, FloatArray, Results
+from uqpen.core.processors import map_parts
 from uqpen.core.settings import number, validate
 from uqpen.core.status import Status
-from uqpen.models import rod_and_target
-from uqpen.models.source import BuiltInModel
+from uqpen.models.rod_and_target import RodModel, Termination, sound_speed
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["WalkerAnderson"]
+__all__ = ["DEFAULT_TOLERANCE", "WalkerAnderson", "erode"]
+
+# The largest errors in 40 000 draws of the report's Table 3.1 are then 1.9e-7 in the residue and
+# 9e-8 in the depth.
+DEFAULT_TOLERANCE = 1e-6
 
 _UNSOLVED = "the integration did not reach the end of erosion within its steps"
 
+_WORTH_A_THREAD = 512  # runs, which take a millisecond
+
 
 @dataclass(frozen=True)
-class WalkerAnderson(BuiltInModel):
+class WalkerAnderson(RodModel):
     """An eroding rod penetrating a thick target, original or with a smoothed velocity profile.
 
     Erosion ends where the tail is as slow as the nose (the rest of the rod goes on as a rigid
@@ -43,37 +57,50 @@ class WalkerAnderson(BuiltInModel):
     (2 - ε) as (2.4) and (2.8) give it, where the report prints (2 + ε).
     """
 
-    tolerance: float = number(above=0, below=1e-2, default=1e-6)
+    tolerance: float = number(above=0, below=1e-2, default=DEFAULT_TOLERANCE)
 
     name = "walker-anderson"
-    inputs = rod_and_target.INPUTS
-    outputs = rod_and_target.OUTPUTS
-    alternatives = rod_and_target.ALTERNATIVES
 
     def __post_init__(self) -> None:
         validate(self)
 
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        yield from rod_and_target.conditions(inputs)
-
     def prepare(self) -> None:
-        from uqpen.models import eroding_rod
-
-        eroding_rod.prepare()
+        erode(np.empty((8, 0)), self.tolerance)
 
     def evaluate(self, inputs: Arrays) -> Results:
-        # Numba is imported with the integrator, so only where a rod really erodes.
-        from uqpen.models.eroding_rod import penetrate
-
-        rods = penetrate(**_rod(inputs), tolerance=self.tolerance)
+        S, R = inputs["plasticity_radius"], inputs["crater_radius"]
+        length, velocity = inputs["projectile_length"], inputs["impact_velocity"]
+        projectile, target = inputs["projectile_density"], inputs["target_density"]
+        smoothing = inputs["smoothing"]
+        Omega = projectile / target
+        strength = inputs["target_yield_limit"] / (target * velocity**2)
+        resistance = 14 / 3 * strength * special.log1p((S - R) / R)  # (2.16)
+        added_length = R * (S - R) / (S + R) / length  # (2.16)
+        kappa = R * (S - R) * (S + R) / S**2 / (2 - smoothing) / length  # (2.9)
+        c = sound_speed(inputs) / velocity
+        gamma = inputs["projectile_yield_limit"] / (projectile * velocity**2) / c  # (2.17)
+        share = 2 * Omega / (2 + smoothing)
+        rods = np.stack(
+            [Omega, share, kappa, gamma, gamma * c, gamma * kappa, 2 * added_length, resistance]
+        )
+        # The tail falls back behind the nose from the start, or the rod never erodes: (2.16, 2.17).
+        erodes = 1 + resistance > 2 * (Omega + added_length) * gamma * c
+        ends = np.zeros((5, Omega.size))
+        ends[0], ends[2], ends[4] = 1.0, 1.0, Termination.RIGID
+        ends[:, erodes] = erode(np.ascontiguousarray(rods[:, erodes]), self.tolerance)[:5]
+        ends[:4, ends[4] < 0] = np.nan
+        u, _, L, z, termination = ends
+        # (2.16) with v = u from the end of erosion, integrated over depth down to u = 0.
+        depth = z + (Omega * L + added_length) * special.log1p(u**2 / resistance)
+        is_solved = np.isfinite(depth) & np.isfinite(L)
         outputs = {
-            "penetration_depth": rods.depth,
-            "projectile_residue": rods.residue,
-            "erosion_end_depth": rods.erosion_end_depth,
-            "termination": rods.termination.astype(np.float64),
+            "penetration_depth": depth * length,
+            "projectile_residue": L * length,
+            "erosion_end_depth": z * length,
+            "termination": termination,
         }
-        status = np.where(rods.solved, Status.OK, Status.FAILED).astype(np.int8)
-        reasons = {int(run): _UNSOLVED for run in np.flatnonzero(~rods.solved)}
+        status = np.where(is_solved, Status.OK, Status.FAILED).astype(np.int8)
+        reasons = dict.fromkeys(np.flatnonzero(~is_solved).tolist(), _UNSOLVED)
         return Results(outputs, status, reasons)
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
@@ -90,24 +117,42 @@ class WalkerAnderson(BuiltInModel):
             ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
             ``penetration_depth``, from the surface to where the rod stops.
         """
-        from uqpen.models.rod_course import trajectory_dataset
-        from uqpen.models.rod_erosion import make_rod
-        from uqpen.models.rod_trajectory import trajectory
+        from uqpen.models.rod_course import make_rod, trajectory, trajectory_dataset
 
-        scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
-        constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
+        c = sound_speed({name: np.asarray(value) for name, value in inputs.items()})
+        values = {name: float(value) for name, value in inputs.items()}
         try:
-            solution = trajectory(make_rod(**constants))
+            course = trajectory(make_rod({**values, "projectile_sound_speed": float(c)}))
         except (OverflowError, ZeroDivisionError) as error:
             raise TrajectoryError(f"inputs too large or too small: {error}") from None
-        return trajectory_dataset(solution)
+        return trajectory_dataset(course)
 
 
-def _rod(inputs: Arrays) -> Arrays:
-    """The integrator's arguments: a sound speed in place of what it was given by."""
-    chosen = {
-        variable.name: inputs[variable.name]
-        for variable in rod_and_target.INPUTS
-        if variable.name in inputs and variable.name != "projectile_young_modulus"
-    }
-    return {**chosen, "projectile_sound_speed": rod_and_target.sound_speed(inputs)}
+def erode(rods: FloatArray, tolerance: float) -> FloatArray:
+    """Integrate rods from impact to the end of erosion, on all processors of this process.
+
+    The integration itself is compiled (`rod_kernel`), side by side in lanes that share nothing. So
+    a run's result has the same bits whatever else is in its batch and wherever in it the run is.
+
+    Parameters
+    ----------
+    rods : ndarray, shape (8, run)
+        Ω, 2Ω/(2 + ε), κ, γ, γc, γκ, 2R(S - R)/(S + R) and (14/3) Tt² ln(S/R) of each run, where
+        s = κx and γ = Yp/(ρp c); lengths in units of the rod's, velocities in the impact's.
+    tolerance : float
+        Relative error allowed to a step.
+
+    Returns
+    -------
+    ndarray, shape (6, run)
+        u, x, L and z at the end of erosion, how it ends (a `Termination`, or -1 where it does not
+        within the steps allowed), and the number of steps, of six evaluations of the slopes each.
+    """
+    # It loads Numba, so only where a rod really erodes.
+    from uqpen.models.rod_kernel import erode as erode_compiled
+
+    def erode_part(part: slice) -> FloatArray:
+        some = np.array(rods[:, part], order="C")
+        return erode_compiled(some, tolerance) if some.size else np.empty((6, 0))
+
+    return np.concatenate(map_parts(erode_part, rods.shape[1], _WORTH_A_THREAD), axis=1)

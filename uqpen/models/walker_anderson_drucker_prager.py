@@ -1,4 +1,13 @@
-"""The Walker-Anderson model in a target whose yield limit depends on pressure."""
+"""The Walker-Anderson model in a target whose yield limit rises with pressure.
+
+The numbers in brackets are those of the equations in docs/drucker_prager.md.
+
+References
+----------
+Bishop, R. F., Hill, R. & Mott, N. F. (1945). Proc. Phys. Soc. 57, 147-159: cavity expansion.
+Drucker, D. C. & Prager, W. (1952). Quart. Appl. Math. 10, 157-165: yield limit and pressure.
+Walker, J. D. & Anderson, C. E. (1995). Int. J. Impact Engng 16, 19-48: the momentum balance.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +18,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Input, Results
 from uqpen.core.settings import number, validate
-from uqpen.models import rod_and_target
-from uqpen.models.drucker_prager import effective_yield_limit, plastic_extent
-from uqpen.models.source import BuiltInModel
-from uqpen.models.walker_anderson import WalkerAnderson
+from uqpen.models.rod_and_target import RodModel
+from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["WalkerAndersonDruckerPrager"]
+__all__ = ["WalkerAndersonDruckerPrager", "effective_yield_limit", "plastic_extent"]
 
 _TARGET = (
     Input(
@@ -47,7 +55,7 @@ _OWN = tuple(each.name for each in _TARGET)
 
 
 @dataclass(frozen=True)
-class WalkerAndersonDruckerPrager(BuiltInModel):
+class WalkerAndersonDruckerPrager(RodModel):
     """An eroding rod in a target whose yield limit rises with pressure to a plateau.
 
     The limit is `zero_pressure_yield_limit` plus `yield_limit_slope` times the pressure, and at
@@ -66,12 +74,11 @@ class WalkerAndersonDruckerPrager(BuiltInModel):
     Bishop, R. F., Hill, R. & Mott, N. F. (1945). Proc. Phys. Soc. 57, 147-159.
     """
 
-    tolerance: float = number(above=0, below=1e-2, default=1e-6)
+    tolerance: float = number(above=0, below=1e-2, default=DEFAULT_TOLERANCE)
 
     name = "walker-anderson-drucker-prager"
-    inputs = (*rod_and_target.INPUTS, *_TARGET)
-    outputs = rod_and_target.OUTPUTS
-    alternatives = (*rod_and_target.ALTERNATIVES, ("target_shear_modulus", "plasticity_radius"))
+    inputs = (*RodModel.inputs, *_TARGET)
+    alternatives = (*RodModel.alternatives, ("target_shear_modulus", "plasticity_radius"))
 
     def __post_init__(self) -> None:
         validate(self)
@@ -83,23 +90,20 @@ class WalkerAndersonDruckerPrager(BuiltInModel):
         if "target_shear_modulus" in inputs:
             is_elastic = lowest < 6 * inputs["target_shear_modulus"]
             yield is_elastic, "zero_pressure_yield_limit < 6 target_shear_modulus"
-        yield from rod_and_target.conditions(_constant_target(inputs))
+        yield from super().conditions(_constant_target(inputs))
 
     def prepare(self) -> None:
-        self._rod.prepare()
+        WalkerAnderson().prepare()
 
     def evaluate(self, inputs: Arrays) -> Results:
-        return self._rod.evaluate(_constant_target(inputs))
+        return WalkerAnderson(self.tolerance).evaluate(_constant_target(inputs))
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
         """The course of one run against depth, as that of `walker-anderson`."""
         arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
         target = _constant_target(arrays)
-        return self._rod.trajectory({name: value.item() for name, value in target.items()})
-
-    @property
-    def _rod(self) -> WalkerAnderson:
-        return WalkerAnderson(self.tolerance)
+        one = {name: value.item() for name, value in target.items()}
+        return WalkerAnderson(self.tolerance).trajectory(one)
 
 
 def _constant_target(inputs: Arrays) -> Arrays:
@@ -117,3 +121,44 @@ def _constant_target(inputs: Arrays) -> Arrays:
     )
     kept = {name: value for name, value in inputs.items() if name not in _OWN}
     return {**kept, "plasticity_radius": S, "target_yield_limit": Y}
+
+
+def plastic_extent(
+    crater_radius: FloatArray, yield_limit: FloatArray, shear_modulus: FloatArray
+) -> FloatArray:
+    """Return the outer radius S of plastic flow around a cavity opened from nothing, m.
+
+    Parameters
+    ----------
+    crater_radius : ndarray, shape (run,)
+        R, m.
+    yield_limit : ndarray
+        At zero pressure, Y0, Pa.
+    shear_modulus : ndarray
+        G, Pa, above Y0/6.
+    """
+    strain = yield_limit / (6 * shear_modulus)  # (8)
+    return crater_radius / special.cbrt(strain * (3 - strain * (3 - strain)))  # (9)
+
+
+def effective_yield_limit(
+    logarithm: FloatArray, lowest: FloatArray, highest: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Return the constant yield limit with the same resistance, Pa.
+
+    Parameters
+    ----------
+    logarithm : ndarray, shape (run,)
+        ln(S/R).
+    lowest, highest : ndarray
+        Yield limit at zero pressure and at high pressure, Y0 ≤ Y1, Pa.
+    slope : ndarray
+        Its rise per pressure between them, k.
+    """
+    growth = 7 * slope / (3 + 2 * slope)  # (5)
+    # From the outer boundary inwards the limit rises over this part of ln(S/R).
+    ratio = special.log1p((highest - lowest) / lowest)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rising = np.fmin(logarithm, ratio / growth)
+    mean = lowest * special.exprel(growth * rising)  # (6)
+    return (mean * rising + highest * (logarithm - rising)) / logarithm  # (7)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.derived import DerivedOutput, Reduction
 from uqpen.core.model import Category, Output
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.core.variables import DerivedOutput, Reduction
 
 __all__ = ["CoordinateReduction", "Occurrence", "along", "derived_outputs"]
 

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.derived import Reduction
 from uqpen.core.model import Output
 from uqpen.core.settings import quantity, validate
+from uqpen.core.variables import Reduction
 from uqpen.reductions.derived import CoordinateReduction, along
 
 __all__ = ["First", "FirstAbove", "FirstBelow", "Last", "TotalVariation"]

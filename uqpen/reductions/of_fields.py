@@ -9,9 +9,9 @@ from functools import reduce
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.derived import Reduction
 from uqpen.core.model import Output
 from uqpen.core.units import DIMENSIONLESS, are_convertible, product, scale
+from uqpen.core.variables import Reduction
 from uqpen.reductions.derived import CoordinateReduction, along
 
 __all__ = ["At", "Integral", "Maximum", "Mean", "Minimum", "PlaceOfMaximum", "PlaceOfMinimum"]

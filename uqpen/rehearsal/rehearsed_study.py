@@ -1,19 +1,22 @@
-"""Study with a surrogate in place of its model."""
+"""Study with a surrogate in place of its model, opened with its archive or from that alone."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from statistics import median
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.read import group_names, model_trees, open_archive, read_group
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import LoadedDataset
-from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.errors import ArchiveError, ModelError, Problem, SettingsError, UnknownNameError
 from uqpen.core.labels import (
     EQUAL,
     EXCEEDANCE,
@@ -21,14 +24,17 @@ from uqpen.core.labels import (
     MOMENTS,
     QUANTILES,
     RUN,
+    RUNS,
     SAMPLING,
     STATED,
     STATUS,
+    SURROGATES,
 )
+from uqpen.core.lookup import choices
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Progress
@@ -38,8 +44,12 @@ from uqpen.statistics.run_samples import runs_with_value
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
+from uqpen.study.load import load_study
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
+from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
+from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
+from uqpen.verification.archived_study import restored_study
 from uqpen.workflow import run_design
 
 __all__ = [
@@ -49,6 +59,7 @@ __all__ = [
     "is_drawn",
     "large_sample",
     "ok_values",
+    "open_rehearsed",
     "run_estimates",
     "run_once",
     "study_sources",
@@ -381,3 +392,91 @@ def _limits(statistic: BenchmarkStatistic, truth: FloatArray, values: FloatArray
     if statistic.name == "below":
         return np.array([threshold.value for threshold in quantity.lower_thresholds])
     return np.full(truth.shape, np.median(values))
+
+
+@contextlib.contextmanager
+def open_rehearsed(
+    file: Path,
+    *,
+    archive: Path | None = None,
+    surrogate: str = "",
+    folder: Path | None = None,
+    trust: bool = False,
+) -> Iterator[RehearsedStudy]:
+    """Provide a study with its surrogate in place of its model.
+
+    Parameters
+    ----------
+    file : Path
+        A study file, or an archive.
+    archive : Path, optional
+        The archive of a study file, by default the one that ``uqpen study`` writes.
+    surrogate : str
+        As in `surrogate_paths`; may be empty for the only one.
+    folder, trust
+        As for `restored_study`, of an archive alone.
+
+    Raises
+    ------
+    ArchiveError
+        If the study has no archive yet, or has changed since.
+    UnknownNameError
+        If the archive has no such surrogate, or several and no name is given.
+    ModelError
+        If the inputs or designs follow from code that may not be executed.
+    """
+    if file.suffix == ".nc":
+        tree = open_archive(file)
+        label = _label(tree, file, surrogate)
+        with restored_study(tree, folder, trust=trust) as restored:
+            yield _rehearsed(restored.study, tree, label)
+        return
+    study = load_study(file)
+    path = archive or Path("archives") / f"{study.name}.nc"
+    if not path.exists():
+        raise ArchiveError(f"{path}: is not there; to make it: uqpen study {file}")
+    tree = open_archive(path)
+    label = _label(tree, path, surrogate)
+    if tree.attrs.get("study_sha256") != study.sha256:
+        raise ArchiveError(
+            f"{path}: is of another study than {file}; to make it: uqpen study {file}"
+        )
+    yield _rehearsed(study, tree, label)
+
+
+def _label(tree: xr.DataTree, path: Path, surrogate: str) -> str:
+    """Return the label of the surrogate that is meant."""
+    paths = surrogate_paths(tree)
+    if not paths:
+        raise UnknownNameError(
+            f"{path}: contains no surrogate to rehearse on; [surrogates] of a study has them"
+        )
+    if not surrogate and len(paths) > 1:
+        raise UnknownNameError(f"--surrogate: expected one of {', '.join(paths)}")
+    label = surrogate or next(iter(paths))
+    if label not in paths:
+        raise UnknownNameError(f'no surrogate "{label}"; {choices(label, paths)}')
+    return label
+
+
+def _rehearsed(study: ValidatedStudy, tree: xr.DataTree, label: str) -> RehearsedStudy:
+    """Restore a surrogate, and put it in place of its model."""
+    if unloaded := study.unloaded_members:
+        raise ModelError(
+            f"the study draws its points by code that the archive names: {', '.join(unloaded)}\n"
+            "  if you trust whoever made it, say --trust"
+        )
+    model, name = surrogate_paths(tree)[label]
+    model_tree = model_trees(tree)[model]
+    settings = study.surrogates[name]
+    is_loaded = name in study.surrogate_origins and not settings.absence
+    group = model_tree.children[SURROGATES].children[name]
+    fitted = restore_surrogate(
+        group,
+        label,
+        study.models[model].model,
+        loaded=type(settings) if is_loaded else None,
+    )
+    designs = group_names(model_tree, RUNS)
+    runs = {design: read_group(model_tree, RUNS, design) for design in designs}
+    return RehearsedStudy(study, model, fitted, runs, refuted_outputs(group))

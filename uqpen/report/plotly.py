@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.charts.chart import Axis, Chart, PlaceReadout, PlaceSlices, ThresholdReadout
+from uqpen.charts.chart import Axis, Chart, PlaceReadout, PlaceSlices
 from uqpen.charts.marks import (
     Band,
     Bars,
@@ -56,23 +56,16 @@ _MOST_PIXELS, _MOST_POINTS = 240, 40
 def charts_json(charts: Sequence[Chart], explorers: Sequence[RunExplorer] = ()) -> str:
     """All charts and all drawn runs of a page, as a text that cannot end a script."""
     drawn = [_chart_content(chart) for chart in charts]
-    drawn += [_explorer_content(explorer) for explorer in explorers]
-    every = _deduplicate_lists(drawn)
-    content = {"charts": every[: len(charts)], "runs": every[len(charts) :]}
-    text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    text = _FREQUENT.sub(lambda found: chr(int(found[1], 16)) if found[1] else found[0], text)
-    return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
-
-
-# Where a list is written: number of the chart or the runs, number of the trace, key.
-_Place = tuple[int, int, str]
-
-
-def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return charts with each long list of the traces once; later ones refer to it.
-
-    Charts side by side have the same runs along an axis. The page's script puts the lists back.
-    """
+    drawn += [
+        {
+            "model": explorer.model,
+            "series": explorer.series,
+            "completed": explorer.completed,
+            "failed": explorer.failed,
+            "traces": [_column_content(column) for column in explorer.columns],
+        }
+        for explorer in explorers
+    ]
     known: dict[str, _Place] = {}
     every = [
         chart
@@ -82,14 +75,21 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
                 for at, trace in enumerate(chart["traces"])
             ]
         }
-        for number, chart in enumerate(charts)
+        for number, chart in enumerate(drawn)
     ]
     for chart in every:
         if "place" in chart:
             chart["place"] = _place_read(chart["place"], known)
         if "reading" in chart:
             chart["reading"]["values"] = _kept(chart["reading"]["values"], known)
-    return every
+    content = {"charts": every[: len(charts)], "runs": every[len(charts) :]}
+    text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = _FREQUENT.sub(lambda found: chr(int(found[1], 16)) if found[1] else found[0], text)
+    return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
+
+
+# Where a list is written: number of the chart or the runs, number of the trace, key.
+_Place = tuple[int, int, str]
 
 
 def _place_read(place: dict[str, Any], known: dict[str, _Place]) -> dict[str, Any]:
@@ -122,7 +122,15 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
         "hovermode": "x unified" if chart.is_compared else "closest",
     }
     if chart.reading is not None:
-        drawn["reading"] = _reading_content(chart.reading)
+        content: dict[str, Any] = {
+            "values": chart.reading.values,
+            "limits": chart.reading.limits,
+            "start": chart.reading.start,
+            "bounds": chart.reading.bounds,
+        }
+        drawn["reading"] = (
+            content if chart.reading.beyond is None else content | chart.reading.beyond._asdict()
+        )
     if images := [_image(each) for each in chart.marks if isinstance(each, HeatMap)]:
         drawn["images"] = images
     if chart.place is not None:
@@ -151,16 +159,6 @@ def _difference(trace: Trace, shown: Trace) -> Trace:
     }
 
 
-def _reading_content(reading: ThresholdReadout) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "values": reading.values,
-        "limits": reading.limits,
-        "start": reading.start,
-        "bounds": reading.bounds,
-    }
-    return content if reading.beyond is None else content | reading.beyond._asdict()
-
-
 def _place_content(place: PlaceReadout) -> dict[str, Any]:
     columns = [
         {"label": each.label, "unit": each.unit, "texts": each.texts, "reasons": each.reasons}
@@ -168,17 +166,6 @@ def _place_content(place: PlaceReadout) -> dict[str, Any]:
     ]
     values = _rounded(place.values)
     return {"values": values, "heads": place.heads, "columns": columns, "start": place.start}
-
-
-def _explorer_content(explorer: RunExplorer) -> dict[str, Any]:
-    """Return runs with their columns as traces, whose lists those of charts may be."""
-    return {
-        "model": explorer.model,
-        "series": explorer.series,
-        "completed": explorer.completed,
-        "failed": explorer.failed,
-        "traces": [_column_content(column) for column in explorer.columns],
-    }
 
 
 def _column_content(column: RunColumn) -> dict[str, Any]:
@@ -242,7 +229,17 @@ def _mark_traces(mark: Mark) -> Sequence[Trace]:
         case Dots():
             return [_dots(mark)]
         case Bars():
-            return [_bars(mark)]
+            edges = np.asarray(mark.edges, dtype=np.float64)
+            middles, widths = _rounded((edges[1:] + edges[:-1]) / 2), _rounded(np.diff(edges))
+            trace: Trace = {"type": "bar", "y": _rounded(mark.counts)}
+            if mark.is_even:
+                trace |= {"x0": middles[0], "dx": widths[0], "width": widths[0]}
+            else:
+                ends = [[*map(number_text, ends)] for ends in pairwise(edges.tolist())]
+                trace |= {"x": middles, "width": widths, "customdata": ends}
+            return [
+                trace | {"marker": {"color": mark.series, "opacity": 0.55}} | _hover(mark.hover)
+            ]
         case HeatMap():
             return [_places(mark)]
         case Rule() | Shade():
@@ -349,18 +346,6 @@ def _bar_lengths(sides: Numbers) -> list[float | str]:
     return ["none" if length is None else length for length in _rounded(sides)]
 
 
-def _bars(bars: Bars) -> Trace:
-    edges = np.asarray(bars.edges, dtype=np.float64)
-    middles, widths = _rounded((edges[1:] + edges[:-1]) / 2), _rounded(np.diff(edges))
-    trace: Trace = {"type": "bar", "y": _rounded(bars.counts)}
-    if bars.is_even:
-        trace |= {"x0": middles[0], "dx": widths[0], "width": widths[0]}
-    else:
-        ends = [[*map(number_text, ends)] for ends in pairwise(edges.tolist())]
-        trace |= {"x": middles, "width": widths, "customdata": ends}
-    return trace | {"marker": {"color": bars.series, "opacity": 0.55}} | _hover(bars.hover)
-
-
 def _places(field: HeatMap) -> Trace:
     """Return unseen points, by which a pointer reads off estimates, with the scale of colours."""
     rows, columns = (evenly_spread(each.size, _MOST_POINTS) for each in (field.y, field.x))
@@ -388,8 +373,17 @@ def _places(field: HeatMap) -> Trace:
 def _image(field: HeatMap) -> Trace:
     """Return the colours of a map as an image behind the traces."""
     (left, right), (low, high) = field.ends
+    pixels = _pixels(field)
+    height, width, _ = pixels.shape
+    lines = b"".join(b"\0" + row.tobytes() for row in pixels)
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(lines, 9)), (b"IEND", b""))
+    content = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in parts
+    )
     return {
-        "source": _data_address(_pixels(field)),
+        "source": f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}",
         "xref": "x",
         "yref": "y",
         "sizing": "stretch",
@@ -414,19 +408,6 @@ def _pixels(field: HeatMap) -> np.ndarray:
     colours = np.asarray(colormaps["viridis"](np.nan_to_num(shares), bytes=True))
     colours[np.isnan(shares)] = 0
     return colours
-
-
-def _data_address(pixels: np.ndarray) -> str:
-    """Return an image of 8-bit colours with opacity as the address of its PNG."""
-    height, width, _ = pixels.shape
-    lines = b"".join(b"\0" + row.tobytes() for row in pixels)
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(lines, 9)), (b"IEND", b""))
-    content = b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in parts
-    )
-    return f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def _shape(mark: Rule | Shade) -> Trace:

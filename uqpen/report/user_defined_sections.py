@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError
-from uqpen.models.user_defined_function import FunctionFamily, UserDefinedFunction
+from uqpen.models.user_module import FunctionFamily, UserDefinedFunction
 from uqpen.report import SECTIONS, ReportSection
 from uqpen.results.archive_view import ArchiveView
 

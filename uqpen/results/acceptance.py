@@ -10,7 +10,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.core.statistic_dimensions import EVENT, LOWER_THRESHOLD, THRESHOLD
+from uqpen.core.labels import EVENT, LOWER_THRESHOLD, THRESHOLD
 from uqpen.results.digits import percent_text
 from uqpen.results.table import NOTHING, OutputTable
 

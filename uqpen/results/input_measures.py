@@ -11,9 +11,8 @@ import xarray as xr
 from uqpen.archive.estimates import array_entries
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, MEASURES
-from uqpen.core.labels import DEPENDENCE, INPUT, INTERVAL, INTERVAL_LABEL, NOTE, RUNS
+from uqpen.core.labels import DEPENDENCE, INPUT, INTERVAL, INTERVAL_LABEL, NOTE, RUNS, THRESHOLD
 from uqpen.core.statistic import Statistic
-from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.archive_view import is_logarithmic
 from uqpen.results.estimate_json import estimate_json

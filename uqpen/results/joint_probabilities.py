@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import MEASURES
-from uqpen.core.labels import INPUT, JOINT_GROUP
-from uqpen.core.statistic_dimensions import DESIGN_POINT, SENSITIVITY_EVENT
+from uqpen.core.labels import DESIGN_POINT, INPUT, JOINT_GROUP, SENSITIVITY_EVENT
 from uqpen.results.acceptance import acceptance_json, add_verdicts
 from uqpen.results.estimate_json import entries_json, estimate_json
 from uqpen.results.source_statistics import SourceStatistics
@@ -184,16 +183,12 @@ def joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         found = {name: entries_json(array) for name, array in measures.items()}
         entries[event]["sensitivities"] = found
     if "reliability_index" in of_design:
-        next(iter(entries.values()))["design_points"] = _design_points_json(of_design)
+        runs = of_design["reliability_index"][f"{DESIGN_POINT}_run"].values
+        points: list[dict[str, Any]] = [{"run": int(run)} for run in runs]
+        for name, array in of_design.items():
+            of_points = array if DESIGN_POINT in array.dims else ()
+            for point, entry in zip(points, of_points, strict=False):
+                of_inputs = INPUT in entry.dims
+                point[name] = entries_json(entry) if of_inputs else estimate_json(entry)
+        next(iter(entries.values()))["design_points"] = points
     return {JOINT_GROUP: entries}
-
-
-def _design_points_json(statistics: Mapping[str, xr.DataArray]) -> list[dict[str, Any]]:
-    """Return the design points of an event, the nearest first."""
-    runs = statistics["reliability_index"][f"{DESIGN_POINT}_run"].values
-    points: list[dict[str, Any]] = [{"run": int(run)} for run in runs]
-    for name, array in statistics.items():
-        for point, entry in zip(points, array, strict=True) if DESIGN_POINT in array.dims else ():
-            of_inputs = INPUT in entry.dims
-            point[name] = entries_json(entry) if of_inputs else estimate_json(entry)
-    return points

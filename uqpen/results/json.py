@@ -82,11 +82,21 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         other: _difference_json(SourceStatistics.of_differences(tree, other), models[other])
         for other in group_names(tree, DIFFERENCES)
     }
+    statistics = SourceStatistics.of_model_form(tree)
+    found: dict[str, Any] = {}
+    for design in statistics.sources:
+        for output in statistics.outputs:
+            arrays = statistics.statistics(design, output)
+            shares = {
+                name: entries_json(arrays[name]) for name in MODEL_FORM_STATISTICS if name in arrays
+            }
+            if shares:
+                found.setdefault(design, {})[output] = shares
     return {
         **head,
         "models": {name: _model_json(model) for name, model in models.items()},
         "differences": differences,
-        **_model_form_json(SourceStatistics.of_model_form(tree)),
+        **({MODEL_FORM: found} if found else {}),
     }
 
 
@@ -247,17 +257,3 @@ def _described_json(array: xr.DataArray) -> dict[str, Any]:
     """Return an estimate that the catalogue does not know, with its unit and its title."""
     described = {key: str(array.attrs.get(key, "")) for key in ("units", "long_name")}
     return {**estimate_json(array), **described}
-
-
-def _model_form_json(statistics: SourceStatistics) -> dict[str, Any]:
-    """Return the shares of the variance by design and output; empty where there are none."""
-    found: dict[str, Any] = {}
-    for design in statistics.sources:
-        for output in statistics.outputs:
-            arrays = statistics.statistics(design, output)
-            shares = {
-                name: entries_json(arrays[name]) for name in MODEL_FORM_STATISTICS if name in arrays
-            }
-            if shares:
-                found.setdefault(design, {})[output] = shares
-    return {MODEL_FORM: found} if found else {}

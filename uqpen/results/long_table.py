@@ -23,11 +23,12 @@ from uqpen.core.labels import (
     INPUT,
     INTERVAL,
     INTERVAL_LABEL,
+    LOWER_THRESHOLD,
     NOTE,
     RUNS,
     SURROGATE_ESTIMATE,
+    THRESHOLD,
 )
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.stopping_texts import StatedDecision
@@ -107,7 +108,19 @@ def statistics_rows(
                     for row in estimate_rows(array, **described, output=output, statistic=name):
                         yield _with_decision(row, decision, statistics.si_unit(output))
             if decision is not None and decision.output == output:
-                yield _decision_row(decision, described)
+                yield {
+                    **described,
+                    "output": decision.output,
+                    "statistic": DECISION,
+                    "coordinates": decision.claim,
+                    "estimate": decision.probability,
+                    "lower": decision.lower,
+                    "upper": decision.upper,
+                    "unit": DIMENSIONLESS,
+                    INTERVAL: "holds whenever one stops",
+                    INTERVAL_LABEL: "conservative",
+                    NOTE: f"{decision.verdict_text}; {decision.guarantee}",
+                }
         if not statistics.is_difference:
             yield from _rows_of_runs(statistics, source, described)
 
@@ -126,22 +139,6 @@ def _with_decision(
         return row
     none = {"lower": math.nan, "upper": math.nan, INTERVAL: "none", INTERVAL_LABEL: "none"}
     return row | none | {NOTE: "its interval is that of the decision"}
-
-
-def _decision_row(decision: StatedDecision, described: dict[str, str]) -> dict[str, Any]:
-    return {
-        **described,
-        "output": decision.output,
-        "statistic": DECISION,
-        "coordinates": decision.claim,
-        "estimate": decision.probability,
-        "lower": decision.lower,
-        "upper": decision.upper,
-        "unit": DIMENSIONLESS,
-        INTERVAL: "holds whenever one stops",
-        INTERVAL_LABEL: "conservative",
-        NOTE: f"{decision.verdict_text}; {decision.guarantee}",
-    }
 
 
 def _rows_of_runs(

@@ -20,13 +20,14 @@ from uqpen.core.labels import (
     MISSING,
     MODELS,
     OF_EXCEEDANCE,
+    PROBABILITY,
     RUNS,
     RUNS_ABSENT,
     RUNS_SPENT,
     SURROGATES,
+    THRESHOLD,
 )
 from uqpen.core.statistic import Statistic, UnitRule
-from uqpen.core.statistic_dimensions import PROBABILITY, THRESHOLD
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts
@@ -201,15 +202,41 @@ def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | N
         return None
     table = OutputTable(statistics.label(name), sources)
     table.title += table.note_mark(statistics.caveat(sources[0], name))
-    _add_runs(table, statistics)
+    cells = []
+    for source in table.columns:
+        runs, spent = read_group(statistics.tree, RUNS, source), runs_spent(statistics.tree, source)
+        notes = [stopping_text(runs), str(runs.attrs.get(AGREEMENT, ""))]
+        if (cost := statistics.cost_spent(source)) is not None:
+            notes.append(f"with the runs of the stand-ins, the cost of {cost:.4g} runs")
+        text = NOTHING if spent is None else grouped_number(spent)
+        cells.append(text + table.note_mark(*notes))
+    table.rows.append(("runs", cells))
     _add_failed_runs(table, statistics)
-    _add_absent_runs(table, statistics, name)
+    absences = [statistics.absence(source, name) for source in table.columns]
+    if any(absences):
+        cells = [
+            grouped_number(each[RUNS_ABSENT])
+            + table.note_mark(_QUALIFICATIONS[CONDITIONAL].format(each[CONDITIONAL]))
+            if each
+            else NOTHING
+            for each in absences
+        ]
+        table.rows.append(("without a value", cells))
     if is_categorical:
         add_shares(table, statistics, name)
     else:
         _add_statistics(table, statistics, name, is_log=is_logarithmic(statistics, name))
         table.title += table.note_mark(linear_scale_note(statistics, name))
-        _add_decisions(table, statistics, name)
+        decisions = [statistics.decision(source) for source in table.columns]
+        of_output = (each for each in decisions if each and each.output == name)
+        for claim in dict.fromkeys(each.claim for each in of_output):
+            cells = [
+                each.verdict_text + table.note_mark(each.guarantee)
+                if each and each.claim == claim
+                else NOTHING
+                for each in decisions
+            ]
+            table.rows.append((claim, cells))
     _add_user_defined(table, statistics, name)
     return table
 
@@ -221,19 +248,6 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
         return int(surrogate.attrs[RUNS_SPENT])
     runs = read_group(tree, RUNS, source)
     return run_count(runs) if runs else None
-
-
-def _add_runs(table: OutputTable, statistics: SourceStatistics) -> None:
-    """Add a row of the number of runs that each source took."""
-    cells = []
-    for source in table.columns:
-        runs, spent = read_group(statistics.tree, RUNS, source), runs_spent(statistics.tree, source)
-        notes = [stopping_text(runs), str(runs.attrs.get(AGREEMENT, ""))]
-        if (cost := statistics.cost_spent(source)) is not None:
-            notes.append(f"with the runs of the stand-ins, the cost of {cost:.4g} runs")
-        text = NOTHING if spent is None else grouped_number(spent)
-        cells.append(text + table.note_mark(*notes))
-    table.rows.append(("runs", cells))
 
 
 def _add_failed_runs(table: OutputTable, statistics: SourceStatistics) -> None:
@@ -254,20 +268,6 @@ def _add_failed_runs(table: OutputTable, statistics: SourceStatistics) -> None:
             meaning = status.meaning
             found = {source: each[meaning] for source, each in chances.items() if meaning in each}
             table.rows.append((f"P({STATUS_TEXT[status]})", table.cells(found)))
-
-
-def _add_absent_runs(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
-    """Add a row of the completed runs without a value of an output, where there are any."""
-    found = [statistics.absence(source, output) for source in table.columns]
-    if any(found):
-        cells = [
-            grouped_number(each[RUNS_ABSENT])
-            + table.note_mark(_QUALIFICATIONS[CONDITIONAL].format(each[CONDITIONAL]))
-            if each
-            else NOTHING
-            for each in found
-        ]
-        table.rows.append(("without a value", cells))
 
 
 def add_shares(table: OutputTable, statistics: SourceStatistics, name: str) -> None:
@@ -353,19 +353,6 @@ def tolerance_cell(
         if ends == "between":
             note = f"tolerance interval: contains its share of all cases with {confidence}"
     return text + table.note_mark(estimate_remark(array), note)
-
-
-def _add_decisions(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
-    """Add a row for each claim on an output, with the verdict of each design that decided it."""
-    found = [statistics.decision(source) for source in table.columns]
-    for claim in dict.fromkeys(each.claim for each in found if each and each.output == output):
-        cells = [
-            each.verdict_text + table.note_mark(each.guarantee)
-            if each and each.claim == claim
-            else NOTHING
-            for each in found
-        ]
-        table.rows.append((claim, cells))
 
 
 def _add_user_defined(table: OutputTable, statistics: SourceStatistics, output: str) -> None:

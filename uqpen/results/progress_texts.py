@@ -10,7 +10,7 @@ from uqpen.core.labels import (
     DECISION_RUNS,
     DECISION_UPPER,
 )
-from uqpen.core.progress_record import StudyProgress
+from uqpen.core.progress import StudyProgress
 from uqpen.results.digits import grouped_number
 
 __all__ = [

@@ -56,22 +56,15 @@ def labelled_entries(
         yield entry_label(statistic, ""), dict(arrays)
         return
     if statistic.name not in CATALOGUE:
-        yield from _outside_entries(statistic, arrays)
+        by_label: dict[str, dict[str, xr.DataArray]] = {}
+        for source, array in arrays.items():
+            for entry, each in zip(array[statistic.dims[0]].values.tolist(), array, strict=True):
+                by_label.setdefault(entry_label(statistic, entry), {})[source] = each
+        yield from by_label.items()
         return
     coordinate = statistic.shown.coordinate or statistic.dims[0]
     for entry, found in source_entries(arrays, coordinate):
         yield entry_label(statistic, entry), found
-
-
-def _outside_entries(
-    statistic: Statistic, arrays: Mapping[str, xr.DataArray]
-) -> Iterator[tuple[str, dict[str, xr.DataArray]]]:
-    """Yield the entries of a user-defined statistic, which may be others by each source."""
-    found: dict[str, dict[str, xr.DataArray]] = {}
-    for source, array in arrays.items():
-        for entry, each in zip(array[statistic.dims[0]].values.tolist(), array, strict=True):
-            found.setdefault(entry_label(statistic, entry), {})[source] = each
-    yield from found.items()
 
 
 def described_statistics(statistics: SourceStatistics, output: str) -> list[Statistic]:

@@ -22,9 +22,9 @@ from uqpen.core.labels import (
     PAIR,
     ROLE,
     RUNS,
+    THRESHOLD,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
-from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
@@ -145,14 +145,11 @@ def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:
         From SI to the unit.
     """
     values = [float(value) for value in convert(array.values)]
-    if _is_plain_measure(array) and abs(values[0]) < _ROUNDING:
+    of_inputs = array.name in CATALOGUE and not {INPUT, PAIR}.isdisjoint(array.coords)
+    is_plain = of_inputs and CATALOGUE[str(array.name)].unit is UnitRule.NONE
+    if is_plain and abs(values[0]) < _ROUNDING:
         values[0] = 0.0
     return values
-
-
-def _is_plain_measure(array: xr.DataArray) -> bool:
-    rule = CATALOGUE[str(array.name)].unit if array.name in CATALOGUE else None
-    return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 
 
 def conversion(statistic: Statistic, shown: Scale, *, is_difference: bool = False) -> Conversion:

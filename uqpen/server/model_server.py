@@ -247,7 +247,13 @@ class _Handler(BaseHTTPRequestHandler):
             what = self.path.strip("/")
             if what not in _REQUESTS:
                 raise RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
-            self._send(HTTPStatus.OK, self.server.answer(what, _parse_request(content)))
+            try:
+                request = json.loads(content.decode())
+            except (ValueError, RecursionError):
+                request = None
+            if not isinstance(request, dict):
+                raise RefusedError("InvalidInput", "the request is no JSON object")
+            self._send(HTTPStatus.OK, self.server.answer(what, request))
         except RefusedError as refused:
             self._send_refusal(refused)
 
@@ -316,13 +322,3 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         if self.command != "HEAD":
             self.wfile.write(content)
-
-
-def _parse_request(content: bytes) -> dict[str, Any]:
-    try:
-        request = json.loads(content.decode())
-    except (ValueError, RecursionError):
-        request = None
-    if not isinstance(request, dict):
-        raise RefusedError("InvalidInput", "the request is no JSON object")
-    return request

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -249,7 +249,12 @@ class RunBudget:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("a+b")
         try:
-            self._lock()
+            if sys.platform != "win32":
+                try:
+                    fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    message = f"{self.path}: another server counts its runs in this file"
+                    raise ModelError(message) from None
             self._granted = dict.fromkeys(models, 0)
             self._read({"models": dict(models)})
         except BaseException:
@@ -289,16 +294,8 @@ class RunBudget:
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         self._file.write(json.dumps(entry).encode() + b"\n")
-        _sync(self._file)
-
-    def _lock(self) -> None:
-        """Keep the file from any other server until it is closed."""
-        if sys.platform != "win32":
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                message = f"{self.path}: another server counts its runs in this file"
-                raise ModelError(message) from None
+        self._file.flush()
+        os.fsync(self._file.fileno())
 
     def _read(self, head: Mapping[str, Any]) -> None:
         """Take the count of a file, or begin one."""
@@ -326,11 +323,6 @@ def _parse_entry(line: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return entry if isinstance(entry, dict) else None
-
-
-def _sync(file: BinaryIO) -> None:
-    file.flush()
-    os.fsync(file.fileno())
 
 
 def _hash(identity: Mapping[str, Any]) -> str:

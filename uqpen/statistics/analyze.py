@@ -13,9 +13,9 @@ from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import CONDITIONAL, MISSING, RUNS_ABSENT, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import resolve
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
 from uqpen.statistics import (
     ANALYSES,

@@ -3,46 +3,46 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from scipy import special
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
-    BOUND,
     EQUIVALENT_RUNS,
-    INTERVAL,
-    INTERVAL_LABEL,
-    INTERVAL_LEVEL,
+    LOWER_THRESHOLD,
     NOTE,
     ROUND,
     RUN,
     STATUS,
+    THRESHOLD,
 )
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PERCENT, PROBABILITY, THRESHOLD
+from uqpen.core.lookup import resolve
 from uqpen.core.status import Status
 from uqpen.designs.multifidelity import LinearEstimator
 from uqpen.execution import worst_status_runs
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.intervals import bonett_price, equivalent_runs, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS
 from uqpen.statistics.standard_errors import Margins, extreme_margins
-from uqpen.statistics.surrogate.correction.disagreements import bonett_price
+from uqpen.statistics.surrogate.corrected_moments import (
+    kurtosis,
+    quantile_estimates,
+    quantile_probabilities,
+)
 
 __all__ = [
     "GroupRuns",
     "LinearEstimate",
     "MatchedThresholds",
     "control_variate_statistics",
-    "inadmissible_to_some",
     "linear_estimate",
     "read_groups",
 ]
@@ -70,10 +70,6 @@ class GroupRuns:
         """Number of points."""
         return self.values.shape[1]
 
-    def transformed(self, values: FloatArray) -> GroupRuns:
-        """Return the group with other values of its models; 0 for those outside of it."""
-        return GroupRuns(self.models, np.where(self.models[:, np.newaxis], values, 0.0))
-
 
 def read_groups(runs: Mapping[str, xr.Dataset], output: str) -> tuple[GroupRuns, ...]:
     """Return the runs of an output by groups of models, that of all models first.
@@ -98,15 +94,6 @@ def read_groups(runs: Mapping[str, xr.Dataset], output: str) -> tuple[GroupRuns,
     return tuple(
         GroupRuns(np.array(models), np.concatenate(values, axis=1)) for models, values in ordered
     )
-
-
-def inadmissible_to_some(runs: Mapping[str, xr.Dataset]) -> bool:
-    """Check for points that one model admits, and another does not: they have other inputs."""
-    for parts in _rounds(runs):
-        lost = [part[STATUS].values == Status.INADMISSIBLE for part in parts if part is not None]
-        if any((each != lost[0]).any() for each in lost[1:]):
-            return True
-    return False
 
 
 def _rounds(runs: Mapping[str, xr.Dataset]) -> Iterator[Sequence[xr.Dataset | None]]:
@@ -206,14 +193,6 @@ def _beyond(groups: Sequence[GroupRuns], covariance: FloatArray) -> Margins:
 # probabilities.
 
 
-class _Probabilities(NamedTuple):
-    """Probabilities with their bounds."""
-
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-
-
 @dataclass(frozen=True, eq=False)
 class MatchedThresholds:
     """Values of a model and of its closest stand-in at common points, and of that at all points.
@@ -249,7 +228,7 @@ class MatchedThresholds:
         everywhere = np.sort(sign * np.concatenate(all_points))
         return cls(model[order], sign * stand_in[order], everywhere, level)
 
-    def probability_below(self, threshold: float, *, is_strict: bool) -> tuple[float, float, float]:
+    def probability_below(self, threshold: float, *, is_strict: bool) -> Estimate:
         """Return the probability of lying below a threshold, with its bounds.
 
         Parameters
@@ -262,10 +241,8 @@ class MatchedThresholds:
         model = self.model < threshold if is_strict else self.model <= threshold
         matched = self._matched(threshold)
         stand_in = self.stand_in <= matched
-        found = self._corrected(
-            self._share(matched), (model & ~stand_in).sum(), (~model & stand_in).sum()
-        )
-        return float(found.value), float(found.lower), float(found.upper)
+        only_model, only_stand_in = (model & ~stand_in).sum(), (~model & stand_in).sum()
+        return self._corrected(self._share(matched), only_model, only_stand_in)
 
     def quantile(self, probability: float) -> tuple[float, float, float]:
         """Return a quantile with its bounds; NaN for a bound that the runs do not have.
@@ -283,7 +260,7 @@ class MatchedThresholds:
         return float(value), float(min(lower, value)), float(max(upper, value))
 
     @cached_property
-    def _curve(self) -> tuple[FloatArray, _Probabilities]:
+    def _curve(self) -> tuple[FloatArray, Estimate]:
         """Thresholds, and the probability of lying below each, with its bounds.
 
         Each common value stands there twice: as the end of the thresholds that have one run less
@@ -323,7 +300,7 @@ class MatchedThresholds:
 
     def _corrected(
         self, share: FloatArray, only_model: FloatArray, only_stand_in: FloatArray
-    ) -> _Probabilities:
+    ) -> Estimate:
         """Return shares of the stand-in as probabilities of the model, with their bounds.
 
         Parameters
@@ -339,7 +316,8 @@ class MatchedThresholds:
         centre, half = share + difference, np.hypot(half, noise)
         value = np.clip(share + (only_model - only_stand_in) / runs, 0.0, 1.0)
         lower, upper = np.clip(centre - half, 0.0, 1.0), np.clip(centre + half, 0.0, 1.0)
-        return _Probabilities(value, np.minimum(lower, value), np.maximum(upper, value))
+        lower, upper = np.minimum(lower, value), np.maximum(upper, value)
+        return Estimate(value, lower, upper, texts.MATCHED_THRESHOLD, "discrete")
 
 
 # With fewer common runs, the covariances are too uncertain.
@@ -384,114 +362,104 @@ def control_variate_statistics(
     if len(groups) < 2 or not groups[0].models.all() or not np.ptp(groups[0].values[0]) > 0:
         return {}
     if reason := _reason_against(able, groups):
-        return {"mean": _with_note(plain["mean"], reason)}
-    estimators = _Estimators(groups, tuple(able), quantity.confidence_level)
+        mean = plain["mean"]
+        note = "; ".join(filter(None, [str(mean.coords[NOTE].values), reason]))
+        return {"mean": mean.assign_coords({NOTE: ((), np.asarray(note, dtype=object))})}
+    variates = ControlVariates(groups, tuple(able), quantity.confidence_level)
     return {
-        statistic: _replaced(array, [*estimate(estimators, array)], quantity.confidence_level)
-        for statistic, estimate in _ESTIMATES.items()
-        if (array := plain.get(statistic)) is not None
+        statistic: _replaced(
+            array, resolve(record.by["stand_ins"])(variates, array), variates.level
+        )
+        for statistic, record in CATALOGUE.items()
+        if "stand_ins" in record.by and (array := plain.get(statistic)) is not None
     }
 
 
 def _reason_against(runs: Mapping[str, xr.Dataset], groups: Sequence[GroupRuns]) -> str:
     """Return why stand-ins cannot be used; empty where they can."""
-    if inadmissible_to_some(runs):
-        return texts.ADMITS_OTHER_POINTS
+    for parts in _rounds(runs):
+        lost = [part[STATUS].values == Status.INADMISSIBLE for part in parts if part is not None]
+        # Points that one model admits and another does not have other inputs.
+        if any((each != lost[0]).any() for each in lost[1:]):
+            return texts.ADMITS_OTHER_POINTS
     if (common := groups[0].size) < _FEWEST_COMMON:
         return texts.FEW_COMMON_RUNS.format(runs=common)
     return ""
 
 
 @dataclass(frozen=True, eq=False)
-class _Estimators:
-    """Estimators of the statistics of an output, from its runs by groups of models."""
+class ControlVariates:
+    """Runs of an output by groups of models; the first model's statistics follow from all of them.
+
+    The records of these in the catalogue refer to its methods, which take the plain estimate array.
+    """
 
     groups: tuple[GroupRuns, ...]
     names: tuple[str, ...]
     level: float
 
-    def mean(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield the mean."""
+    def mean(self, plain: xr.DataArray) -> Estimate:
+        """Return the mean."""
         found = linear_estimate(self.groups)
         below, above = found.margins(self.level)
         ends = found.value - float(below), found.value + float(above)
         note = texts.DOUBTFUL_TAIL if self._own_runs < ENOUGH_RUNS_FOR_MEANS else ""
-        yield Estimate(found.value, *ends, self._text(texts.CONTROL_VARIATES), "conservative", note)
+        method = texts.CONTROL_VARIATES.format(models=", ".join(self.names[1:]))
+        return Estimate(found.value, *ends, method, "conservative", note)
 
-    def standard_deviation(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield the standard deviation: the root of the mean of the squares about the mean."""
+    def std(self, plain: xr.DataArray) -> Estimate:
+        """Return the standard deviation: the root of the mean of the squares about the mean."""
         mean = linear_estimate(self.groups)
-        pooled = self._pooled()
-        centres = np.array([mean.value, *(values.mean() for values in pooled[1:])])
-        squares = [
-            group.transformed((group.values - centres[:, np.newaxis]) ** 2) for group in self.groups
+        # The values of each model at the points of all groups.
+        pooled = [
+            np.concatenate([group.values[model] for group in self.groups if group.models[model]])
+            for model in range(len(self.names))
         ]
-        found = linear_estimate(squares)
+        centres = np.array([mean.value, *(values.mean() for values in pooled[1:])])
+        found = linear_estimate(
+            [
+                replace(each, values=(each.values - centres[:, None]) ** 2 * each.models[:, None])
+                for each in self.groups
+            ]
+        )
         # About a mean that the same runs give, squares are too small by the variance of that mean.
         variance = found.value + mean.error**2
         if not variance > 0:
-            yield Estimate.without_bounds(math.nan, texts.NO_INTERVAL)
-            return
+            return Estimate.without_bounds(math.nan, texts.NO_INTERVAL)
         value = math.sqrt(variance)
         if reason := self._tail(pooled):
-            yield Estimate.without_bounds(value, reason)
-            return
+            return Estimate.without_bounds(value, reason)
         factors = [math.exp(float(each) / (2 * variance)) for each in found.margins(self.level)]
-        method = self._text(texts.CONTROL_VARIATES_OF_LOGARITHM)
+        method = texts.CONTROL_VARIATES_OF_LOGARITHM.format(models=", ".join(self.names[1:]))
         note = texts.DOUBTFUL_TAIL if self._own_runs < ENOUGH_RUNS_FOR_MEANS else ""
-        yield Estimate(value, value / factors[0], value * factors[1], method, "conservative", note)
+        return Estimate(value, value / factors[0], value * factors[1], method, "conservative", note)
 
-    def quantiles(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield quantiles, at the probabilities of a plain estimate."""
-        for probability in plain[PROBABILITY].values:
-            yield self._quantile(float(probability))
+    def quantiles(self, plain: xr.DataArray) -> Estimate:
+        """Return quantiles, at the probabilities of a plain estimate."""
+        thresholds = MatchedThresholds.of(self.groups, self.level)
+        found = [thresholds.quantile(float(each)) for each in quantile_probabilities(plain)]
+        value, lower, upper = np.array(found).reshape(-1, 3).T
+        return quantile_estimates(value, lower, upper, texts.MATCHED_THRESHOLD, self._own_runs)
 
-    def percentiles(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield percentiles, at the per cent of a plain estimate."""
-        for percent in plain[PERCENT].values:
-            yield self._quantile(float(percent) / 100)
+    def exceedance(self, plain: xr.DataArray) -> Estimate:
+        """Return probabilities of exceeding the thresholds of a plain estimate."""
+        below = self._below(plain[f"{THRESHOLD}_value"], is_strict=False)
+        return replace(below, value=1 - below.value, lower=1 - below.upper, upper=1 - below.lower)
 
-    def exceedance(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield probabilities of exceeding the thresholds of a plain estimate."""
-        for threshold in plain[f"{THRESHOLD}_value"].values:
-            value, lower, upper = self._thresholds.probability_below(threshold, is_strict=False)
-            yield self._matched(1 - value, 1 - upper, 1 - lower)
+    def below(self, plain: xr.DataArray) -> Estimate:
+        """Return probabilities of lying below the thresholds of a plain estimate."""
+        return self._below(plain[f"{LOWER_THRESHOLD}_value"], is_strict=True)
 
-    def below(self, plain: xr.DataArray) -> Iterator[Estimate]:
-        """Yield probabilities of lying below the thresholds of a plain estimate."""
-        for threshold in plain[f"{LOWER_THRESHOLD}_value"].values:
-            yield self._matched(*self._thresholds.probability_below(threshold, is_strict=True))
-
-    @property
-    def _thresholds(self) -> MatchedThresholds:
-        return MatchedThresholds.of(self.groups, self.level)
+    def _below(self, values: xr.DataArray, *, is_strict: bool) -> Estimate:
+        thresholds = MatchedThresholds.of(self.groups, self.level)
+        return Estimate.stacked(
+            thresholds.probability_below(each, is_strict=is_strict) for each in values.values
+        )
 
     @property
     def _own_runs(self) -> int:
         """Number of runs of the first model."""
         return sum(group.size for group in self.groups if group.models[0])
-
-    def _quantile(self, probability: float) -> Estimate:
-        found = self._matched(*self._thresholds.quantile(probability))
-        missing = [
-            text.format(too_few=texts.TOO_FEW_RUNS.format(runs=self._own_runs))
-            for text, end in (
-                (texts.NO_LOWER_BOUND, found.lower),
-                (texts.NO_UPPER_BOUND, found.upper),
-            )
-            if math.isnan(end)
-        ]
-        return found.with_note(*missing)
-
-    def _matched(self, value: float, lower: float, upper: float) -> Estimate:
-        return Estimate(value, lower, upper, texts.MATCHED_THRESHOLD, "discrete")
-
-    def _pooled(self) -> list[FloatArray]:
-        """Return the values of each model at the points of all groups."""
-        return [
-            np.concatenate([group.values[model] for group in self.groups if group.models[model]])
-            for model in range(len(self.names))
-        ]
 
     def _tail(self, pooled: Sequence[FloatArray]) -> str:
         """Return why the tail allows no interval of the standard deviation; empty if it does."""
@@ -500,72 +468,21 @@ class _Estimators:
         squares = np.atleast_2d(np.corrcoef(values[varying]))[0] ** 2
         # The closest stand-in, or the model itself where none varies.
         closest = 1 + int(np.argmax(squares[1:])) if len(varying) > 1 else 0
-        kurtosis = max(_kurtosis(pooled[0]), _kurtosis(pooled[varying[closest]]))
-        if kurtosis > _HEAVY_KURTOSIS:
-            return texts.NO_INTERVAL_AS.format(reason=texts.HEAVY_AMONG.format(kurtosis=kurtosis))
+        heaviest = max(kurtosis(pooled[0]), kurtosis(pooled[varying[closest]]))
+        if heaviest > _HEAVY_KURTOSIS:
+            return texts.NO_INTERVAL_AS.format(reason=texts.HEAVY_AMONG.format(kurtosis=heaviest))
         is_close = closest > 0 and squares[closest] >= _CLOSE
         is_seen = len(pooled[0]) >= _ENOUGH_FOR_TAILS or is_close
         return "" if is_seen else texts.HIDDEN_TAIL.format(runs=_ENOUGH_FOR_TAILS)
 
-    def _text(self, method: str) -> str:
-        return method.format(models=", ".join(self.names[1:]))
 
-
-_ESTIMATES: Mapping[str, Callable[[_Estimators, xr.DataArray], Iterator[Estimate]]] = {
-    "mean": _Estimators.mean,
-    "std": _Estimators.standard_deviation,
-    "quantile": _Estimators.quantiles,
-    "percentile": _Estimators.percentiles,
-    "exceedance": _Estimators.exceedance,
-    "below": _Estimators.below,
-}
-
-
-def _kurtosis(values: FloatArray) -> float:
-    """Return the fourth standardized moment; that of a normal distribution without any spread."""
-    deviations = values - values.mean()
-    variance = float((deviations**2).mean())
-    return float((deviations**4).mean()) / variance**2 if variance > 0 else 3.0
-
-
-def _with_note(array: xr.DataArray, reason: str) -> xr.DataArray:
-    note = "; ".join(filter(None, [str(array.coords[NOTE].values), reason]))
-    return array.assign_coords({NOTE: ((), np.asarray(note, dtype=object))})
-
-
-def _replaced(plain: xr.DataArray, estimates: Sequence[Estimate], level: float) -> xr.DataArray:
+def _replaced(plain: xr.DataArray, found: Estimate, level: float) -> xr.DataArray:
     """Return an estimate array with other estimates, and the runs that they are worth."""
-    values = np.array([each.bounds for each in estimates]).reshape(plain.shape)
-    kept = {k: each.variable for k, each in plain.coords.items() if k not in INTERVAL_TEXTS}
-    attributes = {**plain.attrs, INTERVAL_LEVEL: level}
-    equivalent = _equivalent_runs(plain.values, values, int(plain.attrs["runs_used"]))
-    notes = [each.note for each in estimates]
+    before = plain.values[..., 2] - plain.values[..., 1]
+    width = np.asarray(found.upper - found.lower)
+    runs = int(plain.attrs["runs_used"])
+    equivalent = np.round(equivalent_runs(width.reshape(before.shape), before, runs))
     if plain.ndim == 1 and np.isfinite(equivalent):
         worth = texts.AS_NARROW_AS.format(runs=int(float(f"{equivalent:.2g}")))
-        notes = ["; ".join(filter(None, [worth, *notes]))]
-    dims = {str(name): size for name, size in plain.sizes.items() if name != BOUND}
-    found = estimate_array(
-        values,
-        dims,
-        {
-            INTERVAL: [each.method for each in estimates],
-            INTERVAL_LABEL: [each.label for each in estimates],
-            NOTE: notes,
-        },
-        units=attributes.pop("units"),
-        long_name=attributes.pop("long_name"),
-        attributes=attributes,
-        coordinates={k: each for k, each in kept.items() if k != BOUND},
-    )
-    return found.assign_coords({EQUIVALENT_RUNS: (tuple(dims), equivalent)})
-
-
-def _equivalent_runs(plain: FloatArray, found: FloatArray, runs: int) -> FloatArray:
-    """Return how many runs of its own would give intervals of the same widths; NaN if unknown.
-
-    The width of a plain interval falls with the root of the number of runs.
-    """
-    before, after = (each[..., 2] - each[..., 1] for each in (plain, found))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(after > 0, (before / after) ** 2, np.nan)
-    return np.round(runs * ratio)
+        found = replace(found, note="; ".join(filter(None, [worth, found.note])))
+    return found.in_place_of(plain, level=level, **{EQUIVALENT_RUNS: equivalent})

@@ -13,10 +13,9 @@ import xarray as xr
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, IntArray
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BOUND, BY_RUNS, INTERVAL_LEVEL, RUN, SAMPLING
+from uqpen.core.labels import BOUND, BY_RUNS, INTERVAL_LEVEL, RUN, RUNS_SO_FAR, SAMPLING
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import RUNS_SO_FAR
 from uqpen.execution import replicate_count, run_count
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.input_columns import InputColumns

@@ -167,6 +167,38 @@ class Estimate:
             coordinates=coordinates,
         )
 
+    def in_place_of(
+        self, array: xr.DataArray, *, level: float | None = None, **beside: FloatArray
+    ) -> xr.DataArray:
+        """Return the estimates as the estimate array of the same entries and attributes.
+
+        Parameters
+        ----------
+        array : DataArray
+        level : float, optional
+            Confidence level; without one, the array has none.
+        **beside : ndarray
+            Numbers that stand beside the estimates, by the names of their coordinates.
+        """
+        from uqpen.archive.estimates import estimate_array
+
+        dims = {str(name): size for name, size in array.sizes.items() if name != BOUND}
+        attributes = {key: each for key, each in array.attrs.items() if key != INTERVAL_LEVEL}
+        kept = {key: each for key, each in array.coords.variables.items() if key not in _TEXTS}
+        found = estimate_array(
+            self.bounds.reshape(array.shape),
+            dims,
+            self.texts,
+            units=attributes.pop("units"),
+            long_name=attributes.pop("long_name"),
+            attributes={**({} if level is None else {INTERVAL_LEVEL: level}), **attributes},
+            coordinates={key: each for key, each in kept.items() if key != BOUND},
+        )
+        shape = tuple(dims.values())
+        return found.assign_coords(
+            {name: (tuple(dims), values.reshape(shape)) for name, values in beside.items()}
+        )
+
     def _columns(self) -> Iterator[npt.NDArray[Any]]:
         """Yield the numbers and the texts, all in the shape of the values."""
         shape = np.shape(self.value)
@@ -204,16 +236,4 @@ def unweighted(
 
 def refused(array: xr.DataArray, reason: str) -> xr.DataArray:
     """Return an estimate array of the same entries without values, for one reason."""
-    from uqpen.archive.estimates import estimate_array
-
-    replaced = {INTERVAL: "none", INTERVAL_LABEL: "none", NOTE: reason}
-    attributes = {key: value for key, value in array.attrs.items() if key != INTERVAL_LEVEL}
-    return estimate_array(
-        np.full(array.shape, np.nan),
-        {str(name): size for name, size in array.sizes.items() if name != BOUND},
-        replaced,
-        units=attributes.pop("units"),
-        long_name=attributes.pop("long_name"),
-        attributes=attributes,
-        coordinates={k: each.variable for k, each in array.coords.items() if k not in replaced},
-    )
+    return Estimate.without_bounds(np.full(array.shape[:-1], np.nan), reason).in_place_of(array)

@@ -18,8 +18,10 @@ from uqpen.core.arrays import FloatArray, IntArray
 
 __all__ = [
     "additive_residual_error",
+    "bonett_price",
     "clopper_pearson",
     "dkw_half_width",
+    "equivalent_runs",
     "error_of_sums",
     "group_sums",
     "order_statistic_ranks",
@@ -287,3 +289,52 @@ def dkw_half_width(runs: int, level: float) -> float:
     18, 1269-1283).
     """
     return math.sqrt(math.log(2 / (1 - level)) / (2 * runs)) if runs else math.nan
+
+
+def bonett_price(
+    gained: npt.ArrayLike,
+    dropped: npt.ArrayLike,
+    runs: npt.ArrayLike,
+    level: float,
+    *,
+    squares: npt.ArrayLike | None = None,
+    heaviest: float = 1.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return centre and half-width of the interval of a difference of paired probabilities.
+
+    Of weighted runs, the one run that is added to each kind of disagreement has the largest weight,
+    as nobody knows where the next disagreement is.
+
+    Parameters
+    ----------
+    gained, dropped : array_like
+        Numbers of runs where the event happened by the model alone, and by the surrogate alone.
+    runs : array_like
+        Their total.
+    level : float
+        Two-sided.
+    squares : array_like, optional
+        Of weighted runs, the sum of the squares of the weights in both. The numbers are then sums
+        of weights.
+    heaviest : float
+        The largest weight of a run.
+
+    References
+    ----------
+    Bonett, D. G. & Price, R. M. (2012). J. Educ. Behav. Stat. 37, 479-488.
+    """
+    size = np.asarray(runs, dtype=np.float64) + 2
+    one, other = ((np.asarray(each, dtype=np.float64) + 1) / size for each in (gained, dropped))
+    both = one + other if squares is None else (np.asarray(squares) + 2 * heaviest**2) / size
+    variance = (both - (one - other) ** 2) / size
+    return one - other, scipy.special.ndtri(0.5 + level / 2) * np.sqrt(variance)
+
+
+def equivalent_runs(width: FloatArray, plain_width: FloatArray, runs: int) -> FloatArray:
+    """Return how many plain runs would have intervals of some widths; NaN where that is unknown.
+
+    The width of a plain interval falls with the root of the number of runs.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = runs * (plain_width / width) ** 2
+    return np.where(np.isfinite(found), found, math.nan)

@@ -12,11 +12,10 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import ABSENT, SAMPLING, STATUS
+from uqpen.core.labels import ABSENT, EVENT, SAMPLING, STATUS
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import EVENT
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, drawn_runs, goes_by_blocks, run_counts

@@ -11,9 +11,8 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import MODEL_FORM_STATISTICS
-from uqpen.core.labels import MOMENTS, OF_EXCEEDANCE, QUANTILES, SAMPLING, STATUS
+from uqpen.core.labels import MOMENTS, OF_EXCEEDANCE, QUANTILES, SAMPLING, STATUS, THRESHOLD
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import THRESHOLD
 from uqpen.core.status import Status
 from uqpen.execution import common_runs, worst_status_runs
 from uqpen.statistics import texts

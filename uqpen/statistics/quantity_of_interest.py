@@ -10,8 +10,7 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.labels import LOGARITHMIC
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import choice, probabilities, setting, text, validate
+from uqpen.core.settings import Context, choice, probabilities, setting, text, validate
 from uqpen.core.statistic import Statistic
 from uqpen.core.units import are_convertible
 from uqpen.statistics.estimate import LEVEL

@@ -15,7 +15,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.statistic_dimensions import RETURN_PERIOD
+from uqpen.core.labels import RETURN_PERIOD
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile

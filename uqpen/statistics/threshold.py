@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
-from uqpen.core.list_reading import read_each, read_list
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import setting, share, validate
+from uqpen.core.settings import Context, read_each, read_list, setting, share, validate
 
 __all__ = ["Acceptable", "AcceptanceLimits", "Threshold", "threshold_list"]
 

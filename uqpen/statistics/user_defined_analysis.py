@@ -14,7 +14,7 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import NAME
 from uqpen.core.statistic import RECORD_NUMBERS, RECORD_WORDS, Shown, Statistic, UnitRule
 from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_defined_function import failure_text
+from uqpen.models.user_module import failure_text
 
 if TYPE_CHECKING:
     import xarray as xr

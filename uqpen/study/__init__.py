@@ -83,14 +83,14 @@ SECTIONS: Mapping[str, Section] = {
         field="quantities_of_interest",
     ),
     "joint_probabilities": Section(
-        reader="uqpen.study.joint_probabilities_section:read_joint_probabilities",
+        reader="uqpen.study.outputs_section:read_joint_probabilities",
         field="joint_events",
     ),
     "designs": Section(
         expected="at least one [designs.<name>]", lines="uqpen.study.summary:kept_lines", rank=3
     ),
     "surrogates": Section(),
-    "published": Section(reader="uqpen.study.published_section:read_published", field="published"),
+    "published": Section(reader="uqpen.study.outputs_section:read_published", field="published"),
     "failures": Section(
         settings="uqpen.execution.failures:FailurePolicy",
         field="failures",

@@ -12,9 +12,14 @@ from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.designs.table import TableDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.study import Variant, family_costs
-from uqpen.study.table_reader import TableReader, family_member, named_tables
+from uqpen.study.table_reader import (
+    OBJECT,
+    TableReader,
+    family_member,
+    named_tables,
+    read_named_object,
+)
 from uqpen.study.user_defined_members import (
     DESIGN,
     Files,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,17 +14,21 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
-from uqpen.core.lookup import choices, resolve
+from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import Quantity, parse_quantity, parse_spread
-from uqpen.core.setting_fields import declared_settings
-from uqpen.core.settings import file, text
+from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
-from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.constraints import Constraint, parse_constraint
 from uqpen.distributions.distribution import Distribution, UnloadedDistribution
-from uqpen.distributions.frozen import LIBRARIES
+from uqpen.distributions.frozen import (
+    LIBRARIES,
+    FrozenDistribution,
+    frozen_distribution,
+    frozen_names,
+)
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.measurements import (
     FEWEST,
@@ -35,13 +39,10 @@ from uqpen.distributions.measurements import (
     parameters_text,
     value_text,
 )
-from uqpen.distributions.truncated import Truncated
-from uqpen.distributions.univariate import Normal
+from uqpen.distributions.univariate import Normal, Truncated
 from uqpen.models.data.data_model import DataModel
-from uqpen.study.frozen_section import FROZEN, read_frozen
-from uqpen.study.joint_section import Groups
-from uqpen.study.named_object import OBJECT
-from uqpen.study.table_reader import TableReader, check_names
+from uqpen.study.joint_section import Groups, Inputs
+from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
 from uqpen.study.user_defined_members import (
     DISTRIBUTION,
     installed_names,
@@ -54,10 +55,101 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MEASURED",
-    "Inputs",
     "read_constraints",
+    "read_frozen",
     "read_inputs",
 ]
+
+# The keys that stand where the name of a distribution would.
+_FROZEN = (*LIBRARIES, OBJECT)
+
+
+def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInput | None:
+    """Read an input with a distribution of another library; None where a mistake was noted.
+
+    The table has the name of the distribution, its parameters as numbers, and the unit of its
+    values. In place of them, the text of a study in Python may name an object.
+    """
+    if library == OBJECT and SETTINGS in table:
+        return _read_own_object(table, variable)
+    unit = _unit(table, variable)
+    if library == OBJECT:
+        return _read_object(table, variable, unit)
+    noted = len(table.problems)
+    name = table.text("name", f"the name of a continuous distribution of {LIBRARIES[library]}")
+    parameters = dict(_parameters(table))
+    if name is None or len(table.problems) > noted:
+        return None
+    try:
+        distribution = frozen_distribution(library, name, parameters, unit)
+    except ImportError:
+        table.add_problem((), f"a distribution of {library}", f"{library} to be installed")
+    except LookupError:
+        close = nearest(name, frozen_names(library))
+        hint = f'; did you mean "{close}"?' if close else ""
+        expected = f"a continuous distribution of {LIBRARIES[library]}{hint}"
+        table.add_wrong("name", name, expected)
+    except ValueError as error:
+        table.add_problem((), f"{_listing(parameters)}: {error}", f"parameters of {name}")
+    else:
+        shown = "" if unit == DIMENSIONLESS else f" [{unit}]"
+        text = f"{library} {name}: {_listing(parameters)}{shown}"
+        return RandomInput(variable, distribution, unit, text)
+    return None
+
+
+def _read_object(table: TableReader, variable: Input, unit: str) -> RandomInput | None:
+    """Read an input whose distribution is an object of the Python program."""
+    name = table.text(OBJECT, "the text of a distribution")
+    table.check_unknown_keys()
+    objects = table.document.objects
+    if objects is None or table.path not in objects:
+        expected = "a distribution that a file can state: a file cannot contain a Python object"
+        table.add_wrong(OBJECT, name, expected)
+        return None
+    distribution = FrozenDistribution(objects[table.path], unit)
+    return None if name is None else RandomInput(variable, distribution, unit, name)
+
+
+def _read_own_object(table: TableReader, variable: Input) -> RandomInput | None:
+    """Read an input whose distribution is an object of a user's class; it may be absent."""
+    expected = "a distribution that a file can state: a file cannot contain a Python object"
+    found = read_named_object(table, "distribution", expected)
+    table.take(SETTINGS)
+    table.check_unknown_keys()
+    if found is None:
+        return None
+    here = found.value if isinstance(found.value, Distribution) else None
+    distribution = here or UnloadedDistribution(found.name)
+    return RandomInput(variable, distribution, variable.preferred_unit, found.name)
+
+
+def _parameters(table: TableReader) -> Iterator[tuple[str, float]]:
+    for key in table:
+        if key not in ("name", "unit"):
+            value = table.take(key)
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                yield key, float(value)
+            else:
+                table.add_wrong(key, value, "a number, in the unit of the values")
+
+
+def _unit(table: TableReader, variable: Input) -> str:
+    """Read the unit of the values of a distribution."""
+    unit = table.text("unit", "the unit of its values") if "unit" in table else DIMENSIONLESS
+    try:
+        if unit is None or variable.unit is ANY_DIMENSION or are_convertible(unit, variable.unit):
+            return unit or DIMENSIONLESS
+        found = unit if "unit" in table else "values without a unit"
+        table.add_problem("unit", found, describe(variable.unit))
+    except QuantityError as error:
+        table.add_problem("unit", error.found, error.expected)
+    return DIMENSIONLESS
+
+
+def _listing(parameters: dict[str, float]) -> str:
+    return ", ".join(f"{key} {value:g}" for key, value in parameters.items()) or "no parameters"
+
 
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
@@ -192,17 +284,6 @@ _FAMILIES = (*DISTRIBUTIONS, MEASURED, *LIBRARIES)
 _LIMITS = {"lower": "at least", "upper": "at most"}
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """The joint distribution of the inputs without a mistake, and the names of the others.
-
-    The mistakes of the others are noted, and nothing more is said of them.
-    """
-
-    joint: JointDistribution
-    unclear: frozenset[str] = frozenset()
-
-
 def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups) -> Inputs:
     """Read the joint distribution of a model's inputs; invalid entries are noted and left out.
 
@@ -288,7 +369,7 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
         return None
     if family == MEASURED:
         made = _read_measured(section, variable, stream)
-    elif family in FROZEN:
+    elif family in _FROZEN:
         made = read_frozen(section, variable, family)
     elif family in DISTRIBUTIONS:
         made = _read_distribution(section, variable, family)

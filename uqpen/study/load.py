@@ -24,7 +24,6 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study import SECTIONS
-from uqpen.study.analyses_section import read_analyses
 from uqpen.study.budget_section import (
     BUDGET,
     FEWEST_RUNS,
@@ -34,7 +33,6 @@ from uqpen.study.budget_section import (
     plan_budget,
 )
 from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed, has_data
-from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import (
     check_designs,
     check_models,
@@ -43,10 +41,10 @@ from uqpen.study.designs_section import (
     read_designs,
 )
 from uqpen.study.document import Document, Objects, parse_document, read_document
-from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
-from uqpen.study.joint_section import read_groups
-from uqpen.study.models_section import check_stand_ins, check_variants, read_models
-from uqpen.study.outputs_section import derive_outputs
+from uqpen.study.inputs_section import read_constraints, read_inputs
+from uqpen.study.joint_section import Inputs, read_dependence, read_groups
+from uqpen.study.model_section import check_stand_ins, check_variants, read_models
+from uqpen.study.outputs_section import derive_outputs, read_analyses
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates, refined_designs
 from uqpen.study.table_reader import StudyParts, TableReader

@@ -1,4 +1,4 @@
-"""``[model]``: a built-in model by name, or a user-defined one with its units.
+"""``[model]``, or ``[models.<name>]`` where the same points go through several.
 
 Of a table with mistakes, a partial model is read, so that the rest of a study can be read all the
 same.
@@ -7,36 +7,52 @@ same.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from uqpen.core.arrays import Arrays, FloatArray
-from uqpen.core.errors import ModelError
+import numpy as np
+
+from uqpen.core.arrays import Arrays, FloatArray, is_finite_number
+from uqpen.core.errors import ModelError, QuantityError, toml_text
+from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.limits import Limits
-from uqpen.core.lookup import resolve
-from uqpen.core.model import Input, Model, Output, Results
-from uqpen.core.settings import flag, text
-from uqpen.core.units import ANY_DIMENSION
+from uqpen.core.lookup import choices, resolve
+from uqpen.core.model import Bounds, Category, Dimension, Input, Model, Output, Results, Variable
+from uqpen.core.settings import declared_settings, flag, text
+from uqpen.core.units import ANY_DIMENSION, are_convertible, si_unit
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
+from uqpen.models.dependencies import Dependencies
+from uqpen.models.function_source import FunctionSource, function_source
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.models.user_module import find_function, load_module, module_coordinates
-from uqpen.study.table_reader import TableReader
+from uqpen.study.study import ONLY_MODEL, StandIn, Variant
+from uqpen.study.table_reader import OBJECT, TableReader, check_names, named_tables
+from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
 __all__ = [
     "USER_DEFINED_MODELS",
+    "ModelsTogether",
     "PartialModel",
     "check_function_grids",
+    "check_stand_ins",
+    "check_variants",
+    "find_variable_faults",
     "mentioned_model",
     "read_function_limits",
     "read_limits",
     "read_model",
+    "read_model_class",
+    "read_models",
+    "read_object",
     "read_partial_model",
     "unloaded_function",
 ]
@@ -110,12 +126,9 @@ USER_DEFINED_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
-    "object": "uqpen.study.model_class_section:read_object",
+    "object": "uqpen.study.model_section:read_object",
     "data": "uqpen.study.data_section:read_data",
 }
-
-# The reader of a table whose ``use`` names no built-in model.
-_CLASS_READER = "uqpen.study.model_class_section:read_model_class"
 
 _MODEL_KEYS = {
     "use": 'use = "…" (a built-in model)',
@@ -138,7 +151,7 @@ def read_model(table: TableReader) -> Model | None:
         return None
     model: Model | None
     if ways == ["use"] and table.content["use"] not in list(MODELS):
-        model = resolve(_CLASS_READER)(table)
+        model = read_model_class(table)
         if model is None:
             return None  # whose settings nobody knows
     elif ways == ["use"]:
@@ -261,3 +274,356 @@ def unloaded_function(reference: str) -> tuple[Callable[..., Any], None]:
         raise ModelError(f"{reference} is not executed without --trust")
 
     return refuse, None
+
+
+Faults = Iterator[tuple[str, str]]
+
+
+def find_variable_faults(model: Model) -> Faults:
+    """Yield what is wrong with the attributes of a model, and what is expected."""
+    if not isinstance(getattr(model, "name", None), str):
+        yield "no name", 'an attribute such as name = "my-model"'
+    if not _is(model.enforced_limits, Limits):
+        yield (
+            f"enforced_limits = {model.enforced_limits!r}",
+            "an object of uqpen.core.limits.Limits",
+        )
+    known: set[str] = set()
+    for key, kind in (("inputs", Input), ("outputs", Output)):
+        variables = getattr(model, key, None)
+        if not (isinstance(variables, tuple) and variables) or not all(
+            isinstance(each, kind) for each in variables
+        ):
+            yield f"no {key}", f"an attribute {key}, a tuple of {kind.__name__}"
+            continue
+        for variable in variables:
+            yield from _variable_faults(variable, known)
+            known.add(variable.name)
+    yield from _alternative_faults(model, known)
+    yield from _dimension_faults(model, known)
+
+
+def _variable_faults(variable: Input | Output, known: set[str]) -> Faults:
+    if not NAME.match(variable.name) or variable.name in RESERVED or variable.name in known:
+        others = ", ".join(sorted(RESERVED))
+        expected = f"a name of letters, digits and _, at most 100, used once, none of {others}"
+        yield _text(variable), expected
+    yield from _unit_faults(variable)
+    if isinstance(variable, Input):
+        yield from _value_faults(variable)
+    elif not _are(variable.categories, Category):
+        yield f"{_text(variable)} with other categories", "categories, a tuple of Category"
+
+
+def _unit_faults(variable: Variable) -> Faults:
+    what = _text(variable)
+    try:
+        if (coherent := si_unit(variable.unit)) != variable.unit:
+            yield what, f"its coherent SI unit, {coherent}; display_unit can be another"
+        elif not are_convertible(variable.preferred_unit, variable.unit):
+            yield f"{what} with display_unit={variable.display_unit!r}", f"a unit like {coherent}"
+    except QuantityError as error:
+        yield f"{what}: {error}", "its coherent SI unit"
+
+
+def _value_faults(variable: Input) -> Faults:
+    """Yield what is wrong with the default value and the bounds of an input."""
+    what = _text(variable)
+    if not _is(variable.bounds, Bounds):
+        yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
+    if variable.default is not None and not is_finite_number(variable.default):
+        yield (
+            f"{what} with default={variable.default!r}",
+            f"a number in its SI unit, {variable.unit}",
+        )
+
+
+def _alternative_faults(model: Model, known: set[str]) -> Faults:
+    groups = model.alternatives
+    is_valid = _are(groups, tuple) and all(name in known for group in groups for name in group)
+    if not is_valid:
+        yield f"alternatives = {groups!r}", "a tuple of tuples with names of inputs"
+
+
+def _dimension_faults(model: Model, known: set[str]) -> Faults:
+    """Yield what is wrong with dimensions of outputs; each is the same in all outputs."""
+    seen: dict[str, Dimension] = {}
+    for output in model.outputs if _are(getattr(model, "outputs", None), Output) else ():
+        if not _are(output.dims, Dimension):
+            yield f"{_text(output)} with other dims", "dims, a tuple of Dimension"
+            continue
+        for dimension in output.dims:
+            if dimension.name in known:
+                yield f"{_text(dimension)} with the name of a variable", "names that differ"
+            elif dimension.name not in seen:
+                yield from _unit_faults(dimension)
+            elif seen[dimension.name] != dimension:
+                found = f"{_text(dimension)} with other coordinates in {output.name}"
+                yield found, "the same in all outputs along it"
+            seen.setdefault(dimension.name, dimension)
+
+
+def _is(value: object, kind: type) -> bool:
+    """Check the class of an attribute: a user's class can have anything in its place."""
+    return isinstance(value, kind)
+
+
+def _are(values: object, kind: type) -> bool:
+    return isinstance(values, tuple) and all(isinstance(each, kind) for each in values)
+
+
+def _text(variable: Variable) -> str:
+    return f"{type(variable).__name__}({variable.name!r}, {variable.unit!r})"
+
+
+def read_model_class(table: TableReader) -> Model | None:
+    """Read a model whose class is not built in; None where a mistake was noted.
+
+    Without trust, a class of a file or a module is not loaded. The model then has the variables
+    that the caller knows from an archive, and cannot be run.
+    """
+    name = table.text("use", "the name of a model")
+    if name is None:
+        return None
+    installed = [] if is_reference(name) else installed_names(MODEL, name)
+    if not is_reference(name) and name not in installed:
+        expected = f"a built-in model; {choices(name, [*MODEL.family, *installed])}"
+        table.add_wrong("use", name, expected)
+        return None
+    if is_reference(name) and not table.trust:
+        return _unloaded(table, name)
+    model, surroundings = read_instance(table, "use", name, MODEL)
+    if model is None:
+        return None
+    faults = list(find_variable_faults(model))
+    for found, expected in faults:
+        table.add_problem("use", f"{toml_text(name)}, which has {found}", expected)
+    return None if faults else UserDefinedModel(model, name, surroundings)
+
+
+def _unloaded(table: TableReader, name: str) -> UnloadedModel | None:
+    known = (table.document.objects or {}).get(table.path)
+    if isinstance(known, UnloadedModel):
+        for key in table.content:  # the class alone knows its settings
+            table.take(key)
+        return known
+    expected = "a built-in model: the inputs of others are known by code that is not executed"
+    table.add_wrong("use", name, expected)
+    return None
+
+
+@dataclass(frozen=True)
+class _ObjectSettings:
+    """Settings of a function or a model that is an object; its source is for display only."""
+
+    object: str = text(expected="the name of a function")
+    source: str = text(expected="the source of a function", default="")
+    vectorized: bool = flag(default=False)
+    is_class: bool = flag(default=False, key="class")
+
+
+def read_object(table: TableReader) -> Model | None:
+    """Read a function or a model that is an object; None where a mistake was noted.
+
+    The text of the table is never executed. It names the object, and shows its source to a
+    reader. Where the object is not here, the model cannot be run.
+    """
+    noted = len(table.problems)
+    settings = table.settings(_ObjectSettings)
+    objects = table.document.objects
+    if objects is None:
+        named = table.content[OBJECT]
+        expected = f'python = "my_model.py:{named}": a file cannot contain a Python object'
+        table.add_wrong(OBJECT, named, expected)
+    function = (objects or {}).get(table.path)
+    is_vectorized = settings is not None and settings.vectorized
+    limits = read_function_limits(table, is_vectorized=is_vectorized)
+    variables = read_variables(table)
+    check_function_grids(table, variables, is_vectorized=is_vectorized)
+    inputs, outputs, units, fields = variables
+    if settings is None or len(table.problems) > noted:
+        return None
+    name = settings.object
+    observed = Dependencies(table.folder)
+    if isinstance(function, UnloadedModel):
+        return function
+    if isinstance(function, Model):
+        source = function_source(type(function))
+        return UserDefinedModel(function, name, source=source, observed=observed)
+    if function is None:
+        function, _ = unloaded_function(name)
+        source = FunctionSource.absent(name, settings.source)
+    else:
+        source = function_source(function)
+        try:
+            check_inputs(function, inputs)
+        except ModelError as error:
+            expected = "a function that can be called with the model's inputs"
+            table.add_problem((), str(error), expected)
+            return None
+    declared = (name, inputs, outputs, units, settings.vectorized, None, limits, source, fields)
+    return PythonFunction(function, *declared, observed=observed)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelsTogether(Model):
+    """The first model of a study with the inputs that only others take; it cannot be run.
+
+    Parameters
+    ----------
+    first : Model
+        It has all outputs of the study.
+    further_inputs : tuple of Input
+        Inputs of the others that the first does not have.
+    """
+
+    first: Model
+    further_inputs: tuple[Input, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.first.name)
+        object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))
+        object.__setattr__(self, "outputs", self.first.outputs)
+        object.__setattr__(self, "alternatives", self.first.alternatives)
+        object.__setattr__(self, "derived", self.first.derived)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Refuse to run: each model of the study is run by itself."""
+        raise NotImplementedError(self.name)
+
+
+def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
+    """Read the models of a study, by name, and the one whose variables are the study's.
+
+    That is the first, whose outputs the others have, or some of them. If others take further
+    inputs, it is a `ModelsTogether`. A model with a mistake is left out; the first is then a
+    `PartialModel`.
+    """
+    mentioned = mentioned_model(root)
+    table, several = root.table("model"), root.table("models")
+    if table.is_given and several.is_given:
+        root.add_problem("models", "[model] and [models]", "one of them")
+        return {}, mentioned
+    if several.is_given:
+        return _read_several(several, mentioned)
+    if "model" not in root and "models" not in root:
+        root.add_missing("model", "a [model] table, or [models.<name>] for several")
+    model = read_model(table) if table.is_given else None
+    if model is None:
+        return {}, read_partial_model(table, mentioned)
+    return {ONLY_MODEL: Variant(model, {})}, model
+
+
+def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
+    """Note inputs that a model sets for itself though the study draws them."""
+    for name, variant in variants.items():
+        for given in filter(random.__contains__, variant.given):
+            found = "an input that the study draws at random"
+            expected = "an input that has one value in [inputs], or a default"
+            root.add_problem(("models", name, "with", given), found, expected)
+
+
+def check_stand_ins(root: TableReader, models: Mapping[str, Variant]) -> None:
+    """Note stand-ins for no other model, in a circle, or without a number in common."""
+    names = list(root.table("models"))
+    stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
+    for name, stand_in in stand_ins.items():
+        other, key = stand_in.stands_for, ("models", name, "stands_for")
+        if other == name or other not in names:
+            others = [each for each in names if each != name]
+            root.add_wrong(key, other, f"another model; {root.suggest(other, others)}")
+        elif name in _ancestors(name, stand_ins):
+            expected = "a model that does not stand for this one in its turn"
+            root.add_wrong(key, other, expected)
+        elif other in models and not _have_numbers_in_common(models[name], models[other]):
+            found = f'a model that has no number in common with "{other}"'
+            root.add_problem(key, found, "an output that is a number in both models")
+
+
+def _ancestors(name: str, stand_ins: Mapping[str, StandIn]) -> list[str]:
+    """Return the models that one stands for, directly and through others; a circle ends."""
+    found: list[str] = []
+    while name in stand_ins and stand_ins[name].stands_for not in found:
+        name = stand_ins[name].stands_for
+        found.append(name)
+    return found
+
+
+def _have_numbers_in_common(one: Variant, other: Variant) -> bool:
+    numbers, others = (
+        {output.name for output in each.model.all_outputs if output.is_number}
+        for each in (one, other)
+    )
+    return bool(numbers & others)
+
+
+def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
+    found: dict[str, Variant] = {}
+    first: Model | None = None
+    inputs: dict[str, Input] = {}
+    if not table.content:
+        table.add_problem((), "an empty table", "a [models.<name>]")
+    for name, section in named_tables(table):
+        replaced = section.table("with")
+        stand_in = _read_stand_in(section)
+        model = read_model(section)
+        known = model or read_partial_model(section, mentioned)
+        if name == next(iter(table)):
+            first = known
+        if first is not None and mentioned not in (first, known):
+            _check_inputs(section, inputs, known)
+            _check_outputs(section, first, known)
+        if known is not mentioned:
+            inputs = {each.name: each for each in known.inputs} | inputs
+        given = _read_given_inputs(replaced, known)
+        if model is not None:
+            found[name] = Variant(model, given, stand_in)
+    if first is None or first is mentioned:
+        return found, mentioned
+    own = {each.name for each in first.inputs}
+    further = tuple(each for name, each in inputs.items() if name not in own)
+    return found, ModelsTogether(first, further) if further else first
+
+
+def _read_stand_in(table: TableReader) -> StandIn | None:
+    """Read which model another one stands for, and its cost; None where it stands for none."""
+    keys = [field.name for field, _ in declared_settings(StandIn)]
+    return table.settings(StandIn) if any(key in table for key in keys) else None
+
+
+def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:
+    """Read inputs that replace the study's for a model, in SI units."""
+    known = {variable.name: variable for variable in model.inputs}
+    found = {}
+    for name in check_names(table, known, "input", model):
+        value = table.quantity(name, known[name].unit)
+        if value is None:
+            continue
+        if not known[name].bounds.contain(np.array(value)):
+            table.add_wrong(name, table.content[name], f"a value {known[name].bounds}")
+        found[name] = value
+    return found
+
+
+def _check_inputs(table: TableReader, inputs: Mapping[str, Input], model: Model) -> None:
+    """Note an input of a model that models above it have in another dimension."""
+    for variable in model.inputs:
+        same = inputs.get(variable.name)
+        if same is not None and not are_convertible(variable.unit, same.unit):
+            found = f'an input "{variable.name}" [{variable.unit}]'
+            expected = f"a unit of the same dimension as in the models above it, [{same.unit}]"
+            table.add_problem((), found, expected)
+
+
+def _check_outputs(table: TableReader, first: Model, model: Model) -> None:
+    """Note an output that the study's first model does not have, or has in another form."""
+    known = {output.name: output for output in first.outputs}
+    for output in model.outputs:
+        same = known.get(output.name)
+        if same is None or not are_convertible(output.unit, same.unit):
+            found = f'an output "{output.name}" [{output.unit}]'
+            expected = "only outputs of the first model, in units of the same dimension"
+            table.add_problem((), found, expected)
+        elif output.dims != same.dims:
+            found = f'an output "{output.name}" with other dimensions or coordinates'
+            table.add_problem((), found, "those that it has in the first model")

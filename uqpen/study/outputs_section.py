@@ -1,30 +1,49 @@
-"""``[outputs.<name>]``: quantities of interest, and outputs that follow from fields (``of``)."""
+"""``[outputs.<name>]`` and what else is asked of outputs: events, published estimates, analyses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from uqpen.core.catalogue import REQUESTED
-from uqpen.core.derived import DerivedOutput, Reduction
-from uqpen.core.errors import QuantityError, toml_text
-from uqpen.core.labels import NAME, RESERVED
-from uqpen.core.lookup import choices, resolve
+from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, toml_text
+from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME, RESERVED
+from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.core.model import Model, Output
-from uqpen.core.setting_fields import declared_settings
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.settings import declared_settings, read_list
 from uqpen.core.units import ANY_DIMENSION, scale
+from uqpen.core.variables import DerivedOutput, Reduction
+from uqpen.models.user_code import check_signature
+from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS
 from uqpen.reductions.derived import derived_outputs
 from uqpen.reductions.of_fields import At, Maximum
+from uqpen.statistics.joint_event import JointEvent, OutputLimit
+from uqpen.statistics.published import Publication, PublishedEstimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant
-from uqpen.study.table_reader import StudyParts, TableReader, check_names, family_member
+from uqpen.study.table_reader import (
+    StudyParts,
+    TableReader,
+    check_names,
+    family_member,
+    named_tables,
+)
 
 __all__ = [
+    "ANALYSES_KEY",
     "derive_outputs",
     "is_derived",
+    "read_analyses",
+    "read_joint_probabilities",
+    "read_published",
     "read_quantities_of_interest",
 ]
 
@@ -285,3 +304,214 @@ def _check_logarithms(table: TableReader, quantity: QuantityOfInterest) -> None:
             if threshold.value <= 0:
                 expected = 'a value above 0, as scale = "log" takes its logarithm'
                 table.add_wrong(key, threshold.text, expected)
+
+
+_COMPARISON = re.compile(r"\s*(\w+)\s*([<>])(?!=)\s*(.+?)\s*\Z", re.ASCII)
+_LIMIT = 'a limit of an output, such as "depth < 60 cm"'
+_ALL, _ANY, _GIVEN, _SENSITIVITIES = "all", "any", "given", "sensitivities"
+_EVENT = 'a list of limits, or a table such as { any = ["depth > 60 cm"], at_most = 0.05 }'
+
+_CONDITION = 'a list of limits, or a table such as { any = ["depth > 60 cm"] }'
+
+
+def read_joint_probabilities(table: TableReader, parts: StudyParts) -> tuple[JointEvent, ...]:
+    """Read the events whose probabilities a study requests; invalid ones are noted and left out."""
+    found = []
+    for name in table:
+        written = table.take(name)
+        if not NAME.match(name):
+            table.add_wrong(name, name, "a name of letters, digits and _, at most 100")
+            continue
+        try:
+            found.append(_read_event(name, written, parts.model))
+        except (SettingsError, QuantityError) as error:
+            table.add_problems(error.problems, name)
+    return tuple(found)
+
+
+def _read_event(name: str, written: object, model: Model) -> JointEvent:
+    if isinstance(written, list):
+        return JointEvent(name, _read_limits(written, model))
+    if not isinstance(written, dict):
+        raise QuantityError(toml_text(written), _EVENT)
+    content = dict(written)
+    limits, is_any = _read_quantified(content, model)
+    given = _read_given(content.pop(_GIVEN), model) if _GIVEN in content else None
+    sensitivities = content.pop(_SENSITIVITIES, False)
+    if not isinstance(sensitivities, bool):
+        raise SettingsError([Problem((_SENSITIVITIES,), toml_text(sensitivities), "true or false")])
+    if sensitivities and given:
+        found, expected = "true, of a conditional probability", "an event without given"
+        raise SettingsError([Problem((_SENSITIVITIES,), found, expected)])
+    if unknown := [key for key in content if key not in ("at_most", "at_least")]:
+        expected = "all or any, given, sensitivities, at_most or at_least"
+        raise SettingsError([Problem((unknown[0],), "an unknown key", expected)])
+    return JointEvent(name, limits, is_any, AcceptanceLimits(**content), given, sensitivities)
+
+
+def _read_quantified(
+    content: dict[str, object], model: Model
+) -> tuple[tuple[OutputLimit, ...], bool]:
+    """Take the limits out of a table; return them, and whether any of them suffices."""
+    quantifiers = [key for key in (_ALL, _ANY) if key in content]
+    if len(quantifiers) != 1:
+        found = "both all and any" if quantifiers else "neither all nor any"
+        raise QuantityError(found, _EVENT)
+    (quantifier,) = quantifiers
+    with _within(quantifier):
+        return _read_limits(content.pop(quantifier), model), quantifier == _ANY
+
+
+def _read_given(written: object, model: Model) -> JointEvent:
+    """Read the condition of an event: limits that all hold, or a table of those."""
+    with _within(_GIVEN):
+        if isinstance(written, list):
+            return JointEvent(_GIVEN, _read_limits(written, model))
+        if not isinstance(written, dict):
+            raise QuantityError(toml_text(written), _CONDITION)
+        content = dict(written)
+        limits, is_any = _read_quantified(content, model)
+        if content:
+            raise SettingsError([Problem((next(iter(content)),), "an unknown key", "all or any")])
+        return JointEvent(_GIVEN, limits, is_any)
+
+
+@contextmanager
+def _within(key: str) -> Iterator[None]:
+    """Extend the path of problems that are raised in this context by a key."""
+    try:
+        yield
+    except (SettingsError, QuantityError) as error:
+        raise SettingsError([each.within(key) for each in error.problems]) from None
+
+
+def _read_limits(written: object, model: Model) -> tuple[OutputLimit, ...]:
+    limits = read_list(written, lambda each: _read_limit(each, model))
+    if not limits:
+        raise QuantityError("an empty list", _LIMIT)
+    return tuple(limits)
+
+
+def _read_limit(written: object, model: Model) -> OutputLimit:
+    match = _COMPARISON.match(written) if isinstance(written, str) else None
+    if match is None:
+        raise QuantityError(toml_text(written), _LIMIT)
+    name, sign, value = match.groups()
+    outputs = {output.name: output for output in model.all_outputs if output.is_number}
+    if name not in outputs:
+        expected = f"an output of {model.name} that is a number; {choices(name, outputs)}"
+        raise QuantityError(toml_text(name), expected)
+    output = outputs[name]
+    number = parse_quantity(value, output.unit, allow_offset=not output.is_difference).value
+    return OutputLimit(f"{name} {sign} {value}", name, sign == ">", number)
+
+
+def read_published(table: TableReader, parts: StudyParts) -> dict[str, Publication]:
+    """Read the publications of a study; invalid entries are noted and left out."""
+    found: dict[str, Publication] = {}
+    for name, section in named_tables(table):
+        if name in parts.sources:
+            section.add_wrong((), name, "a name that no design or surrogate has")
+            continue
+        publication = section.settings(Publication)
+        estimates = [
+            _read_estimates(section, output, parts.model) for output in parts.model.all_outputs
+        ]
+        section.check_unknown_keys("output")
+        if publication is not None:
+            found[name] = replace(publication, estimates=tuple(filter(None, estimates)))
+    return found
+
+
+def _read_estimates(
+    section: TableReader, output: Output, model: Model
+) -> PublishedEstimates | None:
+    if output.name not in section:
+        return None
+    table = section.table(output.name)
+    if output.categories:
+        for key in table:
+            table.add_problem(
+                key, "an estimate of an output with categories", "an output with numbers"
+            )
+        return None
+    if output.dims:
+        for key in table:
+            expected = "an output without dimensions"
+            table.add_problem(key, f'an estimate of "{output.name}"', expected)
+        return None
+    largest = table.content.get(LARGEST_CONTRIBUTION) or ""
+    given = {"output": output, LARGEST_CONTRIBUTION: str(largest)}
+    estimates = table.settings(
+        PublishedEstimates,
+        like=output.unit,
+        allow_offset=not output.is_difference,
+        given=given,
+    )
+    known = [variable.name for variable in model.inputs]
+    check_names(table.table("response"), known, "input", model)
+    if table.take(LARGEST_CONTRIBUTION) and largest not in known:
+        expected = f"an input of {model.name}; {choices(str(largest), known)}"
+        table.add_wrong(LARGEST_CONTRIBUTION, largest, expected)
+    table.check_unknown_keys()
+    return estimates if table.is_given else None
+
+
+ANALYSES_KEY = "analyses"
+
+# The entry points with which installed packages add analyses.
+_GROUP = "uqpen.analyses"
+
+# Stand-ins of its arguments, a sample and a quantity of interest.
+_ARGUMENTS = (None, None)
+
+
+def read_analyses(root: TableReader) -> tuple[UserDefinedAnalysis, ...]:
+    """Read the user-defined analyses, without those for which a mistake was noted."""
+    analyses: dict[str, UserDefinedAnalysis] = {}
+    for position, reference in enumerate(root.entries(ANALYSES_KEY)):
+        place = (ANALYSES_KEY, position)
+        if not isinstance(reference, str) or not reference.strip():
+            expected = 'a function such as "spread.py:interquartile_range"'
+            root.add_wrong(place, reference, expected)
+        elif reference in analyses:
+            root.add_problem(place, f"{toml_text(reference)} again", "each function once")
+        else:
+            try:
+                analysis = analyses[reference] = _load_analysis(root, reference)
+                if fault := analysis.record_fault:
+                    root.add_problem(place, f"{reference}: {fault[0]}", fault[1])
+            except ModelError as error:
+                expected = "a function that can be called with a sample and a quantity of interest"
+                root.add_problem(place, str(error), expected)
+    return tuple(analyses.values())
+
+
+def _load_analysis(root: TableReader, reference: str) -> UserDefinedAnalysis:
+    """Return the analysis behind a reference; one that is not trusted is not loaded.
+
+    An analysis of an installed package has a name without a colon, and needs no trust.
+    """
+    if ":" not in reference:
+        return UserDefinedAnalysis(reference, _installed_function(reference))
+    if not root.trust:
+        return UserDefinedAnalysis(reference, _refuse)
+    function, surroundings = load_function(reference, root.folder)
+    check_signature(function, "", _ARGUMENTS)
+    return UserDefinedAnalysis(reference, function, surroundings)
+
+
+def _installed_function(name: str) -> Callable[..., Any]:
+    installed = installed_members(_GROUP)
+    if name not in installed:
+        found = f'"{name}" is not of the form "my_analysis.py:function", nor installed'
+        raise ModelError(f"{found}; {choices(name, installed)}")
+    function: Callable[..., Any] = load_installed(_GROUP, name)
+    if not callable(function):
+        raise ModelError(f'"{name}" is an object of class {type(function).__name__}')
+    check_signature(function, "", _ARGUMENTS)
+    return function
+
+
+def _refuse(*arguments: object) -> Iterator[Any]:
+    raise ModelError("user-defined analyses are not executed without --trust")

@@ -1,25 +1,603 @@
-"""Study made from Python objects."""
+"""Study made from Python objects, and the content of a study file that they stand for."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypeVar, Unpack
 
+import numpy as np
+import pandas as pd
 import tomli_w
+import xarray as xr
 
-from uqpen.core.errors import Problem, StudyError
+from uqpen.core.catalogue import REQUESTED
+from uqpen.core.columns import heading_parts
+from uqpen.core.errors import Problem, QuantityError, StudyError, TableError
+from uqpen.core.lookup import family_name, resolve
+from uqpen.core.model import Model
+from uqpen.core.quantities import parse_any_dimension, parse_spread
+from uqpen.core.settings import written_settings
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
+from uqpen.designs import DESIGNS
+from uqpen.designs.design import Design
+from uqpen.designs.stopping.precision import Precision
+from uqpen.distributions import COPULAS, DISTRIBUTIONS
+from uqpen.distributions.copulas import Dependence, EllipticalCopula
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
+from uqpen.distributions.input_group import declare_joint, is_joint
+from uqpen.distributions.univariate import Truncated
+from uqpen.models import MODELS
+from uqpen.models.function_source import function_source
+from uqpen.models.source import BuiltInModel
 from uqpen.study import SECTIONS, SectionArguments
 from uqpen.study.document import ArgumentsDocument, parse_document
 from uqpen.study.load import load_study as read_file
 from uqpen.study.load import read_study
-from uqpen.study.python_objects import StudyContent
+from uqpen.study.model_section import find_variable_faults
+from uqpen.study.outputs_section import is_derived
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import study_html
+from uqpen.study.table_reader import OBJECT, SETTINGS
+from uqpen.study.user_defined_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
+from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["Study", "load_study"]
+__all__ = [
+    "OutputSpec",
+    "PythonModel",
+    "Study",
+    "StudyContent",
+    "is_data",
+    "joint_paths",
+    "load_study",
+]
+
+# Settings of an output with dimensions, which belong to the model.
+_OF_MODEL = ("along", "may_end", "on", "interpolation")
+
+_Class = TypeVar("_Class", bound=type)
+
+Thresholds = Sequence[str | float] | Mapping[str, Mapping[str, str | float]]
+
+
+@dataclass(frozen=True)
+class PythonModel:
+    """Python function as a model, with the units of its inputs and outputs.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a keyword argument for each input and returns a mapping with each output. It may be
+        defined in a notebook or inside another function.
+    inputs, outputs : mapping of str to str
+        The unit in which it takes each input and returns each output, such as ``"cm"``; ``"1"``
+        for a number without a unit. For an output with dimensions an `OutputSpec` with
+        `unit`, `along`, `may_end`, `on` and `interpolation`.
+    vectorized : bool
+        True if it takes arrays of shape (run,) and returns arrays of shape (run, *dims), False for
+        the inputs and outputs of one run.
+    time_limit, memory_limit : str, optional
+        Limits of one run, such as ``"5 min"`` and ``"2 GB"``.
+    replaced : mapping of str to str or float, optional
+        In a study with several models: values of inputs that replace the study's own.
+    dimensions : mapping of str to mapping, optional
+        Dimensions that several outputs have, for the names in their `along`.
+    """
+
+    function: Callable[..., Mapping[str, Any]]
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str | OutputSpec]
+    vectorized: bool = False
+    time_limit: str | None = None
+    memory_limit: str | None = None
+    replaced: Mapping[str, str | float] = field(default_factory=dict)
+    dimensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def table(self) -> dict[str, Any]:
+        """Return its declaration as a table of a study file, with the function itself."""
+        return {
+            "object": self.function,
+            "vectorized": self.vectorized or None,
+            "time_limit": self.time_limit,
+            "memory_limit": self.memory_limit,
+            "with": self.replaced or None,
+            "dimensions": self.dimensions or None,
+            "inputs": self.inputs,
+            "outputs": self._output_tables(),
+        }
+
+    def _output_tables(self) -> Mapping[str, str | OutputSpec]:
+        """Return the outputs, all as tables if one is: TOML writes tables last."""
+        if not any(isinstance(value, OutputSpec) for value in self.outputs.values()):
+            return self.outputs
+        return {
+            name: OutputSpec(value) if isinstance(value, str) else value
+            for name, value in self.outputs.items()
+        }
+
+
+def _take_requests(declared: _Class) -> _Class:
+    """Add an argument for each statistic of the catalogue that declares its request."""
+    for statistic in REQUESTED:
+        if statistic.asked.declared_by:
+            declared.__annotations__[statistic.asked.key] = "Sequence[float]"
+            setattr(declared, statistic.asked.key, ())
+    return declared
+
+
+@dataclass(frozen=True)
+@_take_requests
+class OutputSpec:
+    """Quantity of interest of an output.
+
+    Parameters
+    ----------
+    unit : str, optional
+        Unit for display; of a bare function, the unit in which it returns the output.
+    quantiles : sequence of float
+        Probabilities of further quantiles, beside 0.05, 0.5 and 0.95.
+    exceeds : sequence of str or mapping
+        Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``. A mapping
+        has the acceptance limits of each: ``{"60 cm": {"at_most": 0.05}}``.
+    below : sequence of str or mapping
+        Thresholds; the probability that the output lies below each is estimated.
+    hold, hold_above, hold_between : sequence of float
+        Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
+    expected_shortfall, return_periods, … : sequence of float
+        Entries of the other statistics that a study file can ask for, by its keys.
+    scale : str, optional
+        ``"log"``: charts and indices are of the logarithm of the output.
+    along : mapping of str to mapping or sequence of str, optional
+        Dimensions of an output of a Python function, such as
+        ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}``,
+        ``{"time": {"unit": "s", "values": [0, 1, 3]}}`` or
+        ``{"time": {"file": "times.csv", "column": "time"}}``; or the names of `dimensions` of a
+        `PythonModel`. Each run has values along them, in place of a number. Its
+        statistics are those at each place.
+    on : mapping of str to str, optional
+        By dimension, the name under which each run returns coordinates of its own, such as
+        ``{"time": "t"}``. Its values are then interpolated to the declared ones.
+    interpolation : str, optional
+        How: ``"linear"`` (default), ``"cubic"`` (monotone), ``"previous"``, or ``"none"`` if both
+        have to be the same.
+    may_end : bool
+        Whether a curve may end before its dimension does: NaN at its end is then no failure.
+    of : str, optional
+        An output with dimensions; this one is a number that follows from it, after each run.
+    take : str, optional
+        What is taken of it, such as ``"max"``; see the study file.
+    at : mapping of str to str, optional
+        In place of `take`: the place whose value is taken, such as ``{"time": "10 day"}``.
+    threshold : str or float, optional
+        Of ``take="first_above"`` and ``"first_below"``.
+    """
+
+    unit: str | None = None
+    quantiles: Sequence[float] = ()
+    exceeds: Thresholds = ()
+    below: Thresholds = ()
+    hold: Sequence[float] = ()
+    hold_above: Sequence[float] = ()
+    hold_between: Sequence[float] = ()
+    scale: str | None = None
+    along: Mapping[str, Mapping[str, Any]] | Sequence[str] | None = None
+    may_end: bool = False
+    on: Mapping[str, str] | None = None
+    interpolation: str | None = None
+    of: str | None = None
+    take: str | None = None
+    at: Mapping[str, str | float] | None = None
+    threshold: str | float | None = None
+
+    def model_part(self) -> dict[str, Any]:
+        """Return the settings that the model declares, if it has any of them."""
+        return {name: value for name in _OF_MODEL if (value := getattr(self, name))}
+
+    def without_model_part(self) -> OutputSpec:
+        """Return the same without what the model declares."""
+        return replace(self, along=None, may_end=False, on=None, interpolation=None)
+
+    def table(self) -> dict[str, Any]:
+        """Return its declaration as a table of a study file."""
+        threshold = {} if self.threshold is None else {"threshold": self.threshold}  # may be 0
+        return {name: value for name, value in vars(self).items() if value} | threshold
+
+
+# The name of the file under which an archive keeps the runs.
+_NAME = "data.csv"
+
+
+def is_data(value: object) -> bool:
+    """Check for an object that has runs in place of a model."""
+    return isinstance(value, pd.DataFrame | xr.Dataset)
+
+
+def _data_content(data: Any) -> bytes:
+    """Return runs as a CSV file, each number as it is to the bit."""
+    return _frame(data).to_csv(index=False).encode("utf-8")
+
+
+def _data_table(data: Any, units: Mapping[str, str], outputs: Iterable[str]) -> dict[str, Any]:
+    """Return the table of a study file that declares runs as its data file.
+
+    Parameters
+    ----------
+    data : DataFrame or Dataset
+        A column ``name [unit]`` or a variable along one dimension for each input and output.
+    units : mapping of str to str
+        The units that the study states for inputs and outputs. They are those of columns without a
+        unit; others are units for display.
+    outputs : iterable of str
+        The outputs. All other columns are inputs, but for those with a meaning of their own.
+    """
+    known = dict(_parts(heading) for heading in map(str, _frame(data).columns))
+    without = {name: unit for name, unit in units.items() if known.get(name) == ""}
+    return {"data": _NAME, "outputs": list(outputs), "units": without or None}
+
+
+def _parts(heading: str) -> tuple[str, str]:
+    try:
+        name, unit = heading_parts(heading, _NAME)
+    except TableError:
+        return heading, ""  # whoever reads the file says what is wrong with it
+    return name, unit if "[" in heading else ""
+
+
+def _frame(data: Any) -> pd.DataFrame:
+    if isinstance(data, pd.DataFrame):
+        return data
+    columns = {}
+    for name, variable in data.variables.items():
+        if variable.ndim == 1 and (name not in data.dims or "units" in variable.attrs):
+            unit = variable.attrs.get("units")
+            columns[f"{name} [{unit}]" if unit else str(name)] = variable.values
+    return pd.DataFrame(columns)
+
+
+def _with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a study with its joint distributions as tables.
+
+    A distribution of chaospy under a tuple of inputs becomes an entry of ``joint``, or an entry of
+    ``inputs`` for each input if these are independent.
+    """
+    inputs, joint = arguments.get("inputs"), arguments.get("joint")
+    if not isinstance(inputs, Mapping) or not isinstance(joint, Mapping | None):
+        return dict(arguments)
+    single = {name: value for name, value in inputs.items() if not isinstance(name, tuple)}
+    tables = {name: _table(value) for name, value in (joint or {}).items()}
+    paths = joint_paths(inputs, tables)
+    for names, value in inputs.items():
+        if not isinstance(names, tuple) or _tuple_fault(names, value):
+            continue
+        margins = [value] if len(names) == 1 else list(value)
+        is_independent = len(names) == 1 or not value.stochastic_dependent
+        # An input with another entry stays in its table, whose reader refuses it.
+        is_new = len({*names} - single.keys()) == len(names)
+        if is_new and is_independent and all(len(each) == 1 for each in margins):
+            single |= dict(zip(names, margins, strict=True))
+        else:
+            tables[paths[names][1]] = _table({"inputs": list(names), "chaospy": value})
+    found = {**arguments, "inputs": single or None, "joint": tables or None}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _find_tuple_faults(inputs: object) -> Iterator[Problem]:
+    """Yield the problems of the entries of inputs under a tuple of names."""
+    for names, value in inputs.items() if isinstance(inputs, Mapping) else ():
+        if isinstance(names, tuple) and (fault := _tuple_fault(names, value)):
+            yield Problem(("inputs", str(names)), *fault)
+
+
+def _tuple_fault(names: tuple[Any, ...], value: object) -> tuple[str, str] | None:
+    """Return what is wrong with an entry, and what is expected; None where nothing is."""
+    expected = f"a distribution of chaospy of dimension {len(names)}"
+    if not names:
+        return "no names of inputs", "a tuple of the inputs of a joint distribution"
+    if not is_chaospy(value):
+        return f"an object of class {type(value).__name__}", expected
+    dimension = len(value)  # type: ignore[arg-type]
+    return None if dimension == len(names) else (f"one of dimension {dimension}", expected)
+
+
+def joint_paths(
+    inputs: Iterable[Any], taken: Collection[str] = ()
+) -> dict[tuple[Any, ...], tuple[str, str]]:
+    """Return the path of the table of each joint distribution, by the tuple of its inputs.
+
+    Parameters
+    ----------
+    inputs : iterable
+        Names of inputs, and tuples of them.
+    taken : collection of str
+        Names of other tables.
+    """
+    paths: dict[tuple[Any, ...], tuple[str, str]] = {}
+    for names in inputs:
+        if isinstance(names, tuple):
+            used = {*taken, *(path[1] for path in paths.values())}
+            joined = "_".join(map(str, names))
+            # ("a_b", "c") and ("a", "b_c") are two.
+            numbered = (f"{joined}_{number}" for number in itertools.count(2))
+            name = next(each for each in itertools.chain([joined], numbered) if each not in used)
+            paths[names] = ("joint", name)
+    return paths
+
+
+def _table(value: Any) -> Any:
+    """Return a joint distribution as a study file has it: as data, else the object by its name."""
+    if not isinstance(value, Mapping) or not is_joint(value.get("chaospy")):
+        return value
+    joint = value["chaospy"]
+    others = {key: entry for key, entry in value.items() if key != "chaospy"}
+    declared = declare_joint(joint)
+    return {**others, **({OBJECT: joint} if declared is None else {"chaospy": declared})}
+
+
+def _joint_units(joint: Any) -> Iterator[tuple[str, str]]:
+    """Yield the inputs of joint distributions with the units of their values."""
+    tables = joint.values() if isinstance(joint, Mapping) else ()
+    for table in tables:
+        if not isinstance(table, Mapping):
+            continue
+        names, sample = table.get("inputs", ()), table.get("sample")
+        units = [*map(str, table.get("units", ()))]
+        units += [DIMENSIONLESS] * (len(names) - len(units))
+        yield from zip(map(str, names), units, strict=False)
+        # Both a dict of columns and a DataFrame are iterables of headings.
+        for heading in (
+            sample if isinstance(sample, Iterable) and not isinstance(sample, str) else ()
+        ):
+            try:
+                name, unit = heading_parts(str(heading), "the table")
+            except TableError:
+                continue  # the reader of the table says what is wrong
+            if name != "weight":
+                yield name, unit
+
+
+_VALUES = "a text, a number, true or false, a list, a dict, or an object of uqpen's"
+
+
+class StudyContent:
+    """Content of a study made from Python objects.
+
+    Attributes
+    ----------
+    content : dict
+        What a study file would contain.
+    objects : dict
+        Functions, designs and distributions that it only names, by the path of their table.
+    problems : list of Problem
+        Arguments that no study file can state.
+    """
+
+    def __init__(self, arguments: Mapping[str, Any], folder: Path) -> None:
+        self.folder = folder
+        self.objects: dict[tuple[str | int, ...], Any] = {}
+        self.problems: list[Problem] = []
+        given = {name: arguments[name] for name in SECTIONS if arguments.get(name) is not None}
+        self.problems += _find_tuple_faults(given.get("inputs"))
+        given = _with_joint_tables(given)
+        model = given.get("model")
+        if is_data(model):
+            self.objects["model",] = _data_content(model)
+            outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
+            units = {**dict(self._input_units(given)), **outputs}
+            given["model"] = _data_table(model, units, outputs)
+        elif callable(model) and not isinstance(model, PythonModel):
+            given["model"] = self._bare_function(model, given)
+            if "outputs" in given:
+                given["outputs"] = _without_fields(given["outputs"])
+        self.content: dict[str, Any] = {
+            name: self._value(value, (name,)) for name, value in given.items()
+        }
+        self._expand_outputs()
+
+    def _value(self, value: Any, path: tuple[str | int, ...]) -> Any:
+        """Return a value of TOML; note a problem and return an empty text where there is none."""
+        value = _as_builtin(value)
+        if isinstance(value, str | bool | int | float):
+            return value
+        if isinstance(value, Path):
+            return str(value)
+        if isinstance(value, list | tuple):
+            return [self._value(entry, (*path, position)) for position, entry in enumerate(value)]
+        if isinstance(value, Mapping):
+            return self._table(value, path)
+        if isinstance(value, PythonModel):
+            return self._table(value.table(), path)
+        faults = list(find_variable_faults(value)) if isinstance(value, Model) else []
+        if faults:
+            named = type(value).__name__
+            self.problems += [
+                Problem(path, f"{named}, which has {each[0]}", each[1]) for each in faults
+            ]
+            return ""
+        table = _declaration(value, self.folder)
+        if table is None:
+            self.problems.append(
+                Problem(path, f"an object of class {type(value).__name__}", _VALUES)
+            )
+            return ""
+        return self._table(table, path)
+
+    def _table(self, table: Mapping[Any, Any], path: tuple[str | int, ...]) -> dict[str, Any]:
+        table = dict(table)
+        named = table.get(OBJECT)
+        if named is not None and not isinstance(named, str | Mapping):
+            self.objects[path] = named
+            table[OBJECT] = repr(named)
+            if path[0] in ("model", "models"):
+                source = function_source(type(named) if isinstance(named, Model) else named)
+                table |= {OBJECT: source.name, "source": source.text or None}
+        return {
+            str(key): self._value(value, (*path, str(key)))
+            for key, value in table.items()
+            if value is not None
+        }
+
+    def _bare_function(self, function: Callable[..., Any], given: Mapping[str, Any]) -> PythonModel:
+        """Return a model with the units in which the study states its inputs and outputs."""
+        inputs = {}
+        for name, value in _items(given.get("inputs")):
+            units = list(dict.fromkeys(_units(_declaration(value, self.folder) or value)))
+            inputs[str(name)] = units[0] if units else DIMENSIONLESS
+            if len(units) > 1 and all(are_convertible(units[0], unit) for unit in units):
+                expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
+                found = f"values in {' and '.join(units)}"
+                self.problems.append(Problem(("inputs", str(name)), found, expected))
+        inputs |= dict(_joint_units(given.get("joint")))
+        outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
+        return PythonModel(function, inputs, outputs)
+
+    def _input_units(self, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield each input whose value or distribution has a unit, with the first that it has."""
+        for name, value in _items(given.get("inputs")):
+            for unit in itertools.islice(_units(_declaration(value, self.folder) or value), 1):
+                yield str(name), unit
+
+    def _expand_outputs(self) -> None:
+        """Expand an output that is given by its unit alone to a table."""
+        outputs = self.content.get("outputs")
+        if isinstance(outputs, dict):
+            for name, value in outputs.items():
+                if isinstance(value, str):
+                    outputs[name] = {"unit": value}
+
+
+def _as_builtin(value: Any) -> Any:
+    """Return a value of NumPy or pandas as one of Python; others as they are."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if type(value).__module__.partition(".")[0] == "pandas" and hasattr(value, "ndim"):
+        return value.to_dict("list") if value.ndim > 1 else value.tolist()
+    return value
+
+
+def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
+    """Return the table that declares an object in a study file; None for an unknown class."""
+    if distribution := value if isinstance(value, Distribution) else as_frozen(value):
+        return _distribution_table(distribution, folder)
+    if isinstance(value, Dependence) and (name := family_name(COPULAS, value)):
+        return {"copula": name, **_copula_fields(value)}
+    if isinstance(value, OutputSpec):
+        return value.table()
+    if isinstance(value, Precision):
+        return dict(value.targets)
+    if isinstance(
+        value, tuple(resolve(each.settings) for each in SECTIONS.values() if each.settings)
+    ):
+        return written_settings(value)
+    for kind, family, key in (
+        (Design, DESIGNS, "kind"),
+        (Surrogate, SURROGATES, "kind"),
+        (BuiltInModel, MODELS, "use"),
+    ):
+        if isinstance(value, kind) and (name := family_name(family, value)):
+            return {key: name, **written_settings(value)}
+    for defined in (DESIGN, SURROGATE):
+        if isinstance(value, defined.base):
+            reference = class_reference(value, folder, defined)
+            return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
+    return _model_table(value, folder) if isinstance(value, Model) else None
+
+
+def _copula_fields(copula: Dependence) -> dict[str, Any]:
+    names = [field.name for field in dataclasses.fields(copula)]  # type: ignore[arg-type]
+    measure = {"of": copula.measures[0]} if isinstance(copula, EllipticalCopula) else {}
+    return measure | {name: getattr(copula, name) for name in names}
+
+
+def _model_table(model: Model, folder: Path) -> dict[str, Any]:
+    """Return the table of a model whose class is not built in."""
+    if reference := class_reference(model, folder, MODEL):
+        table: dict[str, Any] = {"use": reference}
+        return table | (written_settings(model) if dataclasses.is_dataclass(model) else {})
+    variables = {"inputs": model.inputs, "outputs": model.outputs}
+    units = {
+        key: {variable.name: variable.preferred_unit for variable in each}
+        for key, each in variables.items()
+    }
+    return {OBJECT: model, "class": True, **units}
+
+
+def _distribution_table(distribution: Distribution, folder: Path) -> dict[str, Any]:
+    """Return the table of an input with a distribution."""
+    if isinstance(distribution, Truncated):
+        return {
+            **_distribution_table(distribution.parent, folder),
+            **written_settings(distribution),
+        }
+    if isinstance(distribution, FrozenDistribution):
+        frozen = distribution.frozen
+        library, parameters = declare(frozen) or (OBJECT, {OBJECT: frozen})
+        return {library: {**parameters, "unit": distribution.unit}}
+    name = family_name(DISTRIBUTIONS, distribution)
+    settings = written_settings(distribution)
+    if name := name or class_reference(distribution, folder, DISTRIBUTION):
+        return {name: settings}
+    return {OBJECT: {OBJECT: distribution, SETTINGS: settings}}
+
+
+def _items(value: object) -> Iterator[tuple[Any, Any]]:
+    return iter(value.items() if isinstance(value, Mapping) else ())
+
+
+def _units(value: object) -> Iterator[str]:
+    """Yield the units of the quantities in a value; a mistake in one is noted elsewhere."""
+    if isinstance(value, Mapping) and "unit" in value:
+        value = f"1 {value['unit']}"
+    if isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _units(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _units(entry)
+    elif isinstance(value, str):
+        try:
+            spread = parse_spread(value, ANY_DIMENSION)
+            yield spread.unit if spread else parse_any_dimension(value).unit
+        except QuantityError:
+            return
+
+
+def _model_outputs(given: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
+    """Yield the outputs that the model gives, without those derived from them."""
+    for name, value in _items(given.get("outputs")):
+        if not is_derived(value.table() if isinstance(value, OutputSpec) else value):
+            yield name, value
+
+
+def _without_fields(outputs: object) -> object:
+    """Return the outputs of a study without the dimensions, which the model declares."""
+    if not isinstance(outputs, Mapping):
+        return outputs
+    return {
+        name: value.without_model_part() if isinstance(value, OutputSpec) else value
+        for name, value in outputs.items()
+    }
+
+
+def _model_output(value: object) -> str | OutputSpec:
+    """Return the declaration of an output in a model: its unit, and its dimensions if any."""
+    unit = _output_unit(value)
+    declared = value.model_part() if isinstance(value, OutputSpec) else {}
+    return OutputSpec(unit, **declared) if declared else unit
+
+
+def _output_unit(value: object) -> str:
+    if isinstance(value, OutputSpec):
+        value = value.unit
+    unit = value.get("unit") if isinstance(value, Mapping) else value
+    return unit if isinstance(unit, str) else DIMENSIONLESS
 
 
 class Study(ValidatedStudy):
@@ -151,8 +729,8 @@ class Study(ValidatedStudy):
         return study_html(self)
 
     def _copy(self, study: ValidatedStudy) -> None:
-        for field in dataclasses.fields(ValidatedStudy):
-            object.__setattr__(self, field.name, getattr(study, field.name))
+        for each in dataclasses.fields(ValidatedStudy):
+            object.__setattr__(self, each.name, getattr(study, each.name))
 
 
 def _read(made: StudyContent, name: str) -> ValidatedStudy:

@@ -14,9 +14,14 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.named_object import OBJECT, read_named_object
 from uqpen.study.study import SurrogateOrigin, Variant
-from uqpen.study.table_reader import TableReader, family_member, named_tables
+from uqpen.study.table_reader import (
+    OBJECT,
+    TableReader,
+    family_member,
+    named_tables,
+    read_named_object,
+)
 from uqpen.study.user_defined_members import SURROGATE, installed_names, is_reference, read_member
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.refinement import (

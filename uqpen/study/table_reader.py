@@ -12,11 +12,21 @@ from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import Context, declared_settings
+from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import MOST_LISTED, Document
 
-__all__ = ["StudyParts", "TableReader", "check_names", "family_member", "named_tables"]
+__all__ = [
+    "OBJECT",
+    "SETTINGS",
+    "NamedObject",
+    "StudyParts",
+    "TableReader",
+    "check_names",
+    "family_member",
+    "named_tables",
+    "read_named_object",
+]
 
 T = TypeVar("T")
 
@@ -280,3 +290,37 @@ def family_member(
 
 def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+# The key with the name of an object.
+OBJECT = "object"
+
+# The key with the settings of an object of a user's class, for reading only.
+SETTINGS = "settings"
+
+
+class NamedObject(NamedTuple):
+    """Name of an object in the text of a study, and the object; None where it is not here."""
+
+    name: str
+    value: Any
+
+
+def read_named_object(table: TableReader, family: str, expected: str) -> NamedObject | None:
+    """Read which object of the Python program a table names; None where a mistake was noted.
+
+    Parameters
+    ----------
+    table : TableReader
+        The table with the key ``object``.
+    family : str
+        What the object is, for a message.
+    expected : str
+        What a file has in place of an object, which it cannot contain.
+    """
+    name = table.text(OBJECT, f"the text of a {family}")
+    objects = table.document.objects
+    if objects is None:
+        table.add_wrong(OBJECT, name, expected)
+        return None
+    return None if name is None else NamedObject(name, objects.get(table.path))

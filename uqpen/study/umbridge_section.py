@@ -12,10 +12,9 @@ from typing import Any
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.limits import time_limit
-from uqpen.core.list_reading import read_each
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output, Variable
-from uqpen.core.settings import setting, text
+from uqpen.core.settings import read_each, setting, text
 from uqpen.models.umbridge import (
     PROTOCOL,
     Address,

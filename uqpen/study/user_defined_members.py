@@ -18,7 +18,7 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import installed_members, load_installed
 from uqpen.core.model import Model
-from uqpen.core.setting_fields import declared_settings
+from uqpen.core.settings import declared_settings
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.distributions import COPULAS, DISTRIBUTIONS
@@ -28,9 +28,7 @@ from uqpen.models import MODELS
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
 from uqpen.models.user_module import load_module
-from uqpen.study.frozen_section import SETTINGS
-from uqpen.study.named_object import OBJECT
-from uqpen.study.table_reader import TableReader, family_member
+from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_member
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 

@@ -19,11 +19,20 @@ from uqpen.core.columns import heading_parts
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import NAME, RESERVED
-from uqpen.core.list_reading import as_float
 from uqpen.core.lookup import choices
 from uqpen.core.model import Dimension, Input, Output
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import choice, count, file, flag, number, setting, text, validate
+from uqpen.core.settings import (
+    Context,
+    as_float,
+    choice,
+    count,
+    file,
+    flag,
+    number,
+    setting,
+    text,
+    validate,
+)
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
 from uqpen.distributions.measurements import Measurements

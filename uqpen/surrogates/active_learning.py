@@ -10,7 +10,7 @@ from scipy import linalg
 from scipy.special import logsumexp, ndtri
 from scipy.stats import qmc
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import (
     CORRECTION_WEIGHT,
     PREDICTED_EVENT,
@@ -19,9 +19,9 @@ from uqpen.core.labels import (
     SURROGATE_PROBABILITY,
     SURROGATE_PROBABILITY_ERROR,
 )
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, count, number
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.rare_events.importance_sampling import inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
@@ -29,14 +29,13 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.limit_state_surrogate import (
     EXPECTED_FEASIBILITY,
     U_FUNCTION,
-    LearningCriterion,
     LimitStateSurrogate,
     SurrogateStates,
     choose_batch,
     surrogate_states,
 )
 
-__all__ = ["ActiveLearning", "CorrectionPoints", "NormalMixture", "draw_correction"]
+__all__ = ["ActiveLearning", "NormalMixture", "draw_correction"]
 
 # Mixture of normal distributions: an importance density for a rare event.
 
@@ -69,12 +68,9 @@ class NormalMixture:
     factors: FloatArray
 
     @classmethod
-    def of_scales(
-        cls, shares: list[float], deviations: list[float], dimension: int
-    ) -> NormalMixture:
-        """Return a mixture of distributions around the origin, alike in all directions."""
-        factors = np.array([each * np.eye(dimension) for each in deviations])
-        return cls(np.array(shares), np.zeros((len(shares), dimension)), factors)
+    def around_origin(cls, deviation: float, dimension: int) -> NormalMixture:
+        """Return one distribution around the origin, alike in all directions."""
+        return cls(np.ones(1), np.zeros((1, dimension)), deviation * np.eye(dimension)[np.newaxis])
 
     @classmethod
     def fit(
@@ -95,16 +91,8 @@ class NormalMixture:
             likelihood = float(mixture.log_density(points) @ weights) / weights.sum() * size
             numbers = components * (1 + dimension + dimension * (dimension + 1) / 2)
             found.append((numbers * math.log(size) - 2 * likelihood, len(found), mixture))
-        return min(found)[-1]._wider()
-
-    @staticmethod
-    def joined(parts: list[NormalMixture], shares: list[float]) -> NormalMixture:
-        """Return the mixture of mixtures."""
-        return NormalMixture(
-            np.concatenate([a * each.shares for a, each in zip(shares, parts, strict=True)]),
-            np.concatenate([each.means for each in parts]),
-            np.concatenate([each.factors for each in parts]),
-        )
+        best = min(found)[-1]
+        return cls(best.shares, best.means, _WIDER * best.factors)
 
     def log_density(self, points: FloatArray) -> FloatArray:
         """Return the logarithm of the density, shape (point,)."""
@@ -152,9 +140,6 @@ class NormalMixture:
         ]
         return NormalMixture(shares / shares.sum(), means, np.array(factors))
 
-    def _wider(self) -> NormalMixture:
-        return NormalMixture(self.shares, self.means, _WIDER * self.factors)
-
 
 def _covariance(
     points: FloatArray, probabilities: FloatArray, *, centred: bool = False
@@ -176,36 +161,6 @@ _LEAST_STATES = 20
 _REFITS, _FITTED = 2, 5000
 
 
-@dataclass(frozen=True, eq=False)
-class CorrectionPoints:
-    """Points of runs that correct a surrogate, with what it predicts there.
-
-    Parameters
-    ----------
-    points : ndarray, shape (run, random input)
-        In standard normal space.
-    weights : ndarray, shape (run,)
-        Density of the inputs, over that of all these runs together: a sum of them over the runs
-        that are in a set estimates its probability without bias.
-    search_weights : ndarray, shape (run,)
-        The same by the draws alone which look for what the surrogate does not know.
-    occurs : ndarray of bool, shape (run,)
-        Where the surrogate predicts the event.
-    error_probability : ndarray, shape (run,)
-        That of the other outcome, by the surrogate.
-    probability, error : float
-        Probability of the event by the surrogate alone, and the standard error of its sampling.
-    """
-
-    points: FloatArray
-    weights: FloatArray
-    search_weights: FloatArray
-    occurs: BoolArray
-    error_probability: FloatArray
-    probability: float
-    error: float
-
-
 @one_blas_thread()
 def draw_correction(
     surrogate: LimitStateSurrogate | None,
@@ -213,13 +168,14 @@ def draw_correction(
     size: int,
     dimension: int,
     stream: Stream,
-) -> CorrectionPoints:
+) -> RequestedPoints:
     """Draw the points of the runs that correct a surrogate.
 
     A third are draws from where it predicts the event. A third are draws in proportion to the root
     of the probability that it errs: so the variance of the correction is the least if those
     probabilities are right. A third look for what it does not know, half of them by the inputs' own
-    distribution and half by an inflated one. Each run is weighted by all three densities together.
+    distribution and half by an inflated one. Each run is weighted by all three densities together:
+    a sum of the weights over the runs that are in a set estimates its probability without bias.
 
     Parameters
     ----------
@@ -227,56 +183,99 @@ def draw_correction(
         None where nothing could be fitted: all runs are of the last kind.
     states : SurrogateStates or None
         On the way to its event.
-    size : int
-        Number of runs.
-    dimension : int
-        Number of random inputs.
+    size, dimension : int
+        Numbers of runs and of random inputs.
     stream : Stream
 
     References
     ----------
     Veach, E. & Guibas, L. J. (1995). SIGGRAPH '95, 419-428 (the weights).
     """
-    inflated = NormalMixture.of_scales([1.0], [inflation(dimension)], dimension)
-    nominal = NormalMixture.of_scales([1.0], [1.0], dimension)
-    if surrogate is None or states is None:
+    inflated = NormalMixture.around_origin(inflation(dimension), dimension)
+    nominal = NormalMixture.around_origin(1.0, dimension)
+
+    def far_points(count: int) -> FloatArray:
         rng = stream.generator("far")
-        points = _draw_far(nominal, inflated, size, rng)
-        weights = 1 / (size * _far_ratio(points, nominal, inflated))
-        nothing = np.zeros(size, dtype=np.bool_)
-        return CorrectionPoints(
-            points, weights, weights, nothing, np.full(size, np.nan), math.nan, math.nan
+        return np.concatenate(
+            [nominal.draw(count // 2, rng), inflated.draw(count - count // 2, rng)]
         )
+
+    def far_ratio(points: FloatArray) -> FloatArray:
+        """Return the density of far draws over that of the inputs."""
+        ratio: FloatArray = np.exp(inflated.log_density(points) - nominal.log_density(points))
+        return 0.5 + 0.5 * ratio
+
+    if surrogate is None or states is None:
+        points = far_points(size)
+        weights = 1 / (size * far_ratio(points))
+        return _requested(points, weights=weights, search_weights=weights, occurs=0)
     density = _importance_density(surrogate, states, inflated, nominal, stream)
     drawn = density.draw(_DRAWS, stream.generator("draws"))
     ratio = np.exp(nominal.log_density(drawn) - density.log_density(drawn))
     predicted = surrogate.predict(drawn)
     in_event = ratio * predicted.occurs
     doubtful = ratio * np.sqrt(predicted.error_probability)
-    counts = _counts(size, has_event=bool(in_event.any()), has_doubt=bool(doubtful.any()))
-    chosen = np.concatenate(
-        [
-            _chosen(in_event, counts[0], stream.generator("event")),
-            _chosen(doubtful, counts[1], stream.generator("doubtful")),
-        ]
-    )
-    far = _draw_far(nominal, inflated, counts[2], stream.generator("far"))
-    points = np.concatenate([drawn[chosen], far])
+    events, doubts = (size // 3 * bool(each.any()) for each in (in_event, doubtful))
+    searches = size - events - doubts
+    chosen = [
+        stream.generator(purpose).choice(_DRAWS, size=count, p=weights / weights.sum())
+        for purpose, count, weights in (("event", events, in_event), ("doubtful", doubts, doubtful))
+        if count
+    ]
+    points = np.concatenate([*(drawn[each] for each in chosen), far_points(searches)])
     at = surrogate.predict(points)
-    by_search = counts[2] * _far_ratio(points, nominal, inflated)
+    by_search = searches * far_ratio(points)
     total = by_search.copy()
-    if counts[0]:
-        total += counts[0] * at.occurs / in_event.mean()
-    if counts[1]:
-        total += counts[1] * np.sqrt(at.error_probability) / doubtful.mean()
-    return CorrectionPoints(
-        points=points,
+    if events:
+        total += events * at.occurs / in_event.mean()
+    if doubts:
+        total += doubts * np.sqrt(at.error_probability) / doubtful.mean()
+    return _requested(
+        points,
         weights=1 / total,
         search_weights=1 / by_search,
-        occurs=at.occurs,
+        occurs=at.occurs.astype(np.int64),
         error_probability=at.error_probability,
         probability=float(in_event.mean()),
         error=float(in_event.std(ddof=1) / math.sqrt(_DRAWS)),
+    )
+
+
+def _requested(
+    points: FloatArray,
+    *,
+    weights: FloatArray | float = 0.0,
+    search_weights: FloatArray | float = 0.0,
+    occurs: IntArray | int = -1,
+    error_probability: FloatArray | float = math.nan,
+    probability: float = math.nan,
+    error: float = math.nan,
+) -> RequestedPoints:
+    """Return points with what their analysis needs; by default of runs without an estimate.
+
+    Parameters
+    ----------
+    points : ndarray, shape (run, random input)
+        In standard normal space.
+    weights : ndarray, shape (run,)
+        Density of the inputs, over that of all these runs together.
+    search_weights : ndarray, shape (run,)
+        The same by the draws alone which look for what the surrogate does not know.
+    occurs, error_probability : ndarray, shape (run,)
+        Whether the surrogate predicts the event (-1: unknown), and that it is wrong.
+    probability, error : float
+        Probability of the event by the surrogate alone, and the standard error of its sampling.
+    """
+    columns = {
+        CORRECTION_WEIGHT: weights,
+        SEARCH_WEIGHT: search_weights,
+        PREDICTED_EVENT: occurs,
+        PREDICTION_ERROR: error_probability,
+        SURROGATE_PROBABILITY: probability,
+        SURROGATE_PROBABILITY_ERROR: error,
+    }
+    return RequestedPoints(
+        points, {key: np.full(len(points), each) for key, each in columns.items()}
     )
 
 
@@ -304,34 +303,13 @@ def _importance_density(
             break
         rng = stream.generator("mixture", stage)
         fitted = NormalMixture.fit(points[used], wanted[used] / wanted[used].max(), rng)
-        density = NormalMixture.joined([fitted, inflated], [1 - _INFLATED, _INFLATED])
+        parts = ((1 - _INFLATED, fitted), (_INFLATED, inflated))
+        density = NormalMixture(
+            np.concatenate([share * each.shares for share, each in parts]),
+            np.concatenate([each.means for _, each in parts]),
+            np.concatenate([each.factors for _, each in parts]),
+        )
     return density
-
-
-def _counts(size: int, *, has_event: bool, has_doubt: bool) -> tuple[int, int, int]:
-    third = size // 3
-    event, doubtful = third * has_event, third * has_doubt
-    return event, doubtful, size - event - doubtful
-
-
-def _chosen(weights: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Return draws in proportion to weights."""
-    if not count:
-        return np.empty(0, dtype=np.int64)
-    return rng.choice(len(weights), size=count, p=weights / weights.sum())
-
-
-def _draw_far(
-    nominal: NormalMixture, inflated: NormalMixture, count: int, rng: np.random.Generator
-) -> FloatArray:
-    plain = count // 2
-    return np.concatenate([nominal.draw(plain, rng), inflated.draw(count - plain, rng)])
-
-
-def _far_ratio(points: FloatArray, nominal: NormalMixture, inflated: NormalMixture) -> FloatArray:
-    """Return the density of far draws over that of the inputs."""
-    ratio: FloatArray = np.exp(inflated.log_density(points) - nominal.log_density(points))
-    return 0.5 + 0.5 * ratio
 
 
 # Runs to learn from where the study states no number: 130 for two inputs.
@@ -388,8 +366,11 @@ class ActiveLearning(RareEventDesign):
 
     def replicate(self, joint: JointDistribution, event: LimitState, stream: Stream) -> Replicate:
         dimension, most = len(joint.random), self._most_learning(joint)
-        points = _first_points(min(_FIRST + _FIRST_PER_INPUT * dimension, most), dimension, stream)
-        outcomes = (yield _to_learn(points)).outcomes
+        # A Latin hypercube of the inflated inputs.
+        hypercube = qmc.LatinHypercube(dimension, rng=stream.generator("first"))
+        first = min(_FIRST + _FIRST_PER_INPUT * dimension, most)
+        points: FloatArray = inflation(dimension) * ndtri(hypercube.random(first))
+        outcomes = (yield _requested(points)).outcomes
         converged = 0
         for batch in range(most):
             own = stream.child("batch", batch)
@@ -405,13 +386,14 @@ class ActiveLearning(RareEventDesign):
                 break
             size = min(self.batch, most - len(points))
             further = self._batch(surrogate, states, points, outcomes, size, own)
-            made = yield _to_learn(further)
+            made = (yield _requested(further)).outcomes
             points = np.concatenate([points, further])
-            outcomes = _joined(outcomes, made.outcomes)
-        yield _to_correct(
-            draw_correction(
-                surrogate, states, self.correction, dimension, stream.child("correction")
+            # Runs are the last axis of all of them.
+            outcomes = EventOutcomes(
+                *(np.concatenate(pair, axis=-1) for pair in zip(outcomes, made, strict=True))
             )
+        yield draw_correction(
+            surrogate, states, self.correction, dimension, stream.child("correction")
         )
 
     def _batch(
@@ -429,17 +411,9 @@ class ActiveLearning(RareEventDesign):
         if surrogate is None or states is None:
             return drawn
         incomplete = points[outcomes.missing | ~outcomes.belongs]
-        criterion = LearningCriterion(self.criterion)
-        chosen = choose_batch(surrogate, states, incomplete, size, criterion, len(points))
+        chosen = choose_batch(surrogate, states, incomplete, size, self.criterion, len(points))
         drawn[: len(chosen)] = states.points[chosen]
         return drawn
-
-
-def _first_points(size: int, dimension: int, stream: Stream) -> FloatArray:
-    """Return a Latin hypercube of the inflated inputs, in standard normal space."""
-    hypercube = qmc.LatinHypercube(dimension, rng=stream.generator("first"))
-    found: FloatArray = inflation(dimension) * ndtri(hypercube.random(size))
-    return found
 
 
 def _expected_error(surrogate: LimitStateSurrogate, states: SurrogateStates) -> float:
@@ -448,43 +422,3 @@ def _expected_error(surrogate: LimitStateSurrogate, states: SurrogateStates) -> 
     probability = float(states.weights @ predicted.occurs)
     error = float(states.weights @ predicted.error_probability)
     return error / probability if probability > 0 else np.inf
-
-
-def _joined(one: EventOutcomes, other: EventOutcomes) -> EventOutcomes:
-    return EventOutcomes(
-        np.concatenate([one.belongs, other.belongs]),
-        np.concatenate([one.occurs, other.occurs]),
-        np.concatenate([one.missing, other.missing]),
-        np.concatenate([one.excess, other.excess], axis=1),
-    )
-
-
-def _to_learn(points: FloatArray) -> RequestedPoints:
-    """Return points of runs that no estimate is made from: their weight is 0."""
-    unknown = np.full(len(points), np.nan)
-    return RequestedPoints(
-        points,
-        {
-            CORRECTION_WEIGHT: np.zeros(len(points)),
-            SEARCH_WEIGHT: np.zeros(len(points)),
-            PREDICTED_EVENT: np.full(len(points), -1),
-            PREDICTION_ERROR: unknown,
-            SURROGATE_PROBABILITY: unknown,
-            SURROGATE_PROBABILITY_ERROR: unknown,
-        },
-    )
-
-
-def _to_correct(runs: CorrectionPoints) -> RequestedPoints:
-    size = len(runs.points)
-    return RequestedPoints(
-        runs.points,
-        {
-            CORRECTION_WEIGHT: runs.weights,
-            SEARCH_WEIGHT: runs.search_weights,
-            PREDICTED_EVENT: runs.occurs.astype(np.int64),
-            PREDICTION_ERROR: runs.error_probability,
-            SURROGATE_PROBABILITY: np.full(size, runs.probability),
-            SURROGATE_PROBABILITY_ERROR: np.full(size, runs.error),
-        },
-    )

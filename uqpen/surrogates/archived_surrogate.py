@@ -12,7 +12,6 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.errors import ArchiveError, ModelError, QuantityError, UnknownNameError, UqpenError
 from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
 from uqpen.core.labels import SURROGATES as GROUP
@@ -21,6 +20,7 @@ from uqpen.core.model import Input, Model, Output, find_variable
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
 from uqpen.core.units import are_convertible, describe, scale
+from uqpen.core.variables import field_coordinates
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields

@@ -10,11 +10,10 @@ from typing import Self, cast
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
-from uqpen.core.labels import NOT_FITTED, RUN, STATUS
+from uqpen.core.labels import RUN, STATUS
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.model import Model
 from uqpen.core.settings import name
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -27,7 +26,6 @@ from uqpen.surrogates.diagnostics import (
     diagnostics_dataset,
     quality_text,
     shown_diagnostics,
-    unfitted_outputs,
 )
 from uqpen.surrogates.field_fit import FIT_TEXT
 from uqpen.surrogates.fitted_surrogate import (
@@ -37,9 +35,8 @@ from uqpen.surrogates.fitted_surrogate import (
     Prediction,
 )
 from uqpen.surrogates.fitting import CrossFit, cross_fit
-from uqpen.surrogates.output_surrogate import training_record
-from uqpen.surrogates.surrogate import DEFAULT_COMPONENTS, Surrogate, components_setting
-from uqpen.surrogates.training import TrainingRecord, TrainingRuns, known_inputs
+from uqpen.surrogates.surrogate import Surrogate, components_setting
+from uqpen.surrogates.training import TrainedSurrogate, TrainingRuns
 
 __all__ = ["BestSurrogate", "ChosenSurrogates", "FixedChoice", "ModelRace"]
 
@@ -138,45 +135,23 @@ _CHOSEN = "chosen_kind"
 _NO_CLOSED_FORM = "its kind, {kind}, has no closed forms"
 
 
-@dataclass(frozen=True, eq=False)
-class ChosenSurrogates(FittedSurrogate, ClosedForms):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ChosenSurrogates(TrainedSurrogate, ClosedForms):
     """Surrogates of several sorts; each predicts some outputs.
 
     Parameters
     ----------
-    name : str
-        Its name in the study.
-    inputs : tuple of Input
-        Those of the model that it stands for.
-    outputs : tuple of Output
-        Those that could be fitted.
     members : mapping of str to FittedSurrogate
         By kind. They may predict other outputs as well.
     choice : mapping of str to str
         The kind of each output.
-    reasons, fixed, original
-        As in `FittedSurrogate`.
-    training : TrainingRecord
-        The runs that it was fitted to.
     races : mapping of str to ModelRace
         By output, why that kind.
     """
 
-    name: str
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
     members: Mapping[str, FittedSurrogate]
     choice: Mapping[str, str]
-    reasons: Mapping[str, str]
-    fixed: Mapping[str, float]
-    training: TrainingRecord
-    original: Model | None = None
     races: Mapping[str, ModelRace] = field(default_factory=dict)
-
-    @property
-    def random_inputs(self) -> tuple[str, ...]:
-        """Names of the inputs that varied in the training runs."""
-        return self.training.random_inputs
 
     @property
     def logarithms(self) -> frozenset[str]:
@@ -191,12 +166,11 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
         found = {kind: self.members[kind].predict(inputs) for kind in set(self.choice.values())}
         return {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
 
-    def evaluate(self, inputs: Arrays) -> Results:
-        """Return the predicted values without their deviations; see `Model.evaluate`."""
-        kinds, runs = set(self.choice.values()), len(inputs[self.random_inputs[0]])
-        found = {kind: self.members[kind].evaluate(inputs).outputs for kind in kinds}
-        values = {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
-        return Results(values, np.full(runs, Status.OK, dtype=np.int8))
+    def predict_means(self, inputs: Arrays) -> dict[str, FloatArray]:
+        """Predict its outputs without their deviations."""
+        kinds = set(self.choice.values())
+        found = {kind: self.members[kind].predict_means(inputs) for kind in kinds}
+        return {each.name: found[self.choice[each.name]][each.name] for each in self.outputs}
 
     def training_range(self, output: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an output in the training runs."""
@@ -220,37 +194,24 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
 
         Each member has the group of its kind. That is no name of an output, as it has a hyphen.
         """
-        groups = {
-            "/": xr.Dataset(
-                attrs={
-                    "kind": KIND,
-                    "design": self.training.design,
-                    "outputs": " ".join(self.choice),
-                    **self.training.attributes(),
-                }
-            ),
-            "/input": self.training.input_dataset(self.inputs, self.fixed),
-        }
+        groups: dict[str, xr.Dataset] = {}
         for kind, member in self.members.items():
             tree = member.to_tree()
             for node in tree.subtree:
-                groups[f"/{kind}{node.path}".rstrip("/")] = node.to_dataset(inherit=False)
+                groups[f"{kind}{node.path}".rstrip("/")] = node.to_dataset(inherit=False)
             for output in (each for each, chosen in self.choice.items() if chosen == kind):
                 own = shown_diagnostics(tree.children[output])
                 race = self.races.get(output)
                 text = {FIT_TEXT: race.text} if race else {}
-                groups[f"/{output}"] = xr.Dataset(attrs={_CHOSEN: kind, **text})
+                groups[output] = xr.Dataset(attrs={_CHOSEN: kind, **text})
                 every = [*own, *(race.diagnostics() if race else ())]
-                groups[f"/{output}/{DIAGNOSTICS}"] = diagnostics_dataset(every)
-        for output, reason in self.reasons.items():
-            groups[f"/{output}"] = xr.Dataset(attrs={NOT_FITTED: reason})
-        return xr.DataTree.from_dict(groups)
+                groups[f"{output}/{DIAGNOSTICS}"] = diagnostics_dataset(every)
+        return self._tree(KIND, groups)
 
     @classmethod
     def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
         """Restore it from `to_tree`."""
-        group = read_group(tree, "input")
-        inputs, fixed = TrainingRecord.read_inputs(group)
+        own = cls._restored(tree, name, original)
         members = {
             str(kind): resolve(SURROGATES[str(each.attrs["kind"])]).restore(each, name, original)
             for kind, each in tree.children.items()
@@ -266,15 +227,10 @@ class ChosenSurrogates(FittedSurrogate, ClosedForms):
                 values = {each.name: each.value for each in found}
                 races[output] = ModelRace.from_diagnostics(choice[output], values)
         return cls(
-            name=name,
-            inputs=original.inputs if original else inputs,
+            **own,
             outputs=tuple(known[choice[output]][output] for output in names),
             members=members,
             choice=choice,
-            reasons=unfitted_outputs(tree),
-            fixed=fixed,
-            training=TrainingRecord.from_attributes(tree.attrs, group),
-            original=original,
             races=races,
         )
 
@@ -367,7 +323,7 @@ class BestSurrogate(Surrogate):
                 races[output] = ModelRace.of_predictions(training.outputs[output], found)
             else:
                 reasons[output] = next((each.reason for each in fits.values()), "") or _ABSENT
-        chosen = FixedChoice(self.design, {key: race.winner for key, race in races.items()})
+        chosen = FixedChoice(self.design, choice={key: race.winner for key, race in races.items()})
         fitted = chosen.fit(name, runs, model, joint, stream)
         failed = {**{key: text for key, text in reasons.items() if text}, **fitted.reasons}
         return replace(fitted, races=races, reasons=failed)
@@ -375,7 +331,7 @@ class BestSurrogate(Surrogate):
     def for_refits(self, fitted: FittedSurrogate) -> Surrogate:
         """Return settings with the choice of a fit, so that there is no other race."""
         choice = fitted.choice if isinstance(fitted, ChosenSurrogates) else {}
-        return FixedChoice(self.design, choice, components=self.components)
+        return FixedChoice(self.design, choice=choice, components=self.components)
 
     @classmethod
     def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> ChosenSurrogates:
@@ -384,21 +340,16 @@ class BestSurrogate(Surrogate):
 
 
 @dataclass(frozen=True)
-class FixedChoice(Surrogate):
+class FixedChoice(BestSurrogate):
     """Surrogate with a given kind for each output.
 
     Parameters
     ----------
-    design : str
-        The design whose runs it is fitted to.
     choice : mapping of str to str
         By output; others are not fitted.
     """
 
-    design: str
-    choice: Mapping[str, str]
-    check: str | None = None
-    components: float = DEFAULT_COMPONENTS
+    choice: Mapping[str, str] = field(default_factory=dict)
 
     def fit(
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
@@ -414,21 +365,12 @@ class FixedChoice(Surrogate):
             output: members[kind].reasons.get(output, "") for output, kind in self.choice.items()
         }
         return ChosenSurrogates(
-            name=name,
-            inputs=known_inputs(model, joint),
+            **training.described(name, self.design),
             outputs=tuple(each for each in model.all_outputs if found.get(each.name) == ""),
             members=members,
             choice={output: kind for output, kind in self.choice.items() if not found[output]},
             reasons={output: reason for output, reason in found.items() if reason},
-            fixed=training.fixed,
-            training=training_record(self, training, joint),
-            original=model,
         )
-
-    @classmethod
-    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> ChosenSurrogates:
-        """Restore the surrogates; see `Surrogate.restore`."""
-        return ChosenSurrogates.from_tree(tree, name, original)
 
 
 def _candidates(

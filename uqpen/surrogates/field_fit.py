@@ -12,12 +12,12 @@ import scipy
 import xarray as xr
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import PRINCIPAL_COMPONENT, QUADRATURE_WEIGHT, RUN, STATUS
 from uqpen.core.model import Dimension, Input, Model, Output, Results
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
-from uqpen.core.threads import one_blas_thread
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.core.variables import field_coordinates
 from uqpen.surrogates.diagnostics import (
     DIAGNOSTICS,
     Diagnostic,

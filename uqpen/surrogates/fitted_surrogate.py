@@ -106,11 +106,14 @@ class FittedSurrogate(Model):
         """Outputs that were fitted as their logarithm."""
         return frozenset()
 
+    def predict_means(self, inputs: Arrays) -> Mapping[str, FloatArray]:
+        """Predict its outputs without standard deviations, which some kinds do faster."""
+        return {name: prediction.mean for name, prediction in self.predict(inputs).items()}
+
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the predicted values; see `Model.evaluate`."""
-        values = {name: prediction.mean for name, prediction in self.predict(inputs).items()}
         status = np.full(len(inputs[self.random_inputs[0]]), Status.OK, dtype=np.int8)
-        return Results(values, status)
+        return Results(self.predict_means(inputs), status)
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         """Yield the conditions of the original model, and that fixed inputs have their values."""

@@ -10,9 +10,9 @@ import numpy as np
 from uqpen.core.arrays import IntArray
 from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, WEIGHT
 from uqpen.core.model import Model
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
 from uqpen.surrogates.field_surrogate import fit_fields
@@ -50,31 +50,20 @@ def fit_surrogate(
     """
 
     def fit(runs: xr.Dataset, model: Model) -> FittedSurrogate:
-        return _fit_scalars(surrogate, name, runs, model, joint, stream)
+        if is_built_in(surrogate):
+            return surrogate.fit(name, runs, model, joint, stream)
+        try:
+            fitted = surrogate.fit(name, runs, model, joint, stream)
+            fault = _fault(surrogate, fitted, runs)
+        except (Exception, SystemExit) as error:  # a user-defined class can raise anything
+            fault = error_text(error)
+        if not fault:
+            return fitted
+        return unfitted(surrogate, name, runs, model, joint, f"its fit fails: {fault}")
 
     if any(output.dims for output in model.all_outputs):
         return fit_fields(name, runs, model, surrogate.components, fit)
     return fit(runs, model)
-
-
-def _fit_scalars(
-    surrogate: Surrogate,
-    name: str,
-    runs: xr.Dataset,
-    model: Model,
-    joint: JointDistribution,
-    stream: Stream,
-) -> FittedSurrogate:
-    if is_built_in(surrogate):
-        return surrogate.fit(name, runs, model, joint, stream)
-    try:
-        fitted = surrogate.fit(name, runs, model, joint, stream)
-        fault = _fault(surrogate, fitted, runs)
-    except (Exception, SystemExit) as error:  # a user-defined class can raise anything
-        fault = error_text(error)
-    if not fault:
-        return fitted
-    return unfitted(surrogate, name, runs, model, joint, f"its fit fails: {fault}")
 
 
 def _fault(surrogate: Surrogate, fitted: object, runs: xr.Dataset) -> str:
@@ -176,7 +165,14 @@ def cross_fit(
     size = runs.sizes[RUN]
     if reason := _reason_without_folds(runs):
         return CrossFit.without_folds(size, reason)
-    fold = _folds(runs, stream.generator("cross_fitting"))
+    # Whole replicates are dealt, or runs without any. Runs of a replicate avoid each other:
+    # the rest of it would give a hint at one that is left out.
+    unit = np.arange(size)
+    if REPLICATE in runs.coords and np.unique(runs[REPLICATE].values).size > 1:
+        _, unit = np.unique(runs[REPLICATE].values, return_inverse=True)
+    units = int(unit.max()) + 1
+    rng = stream.generator("cross_fitting")
+    fold = (rng.permutation(units) % min(FOLDS, units))[unit].astype(np.int64)
     fits = (
         fit_surrogate(
             surrogate,
@@ -203,15 +199,3 @@ def _reason_without_folds(runs: xr.Dataset) -> str:
         return _WEIGHTED
     size = runs.sizes[RUN]
     return _FEW.format(runs=size, folds=FOLDS) if size < _FEWEST_RUNS else ""
-
-
-def _folds(runs: xr.Dataset, rng: np.random.Generator) -> IntArray:
-    """Return the fold of each run: whole replicates are dealt, or runs where there are none.
-
-    Runs of a replicate avoid each other: the rest of it would give a hint at one that is left out.
-    """
-    unit = np.arange(runs.sizes[RUN])
-    if REPLICATE in runs.coords and np.unique(runs[REPLICATE].values).size > 1:
-        _, unit = np.unique(runs[REPLICATE].values, return_inverse=True)
-    units = int(unit.max()) + 1
-    return (rng.permutation(units) % min(FOLDS, units))[unit].astype(np.int64)

@@ -10,9 +10,9 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Model, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, choices, name, share
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.gaussian_process_fit import (
     FEW_RUNS,

@@ -9,15 +9,16 @@ Bichon, B. J. et al. (2008). AIAA Journal 46, 2459-2468.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 from scipy.special import log_ndtr, ndtr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.threads import one_blas_thread
+from uqpen.core.processors import one_blas_thread
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.subset_simulation import ConditionalSampling
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -31,13 +32,11 @@ from uqpen.surrogates.gaussian_process_fit import (
 __all__ = [
     "EXPECTED_FEASIBILITY",
     "U_FUNCTION",
-    "LearningCriterion",
     "LimitStateSurrogate",
     "PredictedEvents",
     "SurrogateStates",
     "choose_batch",
-    "inputs_of",
-    "mean_and_deviation",
+    "learning_criterion",
     "surrogate_states",
 ]
 
@@ -47,28 +46,19 @@ __all__ = [
 _PART = 8192
 
 
-@dataclass(frozen=True, eq=False)
-class PredictedEvents:
+class PredictedEvents(NamedTuple):
     """Predictions of an event.
 
     Parameters
     ----------
-    performance : ndarray, shape (point,)
-        By the means of the processes; above 0 where the event is predicted.
-    probability : ndarray, shape (point,)
-        That of the event.
+    occurs : ndarray of bool, shape (point,)
+        True where the means of the processes predict the event.
     error_probability : ndarray, shape (point,)
         That of the other outcome than the predicted one.
     """
 
-    performance: FloatArray
-    probability: FloatArray
+    occurs: BoolArray
     error_probability: FloatArray
-
-    @property
-    def occurs(self) -> BoolArray:
-        """True where the event is predicted."""
-        return np.asarray(self.performance > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +70,12 @@ class LimitStateSurrogate:
     joint : JointDistribution
     event : LimitState
     fits : tuple of GaussianProcessFit
-        One for each limit, in units of `scales`.
-    scales : ndarray, shape (limit,)
-        Distances in which limits of different outputs are compared.
+        One for each limit, in units of the distances in which limits are compared.
     """
 
     joint: JointDistribution
     event: LimitState
     fits: tuple[GaussianProcessFit, ...]
-    scales: FloatArray
 
     @classmethod
     @one_blas_thread()
@@ -102,19 +89,12 @@ class LimitStateSurrogate:
     ) -> LimitStateSurrogate | None:
         """Fit the completed runs; None where they are too few or all alike.
 
-        Parameters
-        ----------
-        joint : JointDistribution
-        event : LimitState
-        points : ndarray, shape (run, random input)
-            In standard normal space.
-        outcomes : EventOutcomes
-        rng : Generator
+        The points, of shape (run, random input), are in standard normal space.
         """
         completed = outcomes.belongs & ~outcomes.missing
         scales = event.scales(outcomes)
         values = outcomes.excess[:, completed] / scales[:, np.newaxis]
-        inputs = inputs_of(joint, points[completed])
+        inputs = _inputs_of(joint, points[completed])
         distributions = [each.distribution for each in joint.random]
         fits = []
         for own in values:
@@ -125,51 +105,46 @@ class LimitStateSurrogate:
             if isinstance(fit, str):
                 return None
             fits.append(fit)
-        return cls(joint, event, tuple(fits), scales)
+        return cls(joint, event, tuple(fits))
 
+    @one_blas_thread()
     def predict_performance(self, points: FloatArray) -> FloatArray:
-        """Return the performance by the means, shape (point,), at points of normal space."""
-        return self._performance(self._means(points))
+        """Return the performance by the means, shape (point,), at points of normal space.
+
+        It is above 0 where the event is predicted.
+        """
+        means = np.empty((len(self.fits), len(points)))
+        for part, inputs in self._parts(points):
+            for number, fit in enumerate(self.fits):
+                means[number, part] = fit.predict_mean(inputs)
+        return self._performance(means)
 
     @one_blas_thread()
     def predict(self, points: FloatArray) -> PredictedEvents:
         """Predict the event at points of standard normal space, shape (point, random input)."""
         means, deviations = np.empty((2, len(self.fits), len(points)))
-        for start in range(0, len(points), _PART):
-            part = slice(start, start + _PART)
-            inputs = inputs_of(self.joint, points[part])
+        for part, inputs in self._parts(points):
             for number, fit in enumerate(self.fits):
-                means[number, part], deviations[number, part] = mean_and_deviation(fit, inputs)
-        return self._events(means, deviations)
-
-    def _events(self, means: FloatArray, deviations: FloatArray) -> PredictedEvents:
-        performance = self._performance(means)
-        standardised = means / deviations
+                means[number, part], deviations[number, part] = _mean_and_deviation(fit, inputs)
+        occurs = self._performance(means) > 0
         sign = -1 if self.event.is_any else 1
         # Of no limit met, or of all of them, by processes that are independent given the runs.
-        together = log_ndtr(sign * standardised).sum(axis=0)
+        together = log_ndtr(sign * (means / deviations)).sum(axis=0)
         likely, unlikely = np.exp(together), -np.expm1(together)
-        probability = unlikely if self.event.is_any else likely
-        otherwise = likely if self.event.is_any else unlikely
-        error = np.where(performance > 0, otherwise, probability)
-        return PredictedEvents(performance, probability, error)
+        return PredictedEvents(occurs, np.where(occurs == self.event.is_any, likely, unlikely))
 
-    @one_blas_thread()
-    def _means(self, points: FloatArray) -> FloatArray:
-        means = np.empty((len(self.fits), len(points)))
+    def _parts(self, points: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
+        """Yield parts of the points, with their inputs in SI units."""
         for start in range(0, len(points), _PART):
             part = slice(start, start + _PART)
-            inputs = inputs_of(self.joint, points[part])
-            for number, fit in enumerate(self.fits):
-                means[number, part] = fit.predict_mean(inputs)
-        return means
+            yield part, _inputs_of(self.joint, points[part])
 
     def _performance(self, means: FloatArray) -> FloatArray:
         found: FloatArray = means.max(axis=0) if self.event.is_any else means.min(axis=0)
         return found
 
 
-def mean_and_deviation(
+def _mean_and_deviation(
     fit: GaussianProcessFit, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean of a process and its standard deviation, above 0, at inputs in SI units."""
@@ -178,7 +153,7 @@ def mean_and_deviation(
     return predicted.mean, np.maximum(deviation, np.finfo(np.float64).tiny)
 
 
-def inputs_of(joint: JointDistribution, points: FloatArray) -> FloatArray:
+def _inputs_of(joint: JointDistribution, points: FloatArray) -> FloatArray:
     """Return the random inputs at points of standard normal space, in SI units, alike in shape."""
     values = joint.ppf(joint.conditional_probabilities(ndtr(points), {}))
     names: Sequence[str] = [each.variable.name for each in joint.random]
@@ -228,33 +203,19 @@ def surrogate_states(
             break
         probability *= float(reached.mean())
         seeds = rng.permutation(np.flatnonzero(reached))[:_CHAINS]
-        points, performance, accepted = _chains(
-            surrogate, points[seeds], performance[seeds], threshold, sampling, rng
-        )
-        sampling = sampling.following(accepted)
+        points, performance = points[seeds], performance[seeds]
+        of_chains, shares = [(points, performance)], []
+        for _ in range(math.ceil(_STATES / _CHAINS) - 1):
+            candidates = sampling.candidates(points, rng)
+            new = surrogate.predict_performance(candidates)
+            accepted = new > threshold
+            points = np.where(accepted[:, np.newaxis], candidates, points)
+            performance = np.where(accepted, new, performance)
+            shares.append(float(accepted.mean()))
+            of_chains.append((points, performance))
+        points, performance = map(np.concatenate, zip(*of_chains, strict=True))
+        sampling = sampling.following(float(np.mean(shares)))
     return SurrogateStates(np.concatenate(visited), np.concatenate(weights))
-
-
-def _chains(
-    surrogate: LimitStateSurrogate,
-    at: FloatArray,
-    performance: FloatArray,
-    threshold: float,
-    sampling: ConditionalSampling,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return states of chains above a threshold, their performance, and the share of moves."""
-    points, found, shares = [at], [performance], []
-    for _ in range(math.ceil(_STATES / _CHAINS) - 1):
-        candidates = sampling.candidates(at, rng)
-        new = surrogate.predict_performance(candidates)
-        accepted = new > threshold
-        at = np.where(accepted[:, np.newaxis], candidates, at)
-        performance = np.where(accepted, new, performance)
-        shares.append(float(accepted.mean()))
-        points.append(at)
-        found.append(performance)
-    return np.concatenate(points), np.concatenate(found), float(np.mean(shares))
 
 
 U_FUNCTION, EXPECTED_FEASIBILITY = "u-function", "expected-feasibility"
@@ -263,26 +224,17 @@ U_FUNCTION, EXPECTED_FEASIBILITY = "u-function", "expected-feasibility"
 _CANDIDATES = 1000
 
 
-class LearningCriterion:
-    """Criterion by which candidates are compared: how much a run there would teach.
+def learning_criterion(name: str, means: FloatArray, deviations: FloatArray) -> FloatArray:
+    """Return how much a run at each candidate would teach, of the shape of the means.
 
-    Parameters
-    ----------
-    name : str
-        ``"u-function"``: the probability that the predicted sign is wrong.
-        ``"expected-feasibility"``: how much of the process lies near the limit.
+    It is ``"u-function"``, the probability that the predicted sign is wrong, or
+    ``"expected-feasibility"``: how much of the process lies near the limit.
     """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def values(self, means: FloatArray, deviations: FloatArray) -> FloatArray:
-        """Return the criterion, larger where a run teaches more, of the same shape."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            standardised = np.where(deviations > 0, np.abs(means) / deviations, np.inf)
-        if self._name == U_FUNCTION:
-            return np.asarray(ndtr(-standardised))
-        return deviations * _expected_feasibility(standardised)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        standardised = np.where(deviations > 0, np.abs(means) / deviations, np.inf)
+    if name == U_FUNCTION:
+        return np.asarray(ndtr(-standardised))
+    return deviations * _expected_feasibility(standardised)
 
 
 def choose_batch(
@@ -290,7 +242,7 @@ def choose_batch(
     states: SurrogateStates,
     incomplete: FloatArray,
     size: int,
-    criterion: LearningCriterion,
+    criterion: str,
     runs: int,
 ) -> IntArray:
     """Return the states of the next batch, one after the other by the criterion.
@@ -312,7 +264,8 @@ def choose_batch(
         Where runs did not complete.
     size : int
         Number of points; fewer where no other candidate teaches anything.
-    criterion : LearningCriterion
+    criterion : str
+        As `learning_criterion` takes it.
     runs : int
         Number of runs so far.
 
@@ -325,8 +278,8 @@ def choose_batch(
     considered = np.unique(np.concatenate([each[:_CANDIDATES] for each in orders]))
     weights = states.weights[considered]
     with one_blas_thread():
-        inputs = inputs_of(surrogate.joint, states.points[considered])
-        without = inputs_of(surrogate.joint, incomplete)
+        inputs = _inputs_of(surrogate.joint, states.points[considered])
+        without = _inputs_of(surrogate.joint, incomplete)
         processes = [_Candidates(fit, inputs, without) for fit in surrogate.fits]
         chosen: list[int] = []
         for number in range(size):
@@ -347,7 +300,7 @@ class _Candidates:
 
     def __init__(self, fit: GaussianProcessFit, inputs: FloatArray, without: FloatArray) -> None:
         self._fit = fit
-        self.means, self._deviations = mean_and_deviation(fit, inputs)
+        self.means, self._deviations = _mean_and_deviation(fit, inputs)
         self._points, self._runs = fit.scaled_coordinates(inputs), fit.points
         among = correlations(fit.points, fit.points, fit.smoothness)
         among[np.diag_indices_from(among)] += fit.nugget
@@ -394,7 +347,7 @@ class _Candidates:
 
 
 def _combined(
-    surrogate: LimitStateSurrogate, processes: Sequence[_Candidates], criterion: LearningCriterion
+    surrogate: LimitStateSurrogate, processes: Sequence[_Candidates], criterion: str
 ) -> FloatArray:
     """Return the criterion of all limits together, shape (candidate,).
 
@@ -403,7 +356,7 @@ def _combined(
     """
     means = np.array([each.means for each in processes])
     deviations = np.array([each.deviations for each in processes])
-    each = criterion.values(means, deviations)
+    each = learning_criterion(criterion, means, deviations)
     met = means > 0
     occurs = met.any(axis=0) if surrogate.event.is_any else met.all(axis=0)
     suffices = np.where(occurs == surrogate.event.is_any, met == occurs, False)
@@ -416,18 +369,16 @@ def _expected_feasibility(standardised: FloatArray) -> FloatArray:
     """Return E max(ε - |z|, 0) of a normal variable z of deviation 1 and ε = 2 (Bichon, 17)."""
     wide = 2.0
     centre, low, high = standardised, standardised - wide, standardised + wide
-    density = _density
 
     def below(t: FloatArray) -> FloatArray:
         return np.asarray(ndtr(-t))
+
+    def density(t: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore"):
+            return np.asarray(np.exp(-0.5 * t**2) / np.sqrt(2 * np.pi))
 
     # The parts on both sides of the limit, each an integral of a line times the density.
     near = wide * (below(low) - below(high))
     slopes = centre * (2 * below(centre) - below(high) - below(low))
     found: FloatArray = near + slopes - (2 * density(centre) - density(high) - density(low))
     return np.maximum(np.nan_to_num(found, nan=0.0), 0.0)
-
-
-def _density(t: FloatArray) -> FloatArray:
-    with np.errstate(over="ignore"):
-        return np.asarray(np.exp(-0.5 * t**2) / np.sqrt(2 * np.pi))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -18,12 +18,12 @@ from uqpen.models.user_code import error_text
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.separate_fits import FittedOutput, OutputFit, SeparateFits, predict_output
 from uqpen.surrogates.surrogate import Surrogate, components_setting
-from uqpen.surrogates.training import TrainingRecord, TrainingRuns, known_inputs
+from uqpen.surrogates.training import TrainingRuns
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["OutputSurrogate", "fit_separately", "training_record", "unfitted"]
+__all__ = ["OutputSurrogate", "fit_separately", "unfitted"]
 
 # Fits an output; its arguments are those of `OutputSurrogate.fit_output`, after the output itself.
 Fit = Callable[[Output, FloatArray, FloatArray, np.random.Generator], OutputFit | str]
@@ -116,31 +116,19 @@ def fit_separately(
         As `Surrogate.fit` takes them.
     """
     training = TrainingRuns.from_runs(runs, model, joint)
-    record = training_record(surrogate, training, joint)
     fitted: dict[str, FittedOutput] = {}
     reasons: dict[str, str] = {}
     for output in model.all_outputs:
         rng = stream.generator("fit", output.name)
         found: FittedOutput | str = training.output_problem(output)
         if not found:
-            points = np.column_stack([training.inputs[each] for each in record.random_inputs])
-            values = training.outputs[output.name]
-            found = _fitted_output(output, fit_one, points, values, rng)
+            points = np.column_stack([training.inputs[each.variable.name] for each in joint.random])
+            found = _fitted_output(output, fit_one, points, training.outputs[output.name], rng)
         if isinstance(found, FittedOutput):
             fitted[output.name] = found
         else:
             reasons[output.name] = found
-    return SeparateFits(
-        name=name,
-        inputs=known_inputs(model, joint),
-        outputs=tuple(each.output for each in fitted.values()),
-        fitted=fitted,
-        reasons=reasons,
-        fixed=training.fixed,
-        training=record,
-        kind=_reference(surrogate),
-        original=model,
-    )
+    return _separate_fits(surrogate, training, name, fitted, reasons)
 
 
 def _fitted_output(
@@ -171,29 +159,24 @@ def unfitted(
 ) -> SeparateFits:
     """Return a fitted surrogate without outputs, for the reason why the fit has failed."""
     training = TrainingRuns.from_runs(runs, model, joint)
-    return SeparateFits(
-        name=name,
-        inputs=known_inputs(model, joint),
-        outputs=(),
-        fitted={},
-        reasons={output.name: reason for output in model.all_outputs},
-        fixed=training.fixed,
-        training=training_record(surrogate, training, joint),
-        kind=_reference(surrogate),
-        original=model,
-    )
+    reasons = {output.name: reason for output in model.all_outputs}
+    return _separate_fits(surrogate, training, name, {}, reasons)
 
 
-def training_record(
-    surrogate: Surrogate, training: TrainingRuns, joint: JointDistribution
-) -> TrainingRecord:
-    """Return the record of the runs that a surrogate is fitted to."""
-    names = tuple(entry.variable.name for entry in joint.random)
-    return TrainingRecord(surrogate.design, names, training.all_counts, joint.is_independent)
-
-
-def _reference(surrogate: Surrogate) -> str:
-    """Return the name of a built-in kind, or the reference of a user-defined class."""
+def _separate_fits(
+    surrogate: Surrogate,
+    training: TrainingRuns,
+    name: str,
+    fitted: Mapping[str, FittedOutput],
+    reasons: Mapping[str, str],
+) -> SeparateFits:
+    """Return fits under the name of a built-in kind, or the reference of a user-defined class."""
     reference = f"{type(surrogate).__module__}:{type(surrogate).__qualname__}"
     built_in = {each: kind for kind, each in SURROGATES.items()}
-    return built_in.get(reference, reference)
+    return SeparateFits(
+        **training.described(name, surrogate.design),
+        outputs=tuple(each.output for each in fitted.values()),
+        fitted=fitted,
+        reasons=reasons,
+        kind=built_in.get(reference, reference),
+    )

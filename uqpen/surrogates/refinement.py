@@ -12,11 +12,11 @@ from scipy import special
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.labels import REFINED_FOR, RUN, SAMPLING, STATUS, WEIGHT
 from uqpen.core.model import Model
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.design import Design, Extension, Rounds
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo, independent_points

@@ -6,19 +6,16 @@ import dataclasses
 import hashlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, FloatArray
-from uqpen.core.labels import NOT_FITTED
-from uqpen.core.model import Input, Model, Output, Results
-from uqpen.core.status import Status
-from uqpen.core.threads import one_blas_thread
+from uqpen.core.model import Model, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.surrogates.diagnostics import (
     DIAGNOSTICS,
     FIELD,
@@ -27,12 +24,12 @@ from uqpen.surrogates.diagnostics import (
     description,
     diagnostics_dataset,
     predictive_q2,
-    unfitted_outputs,
+    shown_diagnostics,
 )
-from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
-from uqpen.surrogates.training import TrainingRecord
+from uqpen.surrogates.fitted_surrogate import Prediction
+from uqpen.surrogates.training import TrainedSurrogate
 
-__all__ = ["FittedOutput", "OutputFit", "SeparateFits", "predict_mean", "predict_output"]
+__all__ = ["FittedOutput", "OutputFit", "SeparateFits", "predict_output"]
 
 
 class OutputFit(ABC):
@@ -88,19 +85,21 @@ class OutputFit(ABC):
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset) -> Self:
         """Restore it from `to_dataset`."""
-        values = {
-            field.name: dataset[field.name].values
-            if field.name in dataset
-            else _plain(dataset.attrs[f"{FIELD}{field.name}"])
-            for field in dataclasses.fields(cls)  # type: ignore[arg-type]
-        }
+        values = {}
+        for each in dataclasses.fields(cls):  # type: ignore[arg-type]
+            is_array = each.name in dataset
+            value = dataset[each.name].values if is_array else dataset.attrs[f"{FIELD}{each.name}"]
+            # A file gives a number as one of NumPy.
+            values[each.name] = value.item() if isinstance(value, np.generic) else value
         return cls(**values)
 
 
-def _plain(value: object) -> object:
-    """Return a number of Python for one of NumPy, as which a file gives it."""
-    return value.item() if isinstance(value, np.generic) else value
-
+# Prediction errors at runs of another design.
+_CHECK_TITLES = {
+    "check_runs": "check runs",
+    "check_q2_of_output": "Q², check runs",
+    "check_within_2_std": "check runs within 2 std",
+}
 
 # Points predicted at a time, so that memory suffices for a matrix of them and the training runs.
 _ROWS = 4096
@@ -130,7 +129,15 @@ class FittedOutput:
 
     def with_check(self, points: FloatArray, truth: FloatArray) -> FittedOutput:
         """Return a copy with its prediction errors at other runs."""
-        return replace(self, checks=tuple(_checks(predict_output(self.fit, points), truth)))
+        predicted = predict_output(self.fit, points)
+        values = [float(len(truth)), predictive_q2(predicted.mean, truth)]
+        if predicted.std is not None:
+            is_within = np.abs(truth - predicted.mean) <= 2 * predicted.std
+            values.append(float(is_within.mean()) if len(truth) else math.nan)
+        pairs = zip(_CHECK_TITLES.items(), values, strict=False)
+        return replace(
+            self, checks=tuple(Diagnostic(key, value, title) for (key, title), value in pairs)
+        )
 
     def to_groups(self) -> tuple[xr.Dataset, xr.Dataset]:
         """Return its group of an archive, and that of its diagnostics."""
@@ -145,70 +152,43 @@ class FittedOutput:
     def from_group(cls, name: str, group: xr.DataTree, kind: type[OutputFit]) -> FittedOutput:
         """Restore the fit to an output from its groups."""
         attributes = group.attrs
-        kept = group.children[DIAGNOSTICS].data_vars if DIAGNOSTICS in group.children else {}
-        checks = tuple(
-            Diagnostic(
-                str(key), float(each.values), str(each.attrs["long_name"]), str(each.attrs["units"])
-            )
-            for key, each in kept.items()
-            if str(key) in _CHECK_TITLES
-        )
+        kept = shown_diagnostics(group) if DIAGNOSTICS in group.children else ()
         return cls(
             output=Output(name, *description(attributes, "of_")),
             fit=kind.from_dataset(group.to_dataset(inherit=False)),
             smallest=float(attributes["training_minimum"]),
             largest=float(attributes["training_maximum"]),
-            checks=checks,
+            checks=tuple(each for each in kept if each.name in _CHECK_TITLES),
         )
 
 
-@dataclass(frozen=True, eq=False)
-class SeparateFits(FittedSurrogate):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SeparateFits(TrainedSurrogate):
     """Surrogate with a fit of its own for each output.
 
     Parameters
     ----------
-    name : str
-        Its name in the study.
-    inputs : tuple of Input
-        Those of the model that it stands for.
-    outputs : tuple of Output
-        Those that could be fitted.
     fitted : mapping of str to FittedOutput
-        The fit to each of them.
-    reasons, fixed, original
-        As in `FittedSurrogate`.
-    training : TrainingRecord
-        The runs that it was fitted to.
+        The fit to each output.
     kind : str
         The class of its settings, as an archive names it.
     """
 
-    name: str
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
     fitted: Mapping[str, FittedOutput]
-    reasons: Mapping[str, str]
-    fixed: Mapping[str, float]
-    training: TrainingRecord
     kind: str
-    original: Model | None = None
-
-    @property
-    def random_inputs(self) -> tuple[str, ...]:
-        """Names of the inputs that varied in the training runs."""
-        return self.training.random_inputs
 
     def predict(self, inputs: Arrays) -> dict[str, Prediction]:
         """Predict its outputs; see `FittedSurrogate.predict`."""
         points = self._points(inputs)
         return {name: predict_output(each.fit, points) for name, each in self.fitted.items()}
 
-    def evaluate(self, inputs: Arrays) -> Results:
-        """Return the predicted values without their deviations; see `Model.evaluate`."""
+    def predict_means(self, inputs: Arrays) -> dict[str, FloatArray]:
+        """Predict its outputs without their deviations."""
         points = self._points(inputs)
-        values = {name: predict_mean(each.fit, points) for name, each in self.fitted.items()}
-        return Results(values, np.full(len(points), Status.OK, dtype=np.int8))
+        return {
+            name: predict_output(each.fit, points, with_std=False).mean
+            for name, each in self.fitted.items()
+        }
 
     @property
     def logarithms(self) -> frozenset[str]:
@@ -241,21 +221,10 @@ class SeparateFits(FittedSurrogate):
 
     def to_tree(self) -> xr.DataTree:
         """Return the group of an archive; see `FittedSurrogate.to_tree`."""
-        attributes = {
-            "kind": self.kind,
-            "design": self.training.design,
-            "outputs": " ".join(self.fitted),
-            **self.training.attributes(),
-        }
-        groups = {
-            "/": xr.Dataset(attrs=attributes),
-            "input": self.training.input_dataset(self.inputs, self.fixed),
-        }
+        fits = {}
         for output, each in self.fitted.items():
-            groups[output], groups[f"{output}/{DIAGNOSTICS}"] = each.to_groups()
-        for output, reason in self.reasons.items():
-            groups[output] = xr.Dataset(attrs={NOT_FITTED: reason})
-        return xr.DataTree.from_dict(groups)
+            fits[output], fits[f"{output}/{DIAGNOSTICS}"] = each.to_groups()
+        return self._tree(self.kind, fits)
 
     @classmethod
     def from_tree(
@@ -266,22 +235,16 @@ class SeparateFits(FittedSurrogate):
         output_fit: type[OutputFit] = OutputFit,
     ) -> Self:
         """Restore it from `to_tree`; its fits are of the class `output_fit`."""
-        group = read_group(tree, "input")
-        inputs, fixed = TrainingRecord.read_inputs(group)
+        known = cls._restored(tree, name, original)
         fitted = {
             output: FittedOutput.from_group(output, tree.children[output], output_fit)
             for output in str(tree.attrs["outputs"]).split()
         }
         return cls(
-            name=name,
-            inputs=original.inputs if original else inputs,
+            **known,
             outputs=tuple(each.output for each in fitted.values()),
             fitted=fitted,
-            reasons=unfitted_outputs(tree),
-            fixed=fixed,
-            training=TrainingRecord.from_attributes(tree.attrs, group),
             kind=str(tree.attrs["kind"]),
-            original=original,
         )
 
     def _points(self, inputs: Arrays) -> FloatArray:
@@ -289,7 +252,7 @@ class SeparateFits(FittedSurrogate):
 
 
 @one_blas_thread()
-def predict_output(fit: OutputFit, points: FloatArray) -> Prediction:
+def predict_output(fit: OutputFit, points: FloatArray, *, with_std: bool = True) -> Prediction:
     """Return the prediction of an output at some points, a part of them at a time.
 
     Raises
@@ -297,55 +260,27 @@ def predict_output(fit: OutputFit, points: FloatArray) -> Prediction:
     TypeError, ValueError
         If the fit gives anything but a number for each point, and a standard deviation if any.
     """
-    parts = _in_parts(fit.predict, points)
-    deviations = [part.std for part in parts if part.std is not None]
-    return Prediction(
-        _joined_means(parts),
-        np.concatenate(deviations) if deviations and len(deviations) == len(parts) else None,
-    )
+    means, deviations = [np.empty(0)], [np.empty(0)]
+    starts = range(0, len(points), _ROWS)
+    for start in starts:
+        some = points[start : start + _ROWS]
+        found: object = fit.predict(some) if with_std else Prediction(fit.predict_mean(some))
+        part = _valid_prediction(found, len(some))
+        means.append(part.mean)
+        deviations += [] if part.std is None else [part.std]
+    has_all = len(deviations) == len(means) > 1
+    return Prediction(np.concatenate(means), np.concatenate(deviations) if has_all else None)
 
 
-@one_blas_thread()
-def predict_mean(fit: OutputFit, points: FloatArray) -> FloatArray:
-    """Return the prediction without deviations; otherwise as `predict_output`."""
-    return _joined_means(_in_parts(lambda some: Prediction(fit.predict_mean(some)), points))
-
-
-def _in_parts(predict: Callable[[FloatArray], Prediction], points: FloatArray) -> list[Prediction]:
-    parts = (points[start : start + _ROWS] for start in range(0, len(points), _ROWS))
-    return [_valid_prediction(predict(part), part) for part in parts]
-
-
-def _joined_means(parts: list[Prediction]) -> FloatArray:
-    return np.concatenate([part.mean for part in parts]) if parts else np.empty(0)
-
-
-def _valid_prediction(found: object, points: FloatArray) -> Prediction:
+def _valid_prediction(found: object, points: int) -> Prediction:
     if not isinstance(found, Prediction):
         raise TypeError(f"predict returns an object of class {type(found).__name__}")
     for label, values in (("mean", found.mean), ("std", found.std)):
-        if values is not None and np.shape(values) != (len(points),):
+        if values is not None and np.shape(values) != (points,):
             raise ValueError(
-                f"predict returns a {label} of shape {np.shape(values)}, not {(len(points),)}"
+                f"predict returns a {label} of shape {np.shape(values)}, not {(points,)}"
             )
     if found.std is not None and not (np.asarray(found.std) >= 0).all():
         raise ValueError("predict returns a std that is negative or no number")
     std = None if found.std is None else np.asarray(found.std, dtype=np.float64)
     return Prediction(np.asarray(found.mean, dtype=np.float64), std)
-
-
-_CHECK_TITLES = {
-    "check_runs": "check runs",
-    "check_q2_of_output": "Q², check runs",
-    "check_within_2_std": "check runs within 2 std",
-}
-
-
-def _checks(predicted: Prediction, truth: FloatArray) -> Iterator[Diagnostic]:
-    """Yield the errors of predictions."""
-    values = [float(len(truth)), predictive_q2(predicted.mean, truth)]
-    if predicted.std is not None:
-        is_within = np.abs(truth - predicted.mean) <= 2 * predicted.std
-        values.append(float(is_within.mean()) if len(truth) else math.nan)
-    for (name, title), value in zip(_CHECK_TITLES.items(), values, strict=False):
-        yield Diagnostic(name, value, title)

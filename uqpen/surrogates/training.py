@@ -1,25 +1,33 @@
-"""The runs that a surrogate is fitted to."""
+"""The runs that a surrogate is fitted to, and what every surrogate fitted to such runs has."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from uqpen.archive.groups import read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INPUT, QUADRATURE_WEIGHT, ROLE, RUN, STATUS
+from uqpen.core.labels import INPUT, NOT_FITTED, QUADRATURE_WEIGHT, ROLE, RUN, STATUS
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
-from uqpen.surrogates.diagnostics import describe, description
+from uqpen.surrogates.diagnostics import describe, description, unfitted_outputs
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["TrainingRecord", "TrainingRuns", "known_inputs", "logarithm_problem", "size_problem"]
+__all__ = [
+    "TrainedSurrogate",
+    "TrainingRecord",
+    "TrainingRuns",
+    "logarithm_problem",
+    "size_problem",
+]
 
 # Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
 _LARGEST = 1e140
@@ -31,6 +39,8 @@ class TrainingRuns:
 
     Parameters
     ----------
+    model, joint
+        The model that made them, and the distribution of its inputs.
     inputs, outputs : mapping of str to ndarray, shape (run,)
         The random inputs, and the outputs that have numbers, in SI units.
     fixed : mapping of str to float
@@ -43,6 +53,8 @@ class TrainingRuns:
         The reason why nothing can be fitted to these runs; empty if something can.
     """
 
+    model: Model
+    joint: JointDistribution
     inputs: Mapping[str, FloatArray]
     outputs: Mapping[str, FloatArray]
     fixed: Mapping[str, float]
@@ -75,6 +87,8 @@ class TrainingRuns:
                 problem = f"its design varies {name}, which has no distribution"
         is_rule = QUADRATURE_WEIGHT in runs.coords
         return cls(
+            model=model,
+            joint=joint,
             inputs=inputs,
             outputs={
                 output.name: runs[output.name].values[came_back].astype(np.float64)
@@ -88,10 +102,25 @@ class TrainingRuns:
             problem=problem if came_back.any() else "none of its runs came back",
         )
 
-    @property
-    def all_counts(self) -> dict[Status, int]:
-        """Number of the design's runs with each status, 0 included."""
-        return {status: self.counts[status] for status in Status}
+    def described(self, name: str, design: str) -> dict[str, Any]:
+        """Return what a `TrainedSurrogate` has of its runs.
+
+        Its inputs are those of the model, and random ones that only other models of the study take.
+        """
+        taken = {variable.name for variable in self.model.inputs}
+        random = [entry.variable for entry in self.joint.random]
+        return {
+            "name": name,
+            "inputs": (*self.model.inputs, *(each for each in random if each.name not in taken)),
+            "fixed": self.fixed,
+            "training": TrainingRecord(
+                design,
+                tuple(each.name for each in random),
+                {status: self.counts[status] for status in Status},
+                self.joint.is_independent,
+            ),
+            "original": self.model,
+        }
 
     def output_problem(self, output: Output) -> str:
         """Return the reason why nothing can be fitted to an output; empty if something can."""
@@ -125,13 +154,6 @@ def logarithm_problem(values: FloatArray) -> str:
     if (values > 0).all():
         return ""
     return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
-
-
-def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
-    """Return the model's inputs, and random ones that only other models of the study take."""
-    taken = {variable.name for variable in model.inputs}
-    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
-    return (*model.inputs, *others)
 
 
 # Record of the runs that a surrogate was fitted to, for its group of an archive.
@@ -172,7 +194,7 @@ class TrainingRecord:
 
     @classmethod
     def from_attributes(cls, attributes: Mapping[Any, Any], inputs: xr.Dataset) -> Self:
-        """Restore it from `attributes` and the group of `input_dataset`."""
+        """Restore it from `attributes`, and from the group with the random inputs."""
         return cls(
             str(attributes["design"]),
             tuple(map(str, inputs[INPUT].values)),
@@ -180,36 +202,98 @@ class TrainingRecord:
             attributes["inputs"] == "independent",
         )
 
-    def input_dataset(self, inputs: Sequence[Input], fixed: Mapping[str, float]) -> xr.Dataset:
-        """Return descriptions of the random inputs, and the values of fixed ones."""
-        import xarray as xr
 
-        given = {variable.name: variable for variable in inputs}
-        texts = [describe(given[name]) for name in self.random_inputs]
-        variables: dict[str, Any] = {
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrainedSurrogate(FittedSurrogate):
+    """Fitted surrogate that knows its training runs, and whose archive group says so.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the study.
+    inputs : tuple of Input
+        Those of the model that it stands for.
+    outputs : tuple of Output
+        Those that could be fitted.
+    reasons, fixed, original
+        As in `FittedSurrogate`.
+    training : TrainingRecord
+        The runs that it was fitted to.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    reasons: Mapping[str, str]
+    fixed: Mapping[str, float]
+    training: TrainingRecord
+    original: Model | None = None
+
+    @property
+    def random_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs that varied in the training runs."""
+        return self.training.random_inputs
+
+    def _input_variables(self, inputs: Mapping[str, Input]) -> dict[str, Any]:
+        """Return the variables of the group ``input`` that describe the random inputs."""
+        texts = [describe(inputs[name]) for name in self.random_inputs]
+        return {
             f"{INPUT}_{key}": (INPUT, np.array([text[key] for text in texts], dtype=object))
             for key in _TEXTS
         }
-        for name, value in fixed.items():
-            variables[f"{_FIXED}{name}"] = ((), value, describe(given[name]) | {ROLE: INPUT})
-        names = np.array(self.random_inputs, dtype=object)
-        return xr.Dataset(variables, {INPUT: (INPUT, names, {"long_name": "random input"})})
 
     @staticmethod
-    def read_inputs(group: xr.Dataset) -> tuple[tuple[Input, ...], dict[str, float]]:
-        """Return the inputs, and the values of fixed ones, from `input_dataset`."""
-        names = [str(name) for name in group[INPUT].values]
-        texts = [
-            dict(zip(_TEXTS, each, strict=True))
-            for each in zip(*(group[f"{INPUT}_{key}"].values for key in _TEXTS), strict=True)
-        ]
+    def _read_inputs(group: xr.Dataset) -> list[Input]:
+        """Return the random inputs from `_input_variables`."""
+        columns = (group[f"{INPUT}_{key}"].values for key in _TEXTS)
+        texts = [dict(zip(_TEXTS, each, strict=True)) for each in zip(*columns, strict=True)]
+        names = map(str, group[INPUT].values)
+        return [Input(name, *description(text)) for name, text in zip(names, texts, strict=True)]
+
+    def _tree(self, kind: str, fits: Mapping[str, xr.Dataset]) -> xr.DataTree:
+        """Return the group of an archive with the groups of the fits, by their paths.
+
+        The group ``input`` has the random inputs, and the values of fixed ones. Its name is
+        reserved, so no output has it.
+        """
+        import xarray as xr
+
+        given = {variable.name: variable for variable in self.inputs}
+        variables = self._input_variables(given)
+        for name, value in self.fixed.items():
+            variables[f"{_FIXED}{name}"] = ((), value, describe(given[name]) | {ROLE: INPUT})
+        names = np.array(self.random_inputs, dtype=object)
+        attributes = {
+            "kind": kind,
+            "design": self.training.design,
+            "outputs": " ".join(output.name for output in self.outputs),
+            **self.training.attributes(),
+        }
+        coordinates = {INPUT: (INPUT, names, {"long_name": "random input"})}
+        groups = {
+            "/": xr.Dataset(attrs=attributes),
+            f"/{INPUT}": xr.Dataset(variables, coordinates),
+            **{f"/{path}": group for path, group in fits.items()},
+        }
+        for output, reason in self.reasons.items():
+            groups[f"/{output}"] = xr.Dataset(attrs={NOT_FITTED: reason})
+        return xr.DataTree.from_dict(groups)
+
+    @classmethod
+    def _restored(cls, tree: xr.DataTree, name: str, original: Model | None) -> dict[str, Any]:
+        """Return what every such surrogate has, but for its outputs, from `_tree`."""
+        group = read_group(tree, INPUT)
         fixed = {
             str(entry).removeprefix(_FIXED): variable
             for entry, variable in group.data_vars.items()
             if variable.attrs.get(ROLE) == INPUT
         }
-        inputs = [
-            *(Input(name, *description(text)) for name, text in zip(names, texts, strict=True)),
-            *(Input(name, *description(each.attrs)) for name, each in fixed.items()),
-        ]
-        return tuple(inputs), {name: float(each.values) for name, each in fixed.items()}
+        others = (Input(key, *description(each.attrs)) for key, each in fixed.items())
+        return {
+            "name": name,
+            "inputs": original.inputs if original else (*cls._read_inputs(group), *others),
+            "reasons": unfitted_outputs(tree),
+            "fixed": {key: float(each.values) for key, each in fixed.items()},
+            "training": TrainingRecord.from_attributes(tree.attrs, group),
+            "original": original,
+        }

@@ -77,7 +77,13 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
     assert design.extension(design, joint).kept == design.run_count(joint), "it keeps its own"
     _check_parts(design, joint)
     if design.sampling.is_sample and design.sampling is not Sampling.GIVEN:
-        _check_sample(rounds, joint)
+        for entry in joint.random:
+            values = np.concatenate([points[entry.variable.name].values for points in rounds])
+            weights = np.concatenate([_weights(points) for points in rounds])
+            share = float((weights * (entry.distribution.cdf(values) < 0.5)).sum() / weights.sum())
+            error = 0.5 / np.sqrt(effective_size(weights))
+            found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
+            assert abs(share - 0.5) <= _ERRORS * error, found
 
 
 def _check_parts(design: Design, joint: JointDistribution) -> None:
@@ -110,17 +116,6 @@ def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr
         lambda made: RunningEstimates(made, design.sampling, {"": [EXAMPLE_OUTPUT]}),
     )
     return [each[""].drop_vars([STATUS, EXAMPLE_OUTPUT.output.name]) for each in rounds]
-
-
-def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
-    """Check that the share of points below each input's median is a half, within its error."""
-    for entry in joint.random:
-        values = np.concatenate([points[entry.variable.name].values for points in rounds])
-        weights = np.concatenate([_weights(points) for points in rounds])
-        share = float((weights * (entry.distribution.cdf(values) < 0.5)).sum() / weights.sum())
-        error = 0.5 / np.sqrt(effective_size(weights))
-        found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
-        assert abs(share - 0.5) <= _ERRORS * error, found
 
 
 def _weights(points: xr.Dataset) -> FloatArray:
@@ -202,16 +197,13 @@ def check_stopping_rule(rule: StoppingRule, requested: QuantityOfInterest | None
     assert not list(rule.check_outputs([requested])), "the rule takes this output"
     again = pickle.loads(pickle.dumps(rule))
     for runs in (1, 512, 2048):
-        feedback = _sum_feedback(runs, requested)
+        joint = example_joint_distribution()
+        points = first_round(MonteCarlo(runs), joint, Stream(1, "designs", "one"))
+        made = {"": sum_runs(points_in_memory(points), joint, requested.output.name)}
+        feedback = Feedback(
+            made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]})
+        )
         decisions = [each.is_satisfied(feedback) for each in (rule, rule, again)]
         assert all(type(each) is bool for each in decisions), "a decision is True or False"
         assert len(set(decisions)) == 1, "the same estimates give the same decision"
         assert runs > 1 or not decisions[0], "an estimate without an interval is not precise"
-
-
-def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
-    """Return the feedback of a round of independent draws."""
-    joint = example_joint_distribution()
-    points = first_round(MonteCarlo(runs), joint, Stream(1, "designs", "one"))
-    made = {"": sum_runs(points_in_memory(points), joint, requested.output.name)}
-    return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))

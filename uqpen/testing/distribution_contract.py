@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -54,7 +53,13 @@ def check_distribution(distribution: Distribution) -> None:
     again = pickle.loads(pickle.dumps(distribution))
     assert np.array_equal(again.ppf(p), values), "a pickled copy is the same distribution"
     if distribution.is_discrete:
-        _check_steps(distribution, p)
+        values = distribution.ppf(p)
+        below, above = distribution.cdf(values), distribution.sf(values)
+        np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
+        assert np.all(below >= p * (1 - _ROUNDING)), "cdf(ppf(p)) is p or more"
+        assert np.all(above <= (1 - p) + _ROUNDING), "sf(ppf(p)) is 1 - p or less"
+        before = distribution.cdf(values - _ROUNDING * (1 + np.abs(values)))
+        assert np.all(before <= p + _ROUNDING), "ppf(p) is the smallest value with a cdf of p"
         return
     below, above = distribution.cdf(inner), distribution.sf(inner)
     np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
@@ -68,17 +73,6 @@ def check_distribution(distribution: Distribution) -> None:
     np.testing.assert_allclose(
         distribution.sf(distribution.isf(p)), p, rtol=1e-6, atol=_ROUNDING, err_msg="sf(isf(p)) = p"
     )
-
-
-def _check_steps(distribution: Distribution, p: FloatArray) -> None:
-    """Check the functions of a discrete distribution, whose cdf is a step at each value."""
-    values = distribution.ppf(p)
-    below, above = distribution.cdf(values), distribution.sf(values)
-    np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
-    assert np.all(below >= p * (1 - _ROUNDING)), "cdf(ppf(p)) is p or more"
-    assert np.all(above <= (1 - p) + _ROUNDING), "sf(ppf(p)) is 1 - p or less"
-    before = distribution.cdf(values - _ROUNDING * (1 + np.abs(values)))
-    assert np.all(before <= p + _ROUNDING), "ppf(p) is the smallest value with a cdf of p"
 
 
 # Contract test of the joint distribution of the inputs.
@@ -120,7 +114,17 @@ def check_joint(joint: JointDistribution) -> None:
     for entry in joint.random:
         if entry.variable.name not in joint.implicit_inputs:
             _check_margin(entry, values[entry.variable.name])
-    _check_dependence(joint, unit, values)
+    assert joint.is_independent == (not joint.dependence_text), "dependence has a text"
+    moved = unit.copy()
+    moved[:, 0] = 1 - unit[:, 0]
+    if joint.is_independent:
+        others = _draws(joint, moved)
+        for name in [*values][1:]:
+            assert np.array_equal(others[name], values[name]), f"{name} depends on others"
+    if not joint.conditional_reason:
+        given = {0: unit[:, 0]}
+        found = joint.conditional_probabilities(moved, given)
+        assert np.array_equal(found[:, 0], unit[:, 0]), "a given input is unchanged"
 
 
 def _draws(joint: JointDistribution, unit: FloatArray) -> dict[str, FloatArray]:
@@ -136,20 +140,3 @@ def _check_margin(entry: RandomInput, values: FloatArray) -> None:
     error = np.sqrt(expected * (1 - expected) / len(values))
     rule = f"draws of {entry.variable.name} follow its own distribution"
     assert np.all(np.abs(found - expected) <= _ERRORS * error + _ROUNDING), rule
-
-
-def _check_dependence(
-    joint: JointDistribution, unit: FloatArray, values: Mapping[str, FloatArray]
-) -> None:
-    """Check what independence and conditional draws promise."""
-    assert joint.is_independent == (not joint.dependence_text), "dependence has a text"
-    moved = unit.copy()
-    moved[:, 0] = 1 - unit[:, 0]
-    if joint.is_independent:
-        others = _draws(joint, moved)
-        for name in [*values][1:]:
-            assert np.array_equal(others[name], values[name]), f"{name} depends on others"
-    if not joint.conditional_reason:
-        given = {0: unit[:, 0]}
-        found = joint.conditional_probabilities(moved, given)
-        assert np.array_equal(found[:, 0], unit[:, 0]), "a given input is unchanged"

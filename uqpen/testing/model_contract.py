@@ -42,7 +42,14 @@ def check_model(model: Model, inputs: Mapping[str, FloatArray]) -> None:
     model.prepare()
     evaluator = Evaluator(model)
     whole = evaluator(dict(inputs))
-    _check_results(model, whole)
+    assert set(whole.outputs) == {output.name for output in model.outputs}
+    for run in np.flatnonzero(whole.status != Status.OK).tolist():
+        assert whole.reasons.get(run), f"the failed run {run} has a reason"
+    for output in model.outputs:
+        values = whole.outputs[output.name]
+        assert values.shape == (len(whole.status), *output.shape), f"{output.name} has its shape"
+        invalid = output.invalid(values[whole.status == Status.OK])
+        assert not invalid.any(), f"{output.name} is finite"
     runs = len(whole.status)
     for run in range(runs):
         alone = evaluator({name: values[run : run + 1] for name, values in inputs.items()})
@@ -51,17 +58,6 @@ def check_model(model: Model, inputs: Mapping[str, FloatArray]) -> None:
     _check_same(whole, backwards, list(range(runs))[::-1], "a run does not depend on the order")
     again = Evaluator(pickle.loads(pickle.dumps(model)))(dict(inputs))
     _check_same(whole, again, list(range(runs)), "a pickled copy is the same model")
-
-
-def _check_results(model: Model, results: Results) -> None:
-    assert set(results.outputs) == {output.name for output in model.outputs}
-    for run in np.flatnonzero(results.status != Status.OK).tolist():
-        assert results.reasons.get(run), f"the failed run {run} has a reason"
-    for output in model.outputs:
-        values = results.outputs[output.name]
-        assert values.shape == (len(results.status), *output.shape), f"{output.name} has its shape"
-        invalid = output.invalid(values[results.status == Status.OK])
-        assert not invalid.any(), f"{output.name} is finite"
 
 
 def _check_same(whole: Results, part: Results, runs: list[int], rule: str) -> None:

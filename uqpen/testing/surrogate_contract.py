@@ -64,7 +64,19 @@ def check_surrogate(surrogate: Surrogate) -> None:
     _check_same_prediction(found, _check_prediction(repeated, inputs), "the same stream fits alike")
     error = found.mean - others["smooth"].values
     assert np.mean(error**2) < np.var(others["smooth"].values), "it predicts other runs"
-    _check_batches(fitted, inputs, found)
+    scale = float(np.ptp(found.mean))
+    for rows, rule in (
+        (slice(3, 4), "a prediction does not depend on the batch"),
+        (slice(None, None, -1), "a prediction does not depend on the order of points"),
+    ):
+        part = _check_prediction(fitted, {name: v[rows].copy() for name, v in inputs.items()})
+        # A product of matrices has other last bits for another number of rows.
+        np.testing.assert_allclose(found.mean[rows], part.mean, atol=1e-6 * scale, err_msg=rule)
+        assert (found.std is None) == (part.std is None), rule
+        if found.std is not None and part.std is not None:
+            # A variance near 0 is what is left of large numbers.
+            one, other = found.std[rows] ** 2, part.std**2
+            np.testing.assert_allclose(one, other, atol=1e-8 * scale**2, err_msg=rule)
     again = pickle.loads(pickle.dumps(fitted))
     rule = "a pickled copy is the same surrogate"
     _check_same_prediction(found, _check_prediction(again, inputs), rule)
@@ -119,24 +131,6 @@ def _check_prediction(fitted: FittedSurrogate, inputs: Mapping[str, FloatArray])
         assert prediction.std.shape == (runs,), "a std for each point, or None"
         assert (prediction.std >= 0).all(), "a std is not negative"
     return prediction
-
-
-def _check_batches(
-    fitted: FittedSurrogate, inputs: Mapping[str, FloatArray], found: Prediction
-) -> None:
-    scale = float(np.ptp(found.mean))
-    for rows, rule in (
-        (slice(3, 4), "a prediction does not depend on the batch"),
-        (slice(None, None, -1), "a prediction does not depend on the order of points"),
-    ):
-        part = _check_prediction(fitted, {name: v[rows].copy() for name, v in inputs.items()})
-        # A product of matrices has other last bits for another number of rows.
-        np.testing.assert_allclose(found.mean[rows], part.mean, atol=1e-6 * scale, err_msg=rule)
-        assert (found.std is None) == (part.std is None), rule
-        if found.std is not None and part.std is not None:
-            # A variance near 0 is what is left of large numbers.
-            one, other = found.std[rows] ** 2, part.std**2
-            np.testing.assert_allclose(one, other, atol=1e-8 * scale**2, err_msg=rule)
 
 
 def _check_same_prediction(one: Prediction, other: Prediction, rule: str) -> None:

@@ -22,13 +22,13 @@ from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
-from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.data_section import DATA
 from uqpen.study.document import Objects, inner_table
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import USER_DEFINED_MODELS
-from uqpen.study.named_object import OBJECT
+from uqpen.study.outputs_section import ANALYSES_KEY
 from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.study.table_reader import OBJECT
 from uqpen.study.user_defined_members import (
     is_reference,
     object_members,

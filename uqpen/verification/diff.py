@@ -20,8 +20,11 @@ from uqpen.core.labels import BOUND, CONTENT, FAILED_RUN, FAILURE_REASON, ROLE, 
 from uqpen.execution import run_count
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.digits import estimate_text
-from uqpen.verification.check_result import first_lines
-from uqpen.verification.differences import find_attribute_differences, find_differences
+from uqpen.verification.check_result import (
+    find_attribute_differences,
+    find_differences,
+    first_lines,
+)
 from uqpen.workflow.repetition import TOLERANCE, first_difference
 
 __all__ = ["DiffSection", "RunsDiff", "diff_archives", "diff_runs", "disjoint_intervals"]

@@ -30,8 +30,14 @@ from uqpen.execution import (
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import Runs, run_inputs
-from uqpen.verification.check_result import CheckOutcome, CheckResult, first_lines
-from uqpen.verification.differences import NEGLIGIBLE, find_differences, missing_keys
+from uqpen.verification.check_result import (
+    NEGLIGIBLE,
+    CheckOutcome,
+    CheckResult,
+    find_differences,
+    first_lines,
+    missing_keys,
+)
 from uqpen.verification.unrepeated import omitted_designs, other_recipe, without_intervals
 from uqpen.workflow import analyse_runs, run_design
 from uqpen.workflow.repetition import Difference, hashes_again, run_differences

@@ -15,12 +15,15 @@ from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.models.source import BuiltInModel
-from uqpen.study.fingerprint import is_user_defined
+from uqpen.study.identity import is_user_defined, level_attribute, root_attributes
 from uqpen.study.study import ValidatedStudy
-from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
-from uqpen.workflow.model_groups import difference_groups, model_form_groups, model_groups
-from uqpen.workflow.root_attributes import level_attribute, root_attributes
+from uqpen.workflow.model_groups import (
+    AnalysisSteps,
+    difference_groups,
+    model_form_groups,
+    model_groups,
+)
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 

@@ -1,13 +1,21 @@
-"""Runs of the designs of a study, by its models."""
+"""Runs of the designs of a study, and one of each model at the nominal point to try it."""
 
 from __future__ import annotations
 
+import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
+from uqpen.core.model import Results, RunWarning
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points, Round, points_of
@@ -19,7 +27,12 @@ from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["Runs", "run_design"]
+__all__ = [
+    "Runs",
+    "TrialRun",
+    "run_design",
+    "trial_run",
+]
 
 # Runs by the name of a design, or of a model.
 Runs = dict[str, xr.Dataset]
@@ -103,3 +116,63 @@ def _joined(model: str, rounds: Sequence[Mapping[str, xr.Dataset]]) -> xr.Datase
     """Return the runs of a model in the rounds that it has run."""
     own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
     return join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)
+
+
+@dataclass(frozen=True)
+class TrialRun:
+    """Run of a model at the nominal point.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (1,)
+        The nominal point in SI units.
+    results : Results
+        What the model has returned there.
+    folder : Path or None
+        Folder in which its files are kept.
+    warnings : tuple of str
+        Warnings of the model about it.
+    seconds : float
+        Its duration.
+    """
+
+    inputs: Arrays
+    results: Results
+    folder: Path | None
+    warnings: tuple[str, ...]
+    seconds: float
+
+    @property
+    def status(self) -> Status:
+        """Status of the run."""
+        return Status(int(self.results.status[0]))
+
+    @property
+    def reason(self) -> str:
+        """Reason of a failed run; empty for another."""
+        return self.results.reasons.get(0, "")
+
+
+def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
+    """Run a model of a study, given its name, at the nominal point.
+
+    Random inputs are at their medians.
+    """
+    variant = study.models[name]
+    model = variant.model
+    model.prepare()
+    nominal = {**study.joint.nominal(), **variant.given}
+    columns = {name: np.array([value]) for name, value in nominal.items()}
+    began = time.monotonic()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        results = Evaluator(model, study.constraints)(columns)
+    seconds = time.monotonic() - began
+    of_run = [each.message for each in caught if isinstance(each.message, RunWarning)]
+    return TrialRun(
+        columns,
+        results,
+        model.run_folder(nominal),
+        tuple(dict.fromkeys(warning.of_one_run for warning in of_run)),
+        seconds,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import xarray as xr
 
@@ -13,6 +13,7 @@ from uqpen.core.labels import (
     AXIS_SCALE,
     CAVEAT,
     CITED,
+    COST_SPENT,
     DIFFERENCES,
     LARGEST_CONTRIBUTION,
     MODEL_FORM,
@@ -26,9 +27,10 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.core.lookup import resolve
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import RUNS as KEPT_RUNS
-from uqpen.designs.design import Design
+from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs
 from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
@@ -39,22 +41,41 @@ from uqpen.statistics.analyze import (
 )
 from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
+from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy, Variant
-from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
-from uqpen.workflow.root_attributes import model_identity
-from uqpen.workflow.source import Groups, Source
-from uqpen.workflow.stand_in_statistics import cost_attributes, use_stand_ins
 
 __all__ = [
+    "AnalysisSteps",
     "difference_groups",
     "failure_statistics",
     "joint_statistics",
     "model_form_groups",
     "model_groups",
 ]
+
+Groups = Iterator[tuple[str, xr.Dataset]]
+
+# A design or a surrogate: attributes of its group, and its estimate arrays by output.
+_Source = tuple[dict[str, str | int | float], Mapping[str, OutputStatistics]]
+
+
+class AnalysisSteps:
+    """Numbered steps of the analysis of a study, reported as they start."""
+
+    def __init__(self, study: ValidatedStudy, progress: Progress) -> None:
+        # A surrogate has two: its fit, and its estimates.
+        of_a_model = len(study.designs) + 2 * len(study.surrogates) + 1
+        self._total = len(study.models) * (of_a_model + 1) - 1
+        self._progress, self._number = progress, 0
+        self._has_several_models = study.has_several_models
+
+    def start(self, name: str, model: str = "") -> None:
+        """Report the start of a step, of one model where there are several."""
+        self._number += 1
+        of = f" of {model}" if model and self._has_several_models else ""
+        self._progress.start_step(f"{name}{of}", self._number, self._total)
 
 
 def model_groups(
@@ -66,7 +87,7 @@ def model_groups(
     """
     variant, own = study.models[model], runs[model]
     quantities = study.model_quantities(variant.model)
-    sources: dict[str, Source] = {}
+    sources: dict[str, _Source] = {}
     for design, design_runs in own.items():
         steps.start(f"statistics of {design}", model)
         sources[design] = _design_source(study, model, design, runs)
@@ -74,13 +95,25 @@ def model_groups(
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
-        fitted, sources[name] = surrogate_source(study, model, name, own, steps)
+        fitted, attributes, outputs = surrogate_source(study, model, name, own, steps.start)
+        sources[name] = attributes, outputs
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
-    shown = {each.output.name: _display_attributes(each) for each in quantities}
-    for name, source in sources.items():
-        yield from source.groups(f"/{STATISTICS_GROUP}/{name}", shown)
+    # How the study wants each output to be shown.
+    shown = {
+        each.output.name: {
+            **({CAVEAT: each.caveat} if each.caveat else {}),
+            **({AXIS_SCALE: each.axis_scale} if each.is_logarithmic else {}),
+        }
+        for each in quantities
+    }
+    for name, (attributes, outputs) in sources.items():
+        path = f"/{STATISTICS_GROUP}/{name}"
+        yield path, xr.Dataset(attrs=attributes)
+        for output, statistics in outputs.items():
+            if statistics:
+                yield f"{path}/{output}", pack(statistics).assign_attrs(shown.get(output, {}))
     for name, publication in study.published.items():
         yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
     steps.start("trajectory at the nominal inputs", model)
@@ -88,39 +121,50 @@ def model_groups(
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
-        yield "/", xr.Dataset(attrs=model_identity(variant.model))
-
-
-def _display_attributes(quantity: QuantityOfInterest) -> dict[str, str]:
-    """Return how a study wants an output to be shown, as attributes of its statistics."""
-    caveat = {CAVEAT: quantity.caveat} if quantity.caveat else {}
-    return caveat | ({AXIS_SCALE: quantity.axis_scale} if quantity.is_logarithmic else {})
+        yield "/", xr.Dataset(attrs=model_attributes(variant.model))
 
 
 def _design_source(
     study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
-) -> Source:
-    """Return the statistics of a model from the runs of a design."""
-    own = runs[model][design]
+) -> _Source:
+    """Return the statistics of a model from the runs of a design.
+
+    Those of the first model are from the runs of its stand-ins, too, if it has any.
+    """
+    own, costs = runs[model][design], study.family_costs
+    has_stand_ins = len(costs) > 1 and model == next(iter(costs))
     attributes: dict[str, str | int | float] = {
         SOURCE_KIND: "design",
         RUNS_SPENT: own.sizes[RUN],
         **decision_attributes(own),
-        **cost_attributes(study, model, design, runs),
     }
+    # The cost of all models is known where they stand for the first.
+    if has_stand_ins and len(costs) == len(study.models):
+        spent = sum(cost * runs[name][design].sizes[RUN] for name, cost in costs.items())
+        attributes[COST_SPENT] = float(spent)
     found = analyze(
         own,
         study.model_quantities(study.models[model].model),
         only=all_analyses_but(study.left_out),
         user_defined=study.analyses,
     )
-    found = use_stand_ins(study, model, design, runs, found)
-    return Source(attributes, mark_uncertified(found, own.attrs))
+    if has_stand_ins:
+        from uqpen.statistics.control_variates import control_variate_statistics
+
+        family = {name: runs[name][design] for name in costs}
+        with one_blas_thread():
+            found = {
+                name: found[name] | control_variate_statistics(family, quantity, found[name])
+                for quantity in study.quantities_of_interest
+                if (name := quantity.output.name)
+            }
+    return attributes, mark_uncertified(found, own.attrs)
 
 
 def _design_groups(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Groups:
-    """Yield the runs of a design, and the groups of their statistics as a whole."""
-    yield f"/{RUNS}/{design}", _archived_runs(study.designs[design], runs)
+    """Yield the runs of a design, all or none, and the groups of their statistics as a whole."""
+    is_kept = study.designs[design].keep == KEPT_RUNS
+    yield f"/{RUNS}/{design}", runs if is_kept else record_causes(omit_runs(runs), runs)
     for name, group in DESIGN_GROUPS.items():
         if statistics := resolve(group.writer)(study, runs):
             yield f"/{name}/{design}", pack(statistics)
@@ -129,11 +173,6 @@ def _design_groups(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Grou
 def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
     """Return the statistics of the failed runs of a design."""
     return analyze_failures(runs, study.confidence_level)
-
-
-def _archived_runs(design: Design, runs: xr.Dataset) -> xr.Dataset:
-    """Return what the archive has of the runs of a design: all of them, or no run."""
-    return runs if design.keep == KEPT_RUNS else record_causes(omit_runs(runs), runs)
 
 
 def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:

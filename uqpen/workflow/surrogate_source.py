@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import xarray as xr
 
@@ -10,9 +10,8 @@ from uqpen.core.labels import REFUTED, RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_R
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
-from uqpen.statistics.surrogate.correction.corrected_statistics import correct_statistics
-from uqpen.statistics.surrogate.correction.correction_evidence import correction_evidence
-from uqpen.statistics.surrogate.correction.correction_runs import missing_run_predictions
+from uqpen.statistics.surrogate.corrected_statistics import correct_statistics, correction_evidence
+from uqpen.statistics.surrogate.correction_runs import missing_run_predictions
 from uqpen.statistics.surrogate.refutation import (
     contradiction,
     refutations,
@@ -23,9 +22,7 @@ from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
-from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
-from uqpen.workflow.source import Source
 
 __all__ = ["RECIPE", "surrogate_source"]
 
@@ -35,14 +32,17 @@ RECIPE = 1
 
 
 def surrogate_source(
-    study: ValidatedStudy, model: str, name: str, runs: Runs, steps: AnalysisSteps
-) -> tuple[xr.DataTree, Source]:
-    """Fit a surrogate to its design, and correct its estimates by that and its check design."""
+    study: ValidatedStudy, model: str, name: str, runs: Runs, start_step: Callable[[str, str], None]
+) -> tuple[xr.DataTree, dict[str, str | int | float], Mapping[str, OutputStatistics]]:
+    """Fit a surrogate to its design, and correct its estimates by that and its check design.
+
+    Returned are its group, the attributes of the group of its estimates, and these by output.
+    """
     surrogate = study.surrogates[name]
     training = runs[surrogate.design]
     check = None if surrogate.check is None else runs[surrogate.check]
     try:
-        tree, outputs = _surrogate_results(study, model, name, training, check, steps)
+        tree, outputs = _surrogate_results(study, model, name, training, check, start_step)
     except (Exception, SystemExit) as error:
         if is_built_in(surrogate):
             raise
@@ -58,8 +58,7 @@ def surrogate_source(
         "check": surrogate.check or "none",
     }
     tree.attrs |= attributes
-    recipe = {SURROGATE_RECIPE: RECIPE}
-    return tree, Source({SOURCE_KIND: "surrogate", **attributes, **recipe}, outputs)
+    return tree, {SOURCE_KIND: "surrogate", **attributes, SURROGATE_RECIPE: RECIPE}, outputs
 
 
 def _surrogate_results(
@@ -68,18 +67,18 @@ def _surrogate_results(
     name: str,
     training: xr.Dataset,
     check: xr.Dataset | None,
-    steps: AnalysisSteps,
+    start_step: Callable[[str, str], None],
 ) -> tuple[xr.DataTree, Mapping[str, OutputStatistics]]:
     """Return the group of a fitted surrogate and its corrected estimates."""
     variant = study.models[model]
     stream = Stream(study.seed, "surrogates", name)
     surrogate = study.surrogates[name]
-    steps.start(f"fitting {name}", model)
+    start_step(f"fitting {name}", model)
     fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
     checked = fitted if check is None else fitted.with_check(check)
     again = surrogate.for_refits(fitted.without_fields)
     folds = cross_fit(again, name, training, variant.model, study.joint, stream)
-    steps.start(f"estimates of {name}", model)
+    start_step(f"estimates of {name}", model)
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
     quantities = study.model_quantities(variant.model)
     found = surrogate_statistics(draws, quantities, only=all_analyses_but(study.left_out))

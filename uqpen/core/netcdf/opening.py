@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from uqpen.core.files import open_file
-from uqpen.core.netcdf.content import (
+from uqpen.core.netcdf.hdf5 import (
     ARCHIVE_LIMITS,
     DATA_LIMITS,
+    SIGNATURE,
     Content,
     ContentLimits,
     RefusedContentError,
     check_count,
+    check_hdf5,
 )
-from uqpen.core.netcdf.hdf5 import SIGNATURE, check_hdf5
 
 if TYPE_CHECKING:
     import netCDF4

@@ -17,9 +17,9 @@ from uqpen.core.labels import (
     SAMPLING_STAGE,
 )
 from uqpen.core.limits import MOST_REPLICATES
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.designs.rare_events.form import (
     distinct_points,
     search_design_points,

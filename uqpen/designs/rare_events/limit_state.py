@@ -12,10 +12,8 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import STATUS
-from uqpen.core.list_reading import read_list
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import setting
+from uqpen.core.settings import Context, read_list, setting
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_problems

@@ -9,11 +9,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from uqpen.core.errors import Problem, QuantityError, toml_text
-from uqpen.core.labels import EXCEEDANCE, MOMENTS, QUANTILES
+from uqpen.core.labels import (
+    EXCEEDANCE,
+    LOWER_THRESHOLD,
+    MOMENTS,
+    PROBABILITY,
+    QUANTILES,
+    THRESHOLD,
+)
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
-from uqpen.core.statistic_dimensions import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StatisticName, StoppingRule

@@ -16,8 +16,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.setting_fields import Context
-from uqpen.core.settings import setting
+from uqpen.core.settings import Context, setting
 from uqpen.core.variables import Output
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback

@@ -31,7 +31,10 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
         for output in view.numeric_outputs:
             parts = []
             for quantity in moments(view, output):
-                there, here = quantity.estimate(publication), _own_estimate(quantity, design)
+                samples = dict.fromkeys((design, *quantity.view.sample_designs))
+                found = [each for name in samples if (each := quantity.estimate(name)) is not None]
+                bounded = [each for each in found if np.isfinite(each.values).all()]
+                there, here = quantity.estimate(publication), next(iter((*bounded, *found)), None)
                 if there is not None and here is not None:
                     parts.append(_comparison(quantity, there, here))
             parts += _largest_contribution(view, output, publication)
@@ -41,14 +44,6 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
             citation = plain_text(view.statistics.citation(publication) or publication, 80)
             yield f"Against {citation}, its value first."
             yield from texts
-
-
-def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None:
-    """Return the leading design's estimate; without an interval, another sample's with one."""
-    samples = dict.fromkeys((design, *quantity.view.sample_designs))
-    found = [each for name in samples if (each := quantity.estimate(name)) is not None]
-    bounded = [each for each in found if np.isfinite(each.values).all()]
-    return next(iter((*bounded, *found)), None)
 
 
 def _comparison(quantity: QuotedStatistic, there: xr.DataArray, here: xr.DataArray) -> str:

@@ -44,28 +44,6 @@ def alerts(
     view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
 ) -> Iterator[Alert]:
     """Yield what to mind about quantities by a design, the gravest first."""
-    yield from _missing_alert(view, design)
-    yield from _refutation_alerts(view)
-    yield from _precision_alert(view, design, quantities)
-    yield from _scale_alerts(view, design, quantities)
-    yield from _input_alerts(view, design)
-    estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
-    known = [each for each in estimates if each is not None]
-    assumes = any(telling_note(each) != interval_text(each, NOTE) for each in known)
-    yield _scope_alert(view, design, few_runs=assumes)
-
-
-def _with_moments(
-    view: ArchiveView, quantities: Sequence[QuotedStatistic]
-) -> Iterator[QuotedStatistic]:
-    """Yield quantities, and then the moments of their outputs."""
-    outputs = dict.fromkeys(each.output for each in quantities)
-    further = [moment for output in outputs for moment in moments(view, output)]
-    stated = {each.heading for each in quantities}
-    yield from (*quantities, *(each for each in further if each.heading not in stated))
-
-
-def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
     if missing_count(view, design):
         yield Alert(
             "Failed runs",
@@ -73,10 +51,6 @@ def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
             "shows it.",
             "Find out why they fail, and make these runs again.",
         )
-
-
-def _refutation_alerts(view: ArchiveView) -> Iterator[Alert]:
-    """Yield one alert for each reason why runs refute a surrogate."""
     for name in group_names(view.tree, SURROGATES):
         outputs: dict[str, list[str]] = {}
         for output, reason in refuted_outputs(
@@ -90,12 +64,6 @@ def _refutation_alerts(view: ArchiveView) -> Iterator[Alert]:
                 "stated.",
                 "Take the estimates of the runs, or fit another kind, transform or more runs.",
             )
-
-
-def _precision_alert(
-    view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
-) -> Iterator[Alert]:
-    """Yield one alert on the notes of quantities, and of the moments of their outputs."""
     named: dict[str, dict[str, list[str]]] = {}
     for quantity in _with_moments(view, quantities):
         estimate = quantity.leading_estimate(design)
@@ -113,6 +81,22 @@ def _precision_alert(
             f"{'. '.join(shown)}.",
             "Quote quantiles, which need no assumption on extreme values, or make more runs.",
         )
+    yield from _scale_alerts(view, design, quantities)
+    yield from _input_alerts(view, design)
+    estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
+    known = [each for each in estimates if each is not None]
+    assumes = any(telling_note(each) != interval_text(each, NOTE) for each in known)
+    yield _scope_alert(view, design, few_runs=assumes)
+
+
+def _with_moments(
+    view: ArchiveView, quantities: Sequence[QuotedStatistic]
+) -> Iterator[QuotedStatistic]:
+    """Yield quantities, and then the moments of their outputs."""
+    outputs = dict.fromkeys(each.output for each in quantities)
+    further = [moment for output in outputs for moment in moments(view, output)]
+    stated = {each.heading for each in quantities}
+    yield from (*quantities, *(each for each in further if each.heading not in stated))
 
 
 def _scale_alerts(
@@ -158,13 +142,31 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     runs = view.design(design).runs
     excluded = status_counts(runs)[Status.INADMISSIBLE]
     if condition and excluded >= _MANY * run_count(runs):
+        runs = view.design(design).runs
+        count = status_counts(runs)[Status.INADMISSIBLE]
+        some = (
+            f"{grouped_number(count)} of the {grouped_number(run_count(runs))} points of {design}"
+        )
+        were = "was" if count == 1 else "were"
         yield Alert(
             "Inadmissible",
-            _inadmissible_text(view, design, str(condition)),
+            f"{some} {were} inadmissible, so outside of what the model or the study allows. All "
+            f"estimates are conditional on {condition!s}.",
             "If such inputs occur, the model does not cover them; if not, truncate the "
             "distributions.",
         )
-    yield from _absence_alert(view, design)
+    found = {name: view.statistics.absence(design, name) for name in view.numeric_outputs}
+    texts = [
+        f"{output_name(view, name)} on {absence[CONDITIONAL]}"
+        for name, absence in found.items()
+        if absence
+    ]
+    if texts:
+        yield Alert(
+            "Without a value",
+            f"Some estimates are conditional: {'; '.join(texts)}.",
+            "Quote the share of runs that have one beside them.",
+        )
     attributes = read_group(view.tree, RUNS, design).attrs
     if CONTRADICTION in attributes:
         yield Alert(
@@ -194,33 +196,6 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "If they do not follow those distributions, the statistics are of other inputs.",
         )
     yield from _measured_alert(view, design)
-
-
-def _absence_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
-    """Yield one alert on the outputs that some completed runs do not have."""
-    found = {name: view.statistics.absence(design, name) for name in view.numeric_outputs}
-    texts = [
-        f"{output_name(view, name)} on {absence[CONDITIONAL]}"
-        for name, absence in found.items()
-        if absence
-    ]
-    if texts:
-        yield Alert(
-            "Without a value",
-            f"Some estimates are conditional: {'; '.join(texts)}.",
-            "Quote the share of runs that have one beside them.",
-        )
-
-
-def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:
-    runs = view.design(design).runs
-    count = status_counts(runs)[Status.INADMISSIBLE]
-    some = f"{grouped_number(count)} of the {grouped_number(run_count(runs))} points of {design}"
-    were = "was" if count == 1 else "were"
-    return (
-        f"{some} {were} inadmissible, so outside of what the model or the study allows. All "
-        f"estimates are conditional on {condition}."
-    )
 
 
 def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:

@@ -101,7 +101,13 @@ def _stated_blocks(
         yield Findings(every, is_verdict=True)
     if caveat := caveat_text(view, main_outputs(view), design):
         yield Text(caveat)
-    stated, further = _ordered_sentences(shown, main_outputs(view))
+    main = main_outputs(view)
+    of_main = [entry.sentences for entry in shown if entry.output in main]
+    rest = [each for entry in shown if entry.output not in main for each in entry.sentences]
+    first = [each for sentences in of_main for each in sentences[:1]]
+    second = [each for sentences in of_main for each in sentences[1:]]
+    room = max(_MOST_SENTENCES - len(first), 0)
+    stated, further = (*first, *second[:room]), (*second[room:], *rest)
     if stated:
         yield Quote(stated)
     if further:
@@ -111,46 +117,26 @@ def _stated_blocks(
         yield Findings(asked)
     if of_fields := tuple(field_sentences(view, design)):
         yield Quote(of_fields)
-    sentences = (
-        _origin_sentence(view, design),
-        *_correction_sentences(view, shown),
-        _omissions(shown, left),
-    )
-    yield Text(" ".join(filter(None, sentences)))
-
-
-def _ordered_sentences(
-    shown: Sequence[OutputSentences], main: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the sentences that are seen at once, and the others: one on each main output first."""
-    of_main = [entry.sentences for entry in shown if entry.output in main]
-    rest = [each for entry in shown if entry.output not in main for each in entry.sentences]
-    first = [each for sentences in of_main for each in sentences[:1]]
-    second = [each for sentences in of_main for each in sentences[1:]]
-    room = max(_MOST_SENTENCES - len(first), 0)
-    return (*first, *second[:room]), (*second[room:], *rest)
-
-
-def _omissions(shown: Sequence[OutputSentences], outputs: int) -> str:
     omitted = sum(entry.omitted for entry in shown)
     parts = []
     if omitted:
         parts.append(f"{count_text(omitted, 'more estimate')} of these outputs")
-    if outputs > 0:
-        parts.append(count_text(outputs, "more output"))
-    return f"Further down: {' and '.join(parts)}." if parts else ""
-
-
-def _origin_sentence(view: ArchiveView, design: str) -> str:
+    if left > 0:
+        parts.append(count_text(left, "more output"))
     runs = view.design(design).runs
-    completed, every = status_counts(runs)[Status.OK], run_count(runs)
+    completed, count = status_counts(runs)[Status.OK], run_count(runs)
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
-    some = "all" if completed == every else grouped_number(completed)
-    returned = f"{some} of {count_text(every, 'run')} of the model {model} completed"
-    if every == 1:
+    some = "all" if completed == count else grouped_number(completed)
+    returned = f"{some} of {count_text(count, 'run')} of the model {model} completed"
+    if count == 1:
         returned = f"a single run of the model {model}"
-    return f"By {design}, {_leading_reason(view, design)}: {returned}."
+    sentences = (
+        f"By {design}, {_leading_reason(view, design)}: {returned}.",
+        *_correction_sentences(view, shown),
+        f"Further down: {' and '.join(parts)}." if parts else "",
+    )
+    yield Text(" ".join(filter(None, sentences)))
 
 
 def _correction_sentences(view: ArchiveView, shown: Sequence[OutputSentences]) -> Iterator[str]:

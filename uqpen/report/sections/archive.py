@@ -109,14 +109,30 @@ def archive(view: ArchiveView) -> Iterator[Block]:
             yield Heading(each.model)
             yield Table(_value_table("Model", _model_attributes(each.tree.attrs)))
         yield Table(_inputs_table(each))
-        yield Table(_designs_table(each))
+        table = OutputTable("Designs", ["points", "runs", "completed", "replicates", "purpose"])
+        for name in each.designs:
+            runs = read_group(each.tree, RUNS, name)
+            sampling = each.design(name).sampling
+            completed = grouped_number(status_counts(runs)[Status.OK])
+            purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(each, name)))
+            replicates = str(replicate_count(runs)) if REPLICATE in runs.variables else NOTHING
+            cells = [str(sampling), grouped_number(run_count(runs)), completed, replicates, purpose]
+            table.rows.append((name, cells))
+        yield Table(table)
     if fields := tuple(map(plain_text, field_lines(view.archive))):
         yield Remarks("Outputs with dimensions, run by run in the archive", fields)
     if view.model:
         yield Heading("The archive of all models")
     if found := archive_notes(view.archive):
         yield Remarks("Notes in this archive, and the number of estimates with each", found)
-    yield Table(_provenance_table(view))
+    attributes = view.archive.attrs
+    known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
+    others = {
+        _attribute_name(name): value
+        for name, value in attributes.items()
+        if name not in (*_NAMES, *_SHOWN_ELSEWHERE) and not str(name).startswith("model_")
+    }
+    yield Table(_value_table("Provenance", known | _model_attributes(attributes) | others))
     if is_study:
         yield Text(
             "These commands check the archive of this page, and repeat it. A model or an analysis "
@@ -220,20 +236,6 @@ def _nested(value: Any) -> str:
     return f"({_toml_text(value)})" if isinstance(value, dict) else _toml_text(value)
 
 
-def _designs_table(view: ArchiveView) -> OutputTable:
-    """Each design: its sampling, its number of runs, and its purpose."""
-    table = OutputTable("Designs", ["points", "runs", "completed", "replicates", "purpose"])
-    for name in view.designs:
-        runs = read_group(view.tree, RUNS, name)
-        sampling = view.design(name).sampling
-        completed = grouped_number(status_counts(runs)[Status.OK])
-        purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(view, name)))
-        replicates = str(replicate_count(runs)) if REPLICATE in runs.variables else NOTHING
-        cells = [str(sampling), grouped_number(run_count(runs)), completed, replicates, purpose]
-        table.rows.append((name, cells))
-    return table
-
-
 def _surrogate_uses(view: ArchiveView, design: str) -> Iterator[str]:
     surrogates = view.tree.children.get(SURROGATES)
     for name, surrogate in (surrogates.children if surrogates is not None else {}).items():
@@ -255,18 +257,6 @@ def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
     if labels := [each.label for each in named if each.sha256]:
         found["its runs depend on"] = ", ".join(labels)
     return found
-
-
-def _provenance_table(view: ArchiveView) -> OutputTable:
-    """Return a table of the provenance: study, seed, model, versions, platform."""
-    attributes = view.archive.attrs
-    known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
-    others = {
-        _attribute_name(name): value
-        for name, value in attributes.items()
-        if name not in (*_NAMES, *_SHOWN_ELSEWHERE) and not str(name).startswith("model_")
-    }
-    return _value_table("Provenance", known | _model_attributes(attributes) | others)
 
 
 def _attribute_name(name: Any) -> str:

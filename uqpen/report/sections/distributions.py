@@ -21,8 +21,7 @@ from uqpen.charts.histograms import histogram, shares
 from uqpen.charts.marks import Line, Rule
 from uqpen.charts.study_limits import study_limits
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.core.statistic_dimensions import PERCENT
+from uqpen.core.labels import INTERVAL_LEVEL, PERCENT
 from uqpen.report.blocks import Fold, Table
 from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.results.archive_view import ArchiveView, output_title
@@ -71,20 +70,25 @@ def _numeric_blocks(
     bins = () if is_pictured else (histogram(view, output, design),)
     tail = exceedance_chart(view, output, curves[0])
     yield Charts((_cdf(view, output, curves[:1]), *bins, *tail))
-    yield Table(_quantile_table(view, output, design), is_folded=True)
+    convert = view.scale(output).from_si
+    array = view.statistics.statistics(design, output)["percentile"]
+    probabilities = array[PERCENT] / 100
+    level = array.attrs.get(INTERVAL_LEVEL)
+    with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
+    table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
+    for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
+        cell = table.cell(estimate, convert, is_logarithmic=view.is_logarithmic(output))
+        table.rows.append((quantile_label(p), [cell]))
+    largest = LargestRun.of_design(view, design, output)
+    table.rows.append((largest.name, [number_text(largest.value)]))
+    yield Table(table, is_folded=True)
     if len(curves) > 1:
         yield Fold("Distribution functions by all methods", (_cdf(view, output, curves),))
 
 
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     """Return a chart of functions with the numbers of the first; of one alone with a threshold."""
-    chart = replace(cdf_chart(view, output, curves), tables=(_cdf_table(view, output, curves[0]),))
-    if len(curves) > 1:
-        return chart
-    return replace(chart, reading=_threshold_readout(view, output, curves[0], chart))
-
-
-def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
+    curve = curves[0]
     with_band = ", with its simultaneous band" * curve.has_band
     title = f"Distribution function by {curve.name}{with_band}"
     table = OutputTable(title, [view.axis_label(output), "P(at most)", "band"])
@@ -96,7 +100,10 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
         table.rows.append((percent_text(round(rank / (curve.values.size - 1), 6)), cells))
     if not curve.has_band:
         table.note_mark(f"no band: {curve.note}")
-    return table
+    chart = replace(cdf_chart(view, output, curves), tables=(table,))
+    if len(curves) > 1:
+        return chart
+    return replace(chart, reading=_threshold_readout(view, output, curves[0], chart))
 
 
 def _threshold_readout(
@@ -163,19 +170,3 @@ def _listed_bounds(band: FloatArray) -> list[list[float | None]]:
 def _exact(value: float) -> float:
     """Return a value in more digits than anybody types."""
     return float(f"{value:.12g}")
-
-
-def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
-    """Percentiles and their intervals."""
-    convert = view.scale(output).from_si
-    array = view.statistics.statistics(design, output)["percentile"]
-    probabilities = array[PERCENT] / 100
-    level = array.attrs.get(INTERVAL_LEVEL)
-    with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
-    table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
-    for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
-        cell = table.cell(estimate, convert, is_logarithmic=view.is_logarithmic(output))
-        table.rows.append((quantile_label(p), [cell]))
-    largest = LargestRun.of_design(view, design, output)
-    table.rows.append((largest.name, [number_text(largest.value)]))
-    return table

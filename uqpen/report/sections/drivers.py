@@ -61,7 +61,21 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
         yield f"{start} {_share_text(view, ranking, part, text)}"
     if further := _next_inputs(view, ranking, others):
         yield f"Next: {further}."
-    yield from _interactions(view, output, ranking)
+    measure = ranking.statistic.measure
+    if measure.share != "alone" or index_titles(view.tree).is_dependent:
+        return
+    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
+    total = best_ranking(view, output, of_total)
+    if total is None:
+        return
+    shown = {
+        name: _estimate_text(array)
+        for name, array in total.estimates.items()
+        if name in ranking.estimates and _exceeds(array, ranking.estimates[name])
+    }
+    if shown:
+        inputs = ", ".join(f"{input_label(view, each)} ({text})" for each, text in shown.items())
+        yield f"With its interactions: {inputs}."
 
 
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
@@ -82,25 +96,6 @@ def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
     ]
     texts = {each: _estimate_text(ranking.estimates[each]) for each in shown}
     return " and ".join(f"{input_label(view, each)} ({text})" for each, text in texts.items())
-
-
-def _interactions(view: ArchiveView, output: str, ranking: Ranking) -> Iterator[str]:
-    """Yield the inputs whose interactions count, by the best-known total order."""
-    measure = ranking.statistic.measure
-    if measure.share != "alone" or index_titles(view.tree).is_dependent:
-        return
-    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
-    total = best_ranking(view, output, of_total)
-    if total is None:
-        return
-    shown = {
-        name: _estimate_text(array)
-        for name, array in total.estimates.items()
-        if name in ranking.estimates and _exceeds(array, ranking.estimates[name])
-    }
-    if shown:
-        inputs = ", ".join(f"{input_label(view, each)} ({text})" for each, text in shown.items())
-        yield f"With its interactions: {inputs}."
 
 
 def _exceeds(total: xr.DataArray, first: xr.DataArray) -> bool:

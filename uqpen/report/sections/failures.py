@@ -47,7 +47,29 @@ def failures(view: ArchiveView) -> Iterator[Block]:
     if not failed:
         yield Text(_no_failure_text(view))
         return
-    yield Table(_reason_table(view, failed))
+    counts: dict[tuple[Status, str], Counter[str]] = {}
+    examples: dict[tuple[Status, str], str] = {}
+    for design in failed:
+        for each in losses_of(view.tree, design):
+            counts.setdefault((each.status, each.reason), Counter())[design] += each.runs
+            examples.setdefault((each.status, each.reason), each.example)
+    ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
+    columns = [
+        f"{name}\nof {count_text(run_count(read_group(view.tree, RUNS, name)), 'run')}"
+        for name in failed
+    ]
+    table = OutputTable("Failed runs, by status and reason", columns)
+    for (status, reason), found in ordered[:_MOST_REASONS]:
+        example = plain_text(examples[status, reason], 200)
+        mark = table.note_mark(f"such as: {example}" if example else "")
+        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}{mark}"
+        _add(table, label, [found[each] for each in failed])
+    if rest := ordered[_MOST_REASONS:]:
+        left = [sum(found[design] for _, found in rest) for design in failed]
+        _add(table, f"{grouped_number(len(rest))} less frequent reasons", left)
+    if len(ordered) > 1:
+        _add(table, "all", [sum(failed_run_counts(view, design).values()) for design in failed])
+    yield Table(table)
     associations = list(_association_blocks(view))
     yield from associations[:1]
     yield Fold("By design", (failure_probability_chart(view, failed), *associations[1:]))
@@ -68,32 +90,6 @@ def _no_failure_text(view: ArchiveView) -> str:
                 f"most {upper}, the upper end of its {level} interval."
             )
     return text
-
-
-def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
-    counts: dict[tuple[Status, str], Counter[str]] = {}
-    examples: dict[tuple[Status, str], str] = {}
-    for design in designs:
-        for each in losses_of(view.tree, design):
-            counts.setdefault((each.status, each.reason), Counter())[design] += each.runs
-            examples.setdefault((each.status, each.reason), each.example)
-    ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
-    columns = [
-        f"{name}\nof {count_text(run_count(read_group(view.tree, RUNS, name)), 'run')}"
-        for name in designs
-    ]
-    table = OutputTable("Failed runs, by status and reason", columns)
-    for (status, reason), found in ordered[:_MOST_REASONS]:
-        example = plain_text(examples[status, reason], 200)
-        mark = table.note_mark(f"such as: {example}" if example else "")
-        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}{mark}"
-        _add(table, label, [found[each] for each in designs])
-    if rest := ordered[_MOST_REASONS:]:
-        left = [sum(found[design] for _, found in rest) for design in designs]
-        _add(table, f"{grouped_number(len(rest))} less frequent reasons", left)
-    if len(ordered) > 1:
-        _add(table, "all", [sum(failed_run_counts(view, design).values()) for design in designs])
-    return table
 
 
 def _add(table: OutputTable, label: str, counts: Sequence[int]) -> None:
@@ -133,7 +129,15 @@ def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
         admissible = " at admissible points" * bool(excluded)
         yield f"{every}{admissible} completed."
     else:
-        inputs = _associated_inputs(view, design)
+        found = view.statistics.failures(design)
+        clear = {
+            **_associations(found.get("further_out"), "far from its median", ""),
+            **_associations(found.get("larger"), "high", "low"),
+        }
+        strongest = sorted(clear, key=lambda name: -clear[name][0])[:_MOST_NAMED]
+        inputs = " and ".join(
+            f"{input_label(view, name)} is {clear[name][1]}" for name in strongest
+        )
         share = f"{grouped_number(missing)} of {grouped_number(runs)}"
         yield f"{share} runs failed{', mainly where ' * bool(inputs)}{inputs}."
         yield (
@@ -143,17 +147,6 @@ def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
     if excluded:
         were = "was" if excluded == 1 else "were"
         yield f"{count_text(excluded, 'point')} of {grouped_number(runs)} {were} inadmissible."
-
-
-def _associated_inputs(view: ArchiveView, design: str) -> str:
-    """Return the inputs that go with failure, in words; empty if none clearly does."""
-    found = view.statistics.failures(design)
-    clear = {
-        **_associations(found.get("further_out"), "far from its median", ""),
-        **_associations(found.get("larger"), "high", "low"),
-    }
-    strongest = sorted(clear, key=lambda name: -clear[name][0])[:_MOST_NAMED]
-    return " and ".join(f"{input_label(view, name)} is {clear[name][1]}" for name in strongest)
 
 
 def _associations(

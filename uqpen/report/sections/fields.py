@@ -78,44 +78,41 @@ def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]
     if view.statistics.get(design, field, "mean") is None:
         return
     if len(along) == 1:
-        yield from _curve_blocks(CurveEstimates(view, field, design, _MOST_PLACES))
+        curve = CurveEstimates(view, field, design, _MOST_PLACES)
+        unit = unit_suffix(curve.view.unit(curve.dimension))
+        readout = PlaceReadout(
+            output=output_title(curve.view, curve.output),
+            dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
+            values=curve.places,
+            heads=[f"{number_text(place, 6)}{unit}" for place in curve.places.tolist()],
+            columns=list(_columns(curve)),
+            start=_first_place(curve),
+        )
+        indices = measures_along(curve)
+        yield fan_chart(curve, readout)
+        yield Charts(
+            (
+                *([place_histogram(curve, readout.start)] if curve.has_runs else []),
+                *place_drivers(curve, readout.start, indices),
+                *driver_areas(curve, indices),
+                *probability_charts(curve),
+            )
+        )
+        further = (
+            *tolerance_chart(curve),
+            *ranked_chart(curve),
+            *quantile_chart(curve),
+            *driver_lines(curve, indices),
+        )
+        if further:
+            yield Fold(
+                "Bands of new curves, quantiles and shares, and ranked curves", (Charts(further),)
+            )
         return
     maps = tuple(map_charts(view, field, design))
     yield Charts(maps[:_OPEN_MAPS])
     if further := maps[_OPEN_MAPS:]:
         yield Fold("Maps of the quantiles", (Charts(further),))
-
-
-def _curve_blocks(curve: CurveEstimates) -> Iterator[Block]:
-    unit = unit_suffix(curve.view.unit(curve.dimension))
-    readout = PlaceReadout(
-        output=output_title(curve.view, curve.output),
-        dimension=str(curve.view.attributes(curve.dimension).get("long_name", curve.dimension)),
-        values=curve.places,
-        heads=[f"{number_text(place, 6)}{unit}" for place in curve.places.tolist()],
-        columns=list(_columns(curve)),
-        start=_first_place(curve),
-    )
-    indices = measures_along(curve)
-    yield fan_chart(curve, readout)
-    yield Charts(
-        (
-            *([place_histogram(curve, readout.start)] if curve.has_runs else []),
-            *place_drivers(curve, readout.start, indices),
-            *driver_areas(curve, indices),
-            *probability_charts(curve),
-        )
-    )
-    further = (
-        *tolerance_chart(curve),
-        *ranked_chart(curve),
-        *quantile_chart(curve),
-        *driver_lines(curve, indices),
-    )
-    if further:
-        yield Fold(
-            "Bands of new curves, quantiles and shares, and ranked curves", (Charts(further),)
-        )
 
 
 def _first_place(curve: CurveEstimates) -> int:

@@ -11,8 +11,7 @@ import xarray as xr
 from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block
 from uqpen.charts.distributions import model_chart
-from uqpen.core.labels import DIFFERENCES
-from uqpen.core.statistic_dimensions import THRESHOLD
+from uqpen.core.labels import DIFFERENCES, THRESHOLD
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.blocks import Alerts, Columns, Finding, Findings, Fold, Table, Text
 from uqpen.report.sections.alerts import alerts

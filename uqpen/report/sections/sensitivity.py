@@ -49,12 +49,10 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         yield Charts(changes, tables=tuple(tables.pop("responses", ())))
     drawn = [table for chart in charts for table in chart.tables]
     for table in chain.from_iterable(tables.values()):
-        if table not in drawn and _has_estimates(table):
+        if table not in drawn and any(
+            not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells
+        ):
             yield Table(table, is_folded=True)
-
-
-def _has_estimates(table: OutputTable) -> bool:
-    return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:

@@ -11,9 +11,8 @@ import xarray as xr
 
 from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import CATEGORY
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Finding
@@ -61,7 +60,22 @@ class OutputSentences(NamedTuple):
 def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
     """Return a sentence on an output by a design whose runs are a sample; None without one."""
     if output in view.categorical_outputs:
-        return _category_sentences(view, output, design)
+        found = sorted(
+            _category_statistics(view, output, design), key=lambda each: -float(each[2].values[0])
+        )
+        shown = found[:_MOST_CATEGORIES]
+        if not shown:
+            return None
+        parts = [
+            f"{label} in {each.texts(array)[0]} of cases {each.interval(array)}"
+            for label, each, array in shown
+        ]
+        start = capitalized(output_name(view, output))
+        runs = run_count(view.design(design).runs)
+        if runs > 1 and float(shown[0][2].values[0]) == 1:
+            parts = parts[:1]
+        omitted = len(found) - len(shown)
+        return OutputSentences(output, (), (f"{start}: {'; '.join(parts)}.",), (), omitted)
     every = requested_statistics(view, output, design)
     missing = [each for each in every if each.leading_estimate(design) is None]
     known = [each for each in every if each not in missing]
@@ -69,8 +83,8 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     common = default_statistic(view, output, design)
     if common is not None and len(kept) < _MOST_STATED:
         kept.append(common)
-    found = ((each, each.leading_estimate(design)) for each in kept)
-    estimates = [(each, array) for each, array in found if array is not None]
+    of_kept = ((each, each.leading_estimate(design)) for each in kept)
+    estimates = [(each, array) for each, array in of_kept if array is not None]
     if not estimates:
         return None
     limits = [each for each in estimates if each[0].statistic.shown.event]
@@ -134,7 +148,8 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if shown.ends:
         return _tolerance_limit_sentence(quantity, array, capitalized(name), shown.ends)
     value = quantity.texts(array)[0]
-    if _is_constant(quantity, design):
+    values = quantity.view.design(design).completed_values(quantity.output)
+    if bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max()):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
     if shown.entry == "probability" and quantity.entry == 0.5:
@@ -185,32 +200,6 @@ def _share_of_cases(content: float) -> str:
     return f"{percent_text(content)} of cases"
 
 
-def _is_constant(quantity: QuotedStatistic, design: str) -> bool:
-    values = quantity.view.design(design).completed_values(quantity.output)
-    # Equal but for rounding.
-    return bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max())
-
-
-def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
-    """Return a sentence on a categorical output, its most frequent category first."""
-    found = sorted(
-        _category_statistics(view, output, design), key=lambda each: -float(each[2].values[0])
-    )
-    shown = found[:_MOST_CATEGORIES]
-    if not shown:
-        return None
-    parts = [
-        f"{label} in {each.texts(array)[0]} of cases {each.interval(array)}"
-        for label, each, array in shown
-    ]
-    start = capitalized(output_name(view, output))
-    runs = run_count(view.design(design).runs)
-    if runs > 1 and float(shown[0][2].values[0]) == 1:
-        parts = parts[:1]
-    omitted = len(found) - len(shown)
-    return OutputSentences(output, (), (f"{start}: {'; '.join(parts)}.",), (), omitted)
-
-
 def _category_statistics(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, QuotedStatistic, xr.DataArray]]:
@@ -243,11 +232,6 @@ def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
                 f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
             )
             yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
-    yield from _disagreement_findings(view)
-
-
-def _disagreement_findings(view: ArchiveView) -> Iterator[Finding]:
-    """Yield which designs disagree on the event of one that was made for it."""
     found = {design: view.statistics.joint_probability(design) for design in view.designs}
     arrays = {design: array for design, array in found.items() if array is not None}
     of_events = {each for each in arrays if view.design(each).sampling is Sampling.TOWARDS_EVENT}

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.statistic_dimensions import SHORTFALL_LEVEL
+from uqpen.core.labels import SHORTFALL_LEVEL
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate

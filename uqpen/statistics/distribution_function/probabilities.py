@@ -11,8 +11,7 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns
-from uqpen.core.labels import STATUS
-from uqpen.core.statistic_dimensions import CATEGORY, LOWER_THRESHOLD, THRESHOLD
+from uqpen.core.labels import CATEGORY, LOWER_THRESHOLD, STATUS, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.statistic_dimensions import PERCENT, PROBABILITY
+from uqpen.core.labels import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (

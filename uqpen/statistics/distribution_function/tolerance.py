@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray
-from uqpen.core.statistic_dimensions import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
+from uqpen.core.labels import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import (
     has_enough_runs_around,

@@ -11,11 +11,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
-from uqpen.core.labels import SAMPLING
+from uqpen.core.labels import SAMPLING, SENSITIVITY_EVENT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic_dimensions import SENSITIVITY_EVENT
 from uqpen.core.units import scale
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.statistics import texts

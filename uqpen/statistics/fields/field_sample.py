@@ -14,9 +14,9 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.coordinates import field_coordinates
 from uqpen.core.labels import BOUND, CONDITIONAL, INPUT, INTERVAL_LEVEL
 from uqpen.core.model import Dimension, Output
+from uqpen.core.variables import field_coordinates
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,

@@ -11,8 +11,8 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.coordinates import field_coordinates
-from uqpen.core.statistic_dimensions import CURVE
+from uqpen.core.labels import CURVE
+from uqpen.core.variables import field_coordinates
 from uqpen.statistics import texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.statistic_dimensions import BAND_CONTENT
+from uqpen.core.labels import BAND_CONTENT
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import sample_quantile
 from uqpen.statistics.estimate import Estimate

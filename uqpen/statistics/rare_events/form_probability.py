@@ -12,6 +12,7 @@ from scipy.special import ndtr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import (
+    DESIGN_POINT,
     INPUT,
     MOVED_AXIS,
     NORMAL_DISTANCE,
@@ -20,7 +21,6 @@ from uqpen.core.labels import (
     SEARCH_ORIGIN,
     SEARCH_START,
 )
-from uqpen.core.statistic_dimensions import DESIGN_POINT
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.rare_events.form import (
     CURVATURE_AXIS,

@@ -12,9 +12,17 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, REPLICATE, RUN, SUBSET_LEVEL
+from uqpen.core.labels import (
+    CHAIN_PARENT,
+    CONTENT_LEVEL,
+    LEVEL_THRESHOLD,
+    LOWER_CONTENT,
+    PROBABILITY,
+    REPLICATE,
+    RUN,
+    SUBSET_LEVEL,
+)
 from uqpen.core.lookup import resolve
-from uqpen.core.statistic_dimensions import CONTENT_LEVEL, LOWER_CONTENT, PROBABILITY
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.subset_simulation import STEPS, ChainStates
 from uqpen.statistics import texts

@@ -31,7 +31,7 @@ from uqpen.core.labels import (
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
-from uqpen.statistics.surrogate.correction.correction_runs import FoldFit
+from uqpen.statistics.surrogate.correction_runs import FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.diagnostics import predictive_q2, shown_diagnostics
 from uqpen.surrogates.field_surrogate import FieldSurrogate

@@ -9,26 +9,62 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import (
+    BOUND,
+    BOUNDS,
     ESTIMATOR,
+    EXCEEDANCE,
+    INPUT,
+    INTERVAL,
+    INTERVAL_LABEL,
+    MOMENTS,
+    NOTE,
+    QUANTILES,
     RUN,
     SENSITIVITY,
     TAILS,
 )
-from uqpen.statistics import texts
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Dimension
+from uqpen.core.variables import field_coordinates
+from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.field_statistics import field_statistics
+from uqpen.statistics.run_samples import samples_of
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity.input_measures import input_coordinate
 from uqpen.statistics.surrogate.refutation import missing_estimates
-from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import (
+    MOST_INPUTS_FOR_ALL_SETS,
+    PickFreezePairs,
+    SurrogateDraws,
+    VarianceShares,
+)
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
+from uqpen.surrogates.chaos.expansion import input_shares
+from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
-__all__ = ["SurrogateStatistics", "surrogate_statistics"]
+__all__ = [
+    "FieldShares",
+    "SurrogateStatistics",
+    "closed_form_shares",
+    "field_statistics",
+    "sampled_shares",
+    "surrogate_statistics",
+]
 
 _SAMPLED = [*dict.fromkeys(each.group for each in CATALOGUE.values() if each.is_of_surrogates)]
 
@@ -119,3 +155,337 @@ def _closed_forms(
     for name, value in zip(("mean", "std"), moments, strict=True):
         exact = statistics[name].copy(data=[value, math.nan, math.nan])
         yield name, exact.assign_attrs({ESTIMATOR: forms.estimator})
+
+
+# Statistics of a field, estimated from the surrogate of its scores.
+#
+# A field is linear in its scores. So its moments and variance shares at each place are sums over
+# pairs of scores: no draw of the whole field is kept. Quantiles and probabilities follow from draws
+# of the scores, some places at a time.
+
+# Shares of the variance of a field that its inputs have, from its scores.
+#
+# The variance at a place is a quadratic form of the components there, and so is the part of it that
+# a set of inputs explains. The components are orthonormal, so the mean of such a form over the
+# field is its trace. A share of that mean is a generalized index.
+#
+# References
+# ----------
+# Lamboni, M., Monod, H. & Makowski, D. (2011). Reliab. Eng. Syst. Saf. 96, 450-459.
+# Gamboa, F., Janon, A., Klein, T. & Lagnoux, A. (2014). Electron. J. Stat. 8, 575-603.
+
+
+@dataclass(frozen=True, eq=False)
+class FieldShares:
+    """Shares of the variance at each place, and of its mean over the field.
+
+    Parameters
+    ----------
+    first, total, shapley : ndarray, shape (place, input)
+        NaN at a place without variance; NaN as a whole where there are none.
+    generalized_first, generalized_total : ndarray, shape (input,)
+    """
+
+    first: FloatArray
+    total: FloatArray
+    shapley: FloatArray
+    generalized_first: FloatArray
+    generalized_total: FloatArray
+
+
+def closed_form_shares(
+    indices: IntArray, coefficients: FloatArray, components: FloatArray
+) -> FieldShares:
+    """Compute the shares from orthonormal terms.
+
+    Parameters
+    ----------
+    indices : ndarray of int, shape (term, input)
+        The degrees of the terms.
+    coefficients : ndarray, shape (term, component)
+        Of each score.
+    components : ndarray, shape (component, place)
+    """
+    whole = input_shares(indices, np.sqrt((coefficients**2).sum(axis=1)))
+    found = [input_shares(indices, coefficients @ place) for place in components.T]
+    return FieldShares(
+        np.array([each.first for each in found]),
+        np.array([each.total for each in found]),
+        np.array([each.shapley for each in found]),
+        whole.first,
+        whole.total,
+    )
+
+
+def sampled_shares(
+    pairs: PickFreezePairs, scores: Sequence[str], components: FloatArray
+) -> FieldShares:
+    """Estimate the shares from pairs of draws of the scores.
+
+    Parameters
+    ----------
+    pairs : PickFreezePairs
+    scores : sequence of str
+        Their names as outputs.
+    components : ndarray, shape (component, place)
+    """
+    first, second = (
+        _column(pairs.first, scores),
+        {subset: _column(found, scores) for subset, found in pairs.second.items()},
+    )
+    usable = np.isfinite(first).all(axis=1)
+    for values in second.values():
+        usable &= np.isfinite(values).all(axis=1)
+    first, second = first[usable], {subset: each[usable] for subset, each in second.items()}
+    centred = first - first.mean(axis=0)
+    unrelated = second.pop(0)
+    variance = _forms(centred.T @ centred / len(first), components)
+    explained = {0: np.zeros(len(variance)), (1 << pairs.dimension) - 1: np.ones(len(variance))}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for subset, values in second.items():
+            # As for a scalar output: the one errs little where little is explained, the other
+            # where little is left.
+            share = _forms(centred.T @ (values - unrelated) / len(first), components) / variance
+            change = first - values
+            rest = _forms(change.T @ change / (2 * len(first)), components) / variance
+            explained[subset] = np.where(share < rest, share, 1 - rest)
+    rows = [
+        VarianceShares(pairs.dimension, {subset: each[row] for subset, each in explained.items()})
+        for row in range(len(variance))
+    ]
+    *places, whole = rows
+    none = [np.nan] * pairs.dimension
+    return FieldShares(
+        np.array([each.first_order for each in places]),
+        np.array([each.total_order for each in places]),
+        np.array([each.shapley or none for each in places]),
+        np.array(whole.first_order),
+        np.array(whole.total_order),
+    )
+
+
+def _column(values: Mapping[str, FloatArray], scores: Sequence[str]) -> FloatArray:
+    return np.column_stack([values[name] for name in scores])
+
+
+def _forms(matrix: FloatArray, components: FloatArray) -> FloatArray:
+    """Return the quadratic form at each place, and at the end its mean over the field."""
+    return np.append(((matrix @ components) * components).sum(axis=0), np.trace(matrix))
+
+
+# Values of a field that are put together at a time: 32 MB.
+_MOST_VALUES = 2**22
+
+Arrays = Iterator[tuple[str, xr.DataArray]]
+
+_FROM_COEFFICIENTS = "from the coefficients"
+
+_BY_DRAWS = (QUANTILES, EXCEEDANCE)
+
+# The dimension of a part of the places.
+_PLACE = "place"
+
+# By name, the attribute of `FieldShares` and the title.
+_GENERALIZED = "generalized_"
+_INDICES = {
+    "first_order": ("first", "first-order Sobol' indices"),
+    "total_order": ("total", "total-order Sobol' indices"),
+    "shapley": ("shapley", "Shapley effects"),
+    "generalized_first_order": ("generalized_first", "generalized first-order Sobol' indices"),
+    "generalized_total_order": ("generalized_total", "generalized total-order Sobol' indices"),
+}
+
+
+def field_statistics(
+    draws: SurrogateDraws,
+    fit: FieldFit,
+    quantity: QuantityOfInterest,
+    only: Collection[str] | None = None,
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Estimate all statistics of a field.
+
+    Parameters
+    ----------
+    draws : SurrogateDraws
+        Of the surrogate of its scores.
+    fit : FieldFit
+    quantity : QuantityOfInterest
+    only : collection of str, optional
+        The requested groups; all by default.
+
+    Yields
+    ------
+    name : str
+        ``mean``, ``std``, ``quantile``, ``exceedance``, ``below``, ``first_order``,
+        ``total_order``, ``shapley``, ``generalized_first_order``, ``generalized_total_order``.
+    estimate : DataArray
+        Along the dimensions of the field, but for generalized ones, then as of a scalar output;
+        without bounds, and with a note on what the surrogate leaves.
+    """
+    field = _Field(draws, fit, quantity)
+    if only is None or MOMENTS in only:
+        yield from field.moments()
+    for group in _BY_DRAWS:
+        if only is None or group in only:
+            yield from field.by_draws(group)
+    if only is None or SENSITIVITY in only:
+        yield from field.indices()
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Estimates of one field."""
+
+    draws: SurrogateDraws
+    fit: FieldFit
+    quantity: QuantityOfInterest
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The scores at the draws, shape (run, component)."""
+        runs = LoadedDataset.of(self.draws.runs)
+        samples = samples_of(runs, self.fit.scores)
+        values = [samples[name].values for name in self.fit.scores]
+        return replace(samples[self.fit.scores[0]], values=np.column_stack(values))
+
+    @cached_property
+    def terms(self) -> tuple[IntArray, FloatArray] | None:
+        """The terms of the scores where their coefficients give all moments."""
+        scores = self.fit.scores
+        forms = self.draws.closed_forms_of_output(scores[0])
+        return forms.closed_form_terms(scores) if forms is not None else None
+
+    @property
+    def moments_estimator(self) -> str:
+        """Name of the estimator of moments."""
+        return _FROM_COEFFICIENTS if self.terms else self.draws.sampling_estimator
+
+    def moments(self) -> Arrays:
+        """Yield mean and standard deviation at each place."""
+        parts = self._components
+        if self.terms:
+            indices, coefficients = self.terms
+            is_constant = ~indices.any(axis=1)
+            centre = coefficients[is_constant].sum(axis=0)
+            matrix = coefficients[~is_constant].T @ coefficients[~is_constant]
+        elif self.sample.size > 1:
+            centre = self.sample.values.mean(axis=0)
+            matrix = np.atleast_2d(np.cov(self.sample.values, rowvar=False))
+        else:
+            centre, matrix = np.full(len(parts), np.nan), np.full((len(parts),) * 2, np.nan)
+        variance = ((matrix @ parts) * parts).sum(axis=0)
+        mean = self.fit.components.fields(centre[None])[0]
+        for name, values, title in (
+            ("mean", mean, "mean"),
+            ("std", np.sqrt(np.maximum(variance, 0)), "standard deviation"),
+        ):
+            title, unit = f"{title} of {self.quantity.output.title}", self.quantity.output.unit
+            array = self._array(values, title, self.moments_estimator, unit, reason=texts.NO_RUN)
+            yield name, array
+
+    def by_draws(self, group: str) -> Arrays:
+        """Yield the statistics of an analysis of fields, some places at a time."""
+        found: dict[str, list[xr.DataArray]] = {}
+        for part in self._parts():
+            for reference in FIELD_ANALYSES[group]:
+                for name, array in resolve(reference)(part, self.quantity):
+                    found.setdefault(name, []).append(array)
+        for name, arrays in found.items():
+            first = arrays[0]
+            own = {str(dim): first.sizes[dim] for dim in first.dims[1:-1]}
+            coordinates = {
+                key: each.variable
+                for key, each in first.coords.items()
+                if key not in (*INTERVAL_TEXTS, BOUND, _PLACE)
+            }
+            array = self._array(
+                np.concatenate([array.values[..., 0] for array in arrays]),
+                first.attrs["long_name"],
+                self.draws.sampling_estimator,
+                first.attrs["units"],
+                own=own,
+                coordinates=coordinates,
+                reason=texts.NO_RUN,
+            )
+            yield name, array
+
+    def _parts(self) -> Iterator[FieldSample]:
+        """Yield the field at the draws, in parts of some places each."""
+        components, size = self.fit.components, max(_MOST_VALUES // max(self.sample.size, 1), 1)
+        for start in range(0, len(components.mean), size):
+            values = components.at(slice(start, start + size)).fields(self.sample.values)
+            along = Dimension(_PLACE, "1", values=tuple(range(values.shape[1])))
+            output = replace(self.quantity.output, dims=(along,))
+            yield FieldSample(replace(self.sample, values=values), output)
+
+    def indices(self) -> Arrays:
+        """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
+        joint, shares = self.draws.joint, None
+        if self.terms:
+            estimator = _FROM_COEFFICIENTS
+            shares = closed_form_shares(*self.terms, self._components)
+        else:
+            estimator = self.draws.pairs_estimator
+            if not joint.conditional_reason:
+                shares = sampled_shares(self.draws.pairs, self.fit.scores, self._components)
+        inputs = input_coordinate([entry.variable.name for entry in joint.random])
+        places = len(self.fit.components.mean)
+        for name, (attribute, title) in _INDICES.items():
+            is_whole = name.startswith(_GENERALIZED)
+            values = None if shares is None else getattr(shares, attribute)
+            reason = joint.conditional_reason
+            if values is None or ("total" in name and not joint.is_independent):
+                values = np.full((() if is_whole else (places,)) + (len(joint.random),), np.nan)
+                reason = reason or texts.DEPENDENT_INPUTS
+            array = self._array(
+                values,
+                f"{title} of {self.quantity.output.title}",
+                estimator,
+                own={INPUT: len(joint.random)},
+                coordinates=inputs,
+                reason=reason or self._reason_without(name),
+                is_whole=is_whole,
+            )
+            yield name, array.assign_attrs(estimand=self.draws.estimand)
+
+    def _reason_without(self, name: str) -> str:
+        inputs = len(self.draws.joint.random)
+        if name == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS and not self.terms:
+            return texts.TOO_MANY_SUBSETS.format(inputs=inputs)
+        return texts.CONSTANT_AT_DRAWS
+
+    @property
+    def _components(self) -> FloatArray:
+        return self.fit.components.components
+
+    def _array(
+        self,
+        values: FloatArray,
+        title: str,
+        estimator: str,
+        unit: str = "1",
+        *,
+        own: Mapping[str, int] = MappingProxyType({}),
+        coordinates: Mapping[Any, Any] = MappingProxyType({}),
+        reason: str = "",
+        is_whole: bool = False,
+    ) -> xr.DataArray:
+        """Return an estimate array without bounds; what is NaN has a reason."""
+        dims = () if is_whole else self.quantity.output.dims
+        sizes = {**{each.name: len(each.values) for each in dims}, **own}
+        is_known = np.isfinite(values)
+        bounds = np.full((values.size, len(BOUNDS)), np.nan)
+        bounds[:, 0] = values.ravel()
+        return estimate_array(
+            bounds,
+            sizes,
+            {
+                INTERVAL: "none",
+                INTERVAL_LABEL: "none",
+                NOTE: np.where(is_known, self.fit.text, reason).astype(object),
+            },
+            units=unit,
+            long_name=title,
+            attributes={ESTIMATOR: estimator},
+            coordinates={**field_coordinates(dims), **coordinates},
+        )

@@ -14,17 +14,17 @@ import scipy
 
 from uqpen.archive.groups import read_group
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
-from uqpen.core.labels import INPUT, NOT_FITTED, ROLE
+from uqpen.core.labels import INPUT
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.surrogates.chaos.basis import NestedSums, ProductBasis, UnivariateBasis, nested_sums
-from uqpen.surrogates.diagnostics import describe, description, predictive_q2, unfitted_outputs
+from uqpen.surrogates.diagnostics import describe, description, predictive_q2
 from uqpen.surrogates.fitted_surrogate import (
     ClosedForms,
-    FittedSurrogate,
     InputShares,
     Prediction,
 )
+from uqpen.surrogates.training import TrainedSurrogate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,11 +34,9 @@ __all__ = [
     "FitNoise",
     "PolynomialChaosModel",
     "PredictionCheck",
-    "SobolIndices",
     "estimate_fit_noise",
+    "input_shares",
     "mean",
-    "shapley_effects",
-    "sobol_indices",
     "standard_deviation",
 ]
 
@@ -53,23 +51,6 @@ __all__ = [
 # Owen, A. B. (2014). SIAM/ASA J. Uncertain. Quantif. 2, 245-251 (Shapley effects).
 
 
-@dataclass(frozen=True, eq=False)
-class SobolIndices:
-    """Shares of the variance.
-
-    Parameters
-    ----------
-    first, total : ndarray, shape (input,)
-        First-order and total-order indices.
-    second : ndarray, shape (input, input)
-        Second-order indices; symmetric, NaN on the diagonal.
-    """
-
-    first: FloatArray
-    total: FloatArray
-    second: FloatArray
-
-
 def mean(indices: IntArray, coefficients: FloatArray) -> float:
     """Return the mean: the constant term's coefficient."""
     return float(coefficients[~indices.any(axis=1)].sum())
@@ -80,8 +61,10 @@ def standard_deviation(indices: IntArray, coefficients: FloatArray) -> float:
     return math.sqrt(float(np.sum(coefficients[indices.any(axis=1)] ** 2)))
 
 
-def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
-    """Compute first-order, second-order and total-order indices; NaN without variance.
+def input_shares(indices: IntArray, coefficients: FloatArray) -> InputShares:
+    """Compute Sobol' indices and Shapley effects; NaN without variance.
+
+    A term has its variance in equal parts for the Shapley effects of the inputs in it.
 
     Parameters
     ----------
@@ -90,39 +73,20 @@ def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
     coefficients : ndarray, shape (term,)
         Of orthonormal terms.
     """
-    variances, active = _variances(indices, coefficients)
-    inputs = active.sum(axis=1)
-    alone, pairs = active[inputs == 1], active[inputs == 2].astype(np.float64)
-    second = np.einsum("t,ti,tj->ij", variances[inputs == 2], pairs, pairs)
-    np.fill_diagonal(second, np.nan)
-    with np.errstate(invalid="ignore"):
-        return SobolIndices(
-            first=_total(variances[inputs == 1], alone) / variances.sum(),
-            total=_total(variances, active) / variances.sum(),
-            second=second / variances.sum(),
-        )
-
-
-def shapley_effects(indices: IntArray, coefficients: FloatArray) -> FloatArray:
-    """Shapley effects, shape (input,): each term's variance in equal parts to the inputs in it.
-
-    Their sum is 1; NaN without variance.
-    """
-    variances, active = _variances(indices, coefficients)
-    with np.errstate(invalid="ignore"):
-        return _total(variances / active.sum(axis=1), active) / variances.sum()
-
-
-def _total(variances: FloatArray, active: BoolArray) -> FloatArray:
-    """Return for each input the sum over the terms that it is in, shape (input,)."""
-    return np.where(active, variances[:, None], 0.0).sum(axis=0)
-
-
-def _variances(indices: IntArray, coefficients: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return each term's variance, without the constant's, and the inputs in it."""
     active = indices > 0
-    terms = active.any(axis=1)
-    return coefficients[terms] ** 2, active[terms]
+    is_term = active.any(axis=1)
+    variances, active = coefficients[is_term] ** 2, active[is_term]
+    inputs = active.sum(axis=1)
+
+    def total(variances: FloatArray, active: BoolArray) -> FloatArray:
+        return np.where(active, variances[:, None], 0.0).sum(axis=0)
+
+    with np.errstate(invalid="ignore"):
+        return InputShares(
+            first=total(variances[inputs == 1], active[inputs == 1]) / variances.sum(),
+            total=total(variances, active) / variances.sum(),
+            shapley=total(variances / inputs, active) / variances.sum(),
+        )
 
 
 # Scatter of an expansion's estimates when it is fitted again to other runs of the same kind.
@@ -199,7 +163,7 @@ def estimate_fit_noise(
         change = scipy.linalg.cho_solve(factor, q.T @ (times * residual))
         found = coefficients + scipy.linalg.solve_triangular(r, change)
         moments = mean(indices, found), standard_deviation(indices, found)
-        estimates.append([*moments, *sobol_indices(indices, found).first])
+        estimates.append([*moments, *input_shares(indices, found).first])
     if len(estimates) < _FEWEST_REFITS:
         return FitNoise.without_refits(indices.shape[1])
     scatter = np.std(estimates, axis=0, ddof=1)
@@ -382,56 +346,24 @@ class Expansion:
 
 # Model of a fitted polynomial chaos.
 
-# The names of variables of the group ``input``.
-_RECURRENCE, _FIXED = "_recurrence", "fixed_"
+# The ending of the names of variables of the group ``input``.
+_RECURRENCE = "_recurrence"
 
 
-@dataclass(frozen=True, eq=False)
-class PolynomialChaosModel(FittedSurrogate, ClosedForms):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PolynomialChaosModel(TrainedSurrogate, ClosedForms):
     """A model's outputs, expanded in polynomials of its random inputs.
 
     Parameters
     ----------
-    name : str
-        Its name in the study.
-    inputs : tuple of Input
-        Those of the model that it stands for.
-    outputs : tuple of Output
-        Those that could be fitted.
     basis : ProductBasis
         The polynomials.
     expansions : mapping of str to Expansion
         One for each output.
-    reasons : mapping of str to str
-        The reason why each other output could not be fitted.
-    fixed : mapping of str to float
-        The values that the other inputs had in all training runs; it knows of no others.
-    design : str
-        To whose runs it was fitted.
-    counts : mapping of Status to int
-        Number of those runs with each status.
-    is_independent : bool
-        Whether the random inputs are.
-    original : Model, optional
-        The original model, which checks whether inputs are admissible; it is not in an archive.
     """
 
-    name: str
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
     basis: ProductBasis
     expansions: Mapping[str, Expansion]
-    reasons: Mapping[str, str]
-    fixed: Mapping[str, float]
-    design: str
-    counts: Mapping[Status, int]
-    is_independent: bool
-    original: Model | None = None
-
-    @property
-    def random_inputs(self) -> tuple[str, ...]:
-        """Names of the inputs that varied in the training runs."""
-        return self.basis.names
 
     @property
     def logarithms(self) -> frozenset[str]:
@@ -481,9 +413,7 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
 
     def closed_form_indices(self, output: str) -> InputShares:
         """Return Sobol' indices and Shapley effects of an expansion."""
-        terms = self._terms(output)
-        indices = sobol_indices(*terms)
-        return InputShares(indices.first, indices.total, shapley_effects(*terms))
+        return input_shares(*self._terms(output))
 
     def closed_form_terms(self, outputs: Sequence[str]) -> tuple[IntArray, FloatArray]:
         """Return the terms of several expansions; see `ClosedForms.closed_form_terms`."""
@@ -510,83 +440,58 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
 
         Indices from the coefficients of a logarithm are those of the logarithm.
         """
-        if not self.is_independent:
+        if not self.training.is_independent:
             return "the random inputs depend on each other"
-        if self.counts[Status.INADMISSIBLE]:
+        if self.training.counts[Status.INADMISSIBLE]:
             return "some draws are inadmissible, and the coefficients take no account of that"
         if self.expansions[output].is_logarithm:
             return "its logarithm was expanded"
         return ""
 
     def to_tree(self) -> xr.DataTree:
-        """Return the group of an archive; see `FittedSurrogate.to_tree`.
-
-        The group ``input`` has the polynomials of random inputs and the values of fixed ones. Its
-        name is reserved, so no output has it.
-        """
-        import xarray as xr
-
-        given = {variable.name: variable for variable in self.inputs}
-        inputs: dict[str, Any] = {
-            f"{basis.name}{_RECURRENCE}": basis.to_variable(given[basis.name])
-            for basis in self.basis.univariate_bases
-        }
-        for name, value in self.fixed.items():
-            inputs[f"{_FIXED}{name}"] = ((), value, describe(given[name]) | {ROLE: "input"})
+        """Return the group of an archive; see `FittedSurrogate.to_tree`."""
         names = np.array(self.random_inputs, dtype=object)
         coordinates = {INPUT: (INPUT, names, {"long_name": "random input"})}
-        attributes = {
-            "kind": "polynomial-chaos",
-            "design": self.design,
-            "outputs": " ".join(self.expansions),
-            "inputs": "independent" if self.is_independent else "dependent",
-            "runs": sum(self.counts.values()),
-            "runs_used": self.counts[Status.OK],
-            **{f"runs_{status.meaning}": count for status, count in self.counts.items()},
+        fits = {
+            output: each.to_dataset().assign_coords(coordinates)
+            for output, each in self.expansions.items()
         }
-        groups = {"/": xr.Dataset(attrs=attributes), INPUT: xr.Dataset(inputs, coordinates)}
-        for output, expansion in self.expansions.items():
-            groups[output] = expansion.to_dataset().assign_coords(coordinates)
-        for output, reason in self.reasons.items():
-            groups[output] = xr.Dataset(attrs={NOT_FITTED: reason})
-        return xr.DataTree.from_dict(groups)
+        return self._tree("polynomial-chaos", fits)
+
+    def _input_variables(self, inputs: Mapping[str, Input]) -> dict[str, Any]:
+        """Return the polynomials in each random input."""
+        return {
+            f"{basis.name}{_RECURRENCE}": basis.to_variable(inputs[basis.name])
+            for basis in self.basis.univariate_bases
+        }
+
+    @staticmethod
+    def _read_inputs(group: xr.Dataset) -> list[Input]:
+        found = {str(entry): group[f"{entry}{_RECURRENCE}"] for entry in group[INPUT].values}
+        return [Input(name, *description(each.attrs, "of_")) for name, each in found.items()]
 
     @classmethod
     def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
         """Restore it from `to_tree`."""
-        group, attributes = read_group(tree, INPUT), tree.attrs
-        recurrences = {str(entry): group[f"{entry}{_RECURRENCE}"] for entry in group[INPUT].values}
-        fixed = {
-            str(entry).removeprefix(_FIXED): variable
-            for entry, variable in group.data_vars.items()
-            if variable.attrs.get(ROLE) == "input"
-        }
-        inputs = [
-            *(Input(key, *description(each.attrs, "of_")) for key, each in recurrences.items()),
-            *(Input(key, *description(each.attrs)) for key, each in fixed.items()),
-        ]
+        known, group = cls._restored(tree, name, original), read_group(tree, INPUT)
         expansions = {
             output: Expansion.from_dataset(output, read_group(tree, output))
-            for output in str(attributes["outputs"]).split()
+            for output in str(tree.attrs["outputs"]).split()
         }
         basis = ProductBasis(
-            tuple(UnivariateBasis.from_variable(*each) for each in recurrences.items())
+            tuple(
+                UnivariateBasis.from_variable(each, group[f"{each}{_RECURRENCE}"])
+                for each in map(str, group[INPUT].values)
+            )
         )
         for output, expansion in expansions.items():
             if not basis.has_terms(expansion.indices):
                 raise ValueError(f"terms of {output} that its polynomials do not have")
         return cls(
-            name=name,
-            inputs=original.inputs if original else tuple(inputs),
+            **known,
             outputs=tuple(expansion.output for expansion in expansions.values()),
             basis=basis,
             expansions=expansions,
-            reasons=unfitted_outputs(tree),
-            fixed={entry: float(variable.values) for entry, variable in fixed.items()},
-            design=str(attributes["design"]),
-            counts={status: int(attributes[f"runs_{status.meaning}"]) for status in Status},
-            is_independent=attributes["inputs"] == "independent",
-            original=original,
         )
 
     def _terms(self, output: str) -> tuple[IntArray, FloatArray]:

@@ -11,9 +11,9 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.model import Model, Output
+from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.streams import Stream
-from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.chaos.basis import ProductBasis
 from uqpen.surrogates.chaos.chaospy_engine import ChaospyExpansion, input_problems
@@ -34,7 +34,7 @@ from uqpen.surrogates.chaos.term_selection import (
 )
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.surrogate import Surrogate, components_setting
-from uqpen.surrogates.training import TrainingRuns, known_inputs, logarithm_problem
+from uqpen.surrogates.training import TrainingRuns, logarithm_problem
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,7 +125,6 @@ class PolynomialChaos(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        inputs = known_inputs(model, joint)
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
         logarithms, degree = not self.needs_quadrature, self.order or HIGHEST_ORDER
@@ -144,17 +143,11 @@ class PolynomialChaos(Surrogate):
             else:
                 reasons[output.name] = found
         return PolynomialChaosModel(
-            name=name,
-            inputs=inputs,
+            **training.described(name, self.design),
             outputs=tuple(expansion.output for expansion in expansions.values()),
             basis=basis,
             expansions=expansions,
             reasons=reasons,
-            fixed=training.fixed,
-            design=self.design,
-            counts=training.all_counts,
-            is_independent=joint.is_independent,
-            original=model,
         )
 
     def candidate_terms(self, output: str) -> CandidateTerms:

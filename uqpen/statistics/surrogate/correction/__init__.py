@@ -1,1 +1,0 @@
-"""Estimates of surrogates, corrected by real runs."""

@@ -1,0 +1,304 @@
+"""What determines the runs and the archive of a study: text, files, versions and models."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from uqpen.archive.files import files_by_name
+from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
+from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.core.catalogue import INTERVAL_RECIPE
+from uqpen.core.dependency import Dependency
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, RECIPE
+from uqpen.core.lookup import class_version
+from uqpen.core.model import Model
+from uqpen.designs.design import RUNS, STATISTICS
+from uqpen.distributions.univariate import Truncated
+from uqpen.models.python_function import PythonFunction
+from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_defined_model import UserDefinedModel
+from uqpen.statistics.estimate import LEVEL
+from uqpen.study import SECTIONS
+from uqpen.study.study import ValidatedStudy
+from uqpen.study.user_defined_members import (
+    object_surrogates,
+    referenced_members,
+    user_defined_objects,
+)
+from uqpen.surrogates.refinement import RefinedDesign
+
+__all__ = [
+    "POINT_TABLES",
+    "ModelIdentity",
+    "StudyIdentity",
+    "depends_on_batch",
+    "is_user_defined",
+    "level_attribute",
+    "model_attributes",
+    "model_identity",
+    "model_tables",
+    "root_attributes",
+    "run_fingerprint",
+    "study_identity",
+]
+
+# Sections that determine the points of every design. The title does not, nor what is asked of the
+# runs, nor what they are held against.
+POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
+
+
+class ModelIdentity(NamedTuple):
+    """What decides the result of a model's run at given inputs.
+
+    Attributes
+    ----------
+    attributes : mapping of str to str
+        Its name, and what distinguishes its versions, as in `Model.identity`.
+    table, constraints : mapping of str to str
+        Its table of the study, and the constraints, flattened; without the inputs that it sets.
+    files : mapping of str to FileSnapshot
+        The files that it names, and those that it has used so far, by name.
+    dependencies : tuple of Dependency
+        What it has used so far.
+    uncompared : tuple of str
+        What decides its runs and cannot be compared, in words.
+    unknown : str
+        Why its versions cannot be distinguished from those of an archive; empty if they can.
+    depends_on_batch : bool
+        True if its results may depend on the runs that are made with them.
+    software : mapping of str to str
+        Versions that its last digits depend on.
+    fingerprint : mapping of str to str
+        All of that which says whether finished runs are still its own.
+    folder : Path
+        Folder of the study.
+    surroundings : ModelFolder or None
+        The folder from which its runs import modules.
+    """
+
+    attributes: Mapping[str, str]
+    table: Mapping[str, str]
+    constraints: Mapping[str, str]
+    files: Mapping[str, FileSnapshot]
+    dependencies: tuple[Dependency, ...]
+    uncompared: tuple[str, ...]
+    unknown: str
+    depends_on_batch: bool
+    software: Mapping[str, str]
+    fingerprint: Mapping[str, str]
+    folder: Path
+    surroundings: ModelFolder | None
+
+
+class StudyIdentity(NamedTuple):
+    """What decides the archive of a study, gathered at one moment.
+
+    Attributes
+    ----------
+    attributes : mapping of str to str, int or float
+        Those of the archive's root.
+    content : mapping of str to object
+        The text of the study, parsed.
+    models : mapping of str to ModelIdentity
+        By name.
+    runs : mapping of tuple of str to mapping of str to str
+        The properties that determine the runs of a design, by model and design.
+    files : mapping of str to FileSnapshot
+        All files that it names, by name.
+    is_known : bool
+        True if the archive states the version of all that the study consists of.
+    """
+
+    attributes: Mapping[str, str | int | float]
+    content: Mapping[str, Any]
+    models: Mapping[str, ModelIdentity]
+    runs: Mapping[tuple[str, str], Mapping[str, str]]
+    files: Mapping[str, FileSnapshot]
+    is_known: bool
+
+
+def study_identity(study: ValidatedStudy) -> StudyIdentity:
+    """Gather what decides the archive of a study."""
+    content = tomllib.loads(study.text)
+    classes = [cls for design in study.designs for _, cls in _point_classes(study, design)]
+    classes += map(type, study.surrogates.values())
+    return StudyIdentity(
+        {**root_attributes(study), **level_attribute(study)},
+        content,
+        {name: model_identity(study, name) for name in study.models},
+        {
+            (model, design): run_fingerprint(study, model, design)
+            for model in study.models
+            for design in study.designs
+        },
+        files_by_name(study.files(), study.folder),
+        not (user_defined_objects(study.text) or object_surrogates(content))
+        and not any(map(class_version, classes))
+        and all(analysis.surroundings is not None for analysis in study.analyses),
+    )
+
+
+def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
+    """Gather what decides the runs of a model of a study."""
+    content, model = tomllib.loads(study.text), study.models[name].model
+    table, constraints = model_tables(content, name)
+    tables = {key: content[key] for key in ("constraints",) if key in content}
+    tables |= {"models": {name: content["models"][name]}} if name else {"model": content["model"]}
+    surroundings, unknown = None, ""
+    if isinstance(model, PythonFunction | UserDefinedModel):
+        surroundings = model.surroundings
+    if model.unknown_dependency:
+        unknown = f"its model has versions that cannot be distinguished: {model.unknown_dependency}"
+    elif isinstance(model, PythonFunction) and surroundings and not surroundings.imported:
+        unknown = f"no archive says which version of {model.name} its runs were made with"
+    software = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
+    return ModelIdentity(
+        model.identity(),
+        table,
+        constraints,
+        files_by_name(model.files(), study.folder),
+        tuple(map(Dependency.from_line, model.dependencies())),
+        tuple(model.uncompared),
+        unknown,
+        depends_on_batch(model),
+        software,
+        {**dict(_flatten_tables(tables)), **_model_properties(model), **software},
+        study.folder,
+        surroundings,
+    )
+
+
+def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the table of a model and the constraints as texts by dotted key.
+
+    The inputs that the model sets itself are left out.
+    """
+    table = content.get("models", {}).get(name, {}) if name else content.get("model", {})
+    kept = {key: value for key, value in table.items() if key != "with"}
+    constraints = {"constraints": content.get("constraints", {})}
+    return dict(_flatten_tables({"model": kept})), dict(_flatten_tables(constraints))
+
+
+def depends_on_batch(model: Model) -> bool:
+    """Return True for a model whose results may depend on the runs that are made with them."""
+    return model.vectorized and not model.is_batch_independent
+
+
+def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:
+    """Return the properties that determine the runs of a model in a design, as texts by key.
+
+    That is the model, the inputs, the constraints, the seed, the design, the files that these name,
+    and the software. Modules that a model imports only during its runs are recorded by the runs.
+    """
+    content = tomllib.loads(study.text)
+    tables = {name: content[name] for name in POINT_TABLES if name in content}
+    if "designs" in content:
+        # What is kept of the runs does not determine them; a user-defined design may have another
+        # setting of this name.
+        table = content["designs"][design]
+        is_kept = table.get("keep") in (RUNS, STATISTICS)
+        own = {key: table[key] for key in table if not (is_kept and key == "keep")}
+        tables["designs"] = {design: own}
+    if isinstance(refined := study.designs[design], RefinedDesign):
+        tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
+        tables["outputs"] = content.get("outputs", {})
+    if model:
+        tables["models"] = {model: content["models"][model]}
+    else:
+        tables["model"] = content["model"]
+    adapter = study.models[model].model
+    others = [*study.joint.files, *study.design_files(design)]
+    versions = {
+        f"{member} {key}": value
+        for member, cls in _point_classes(study, design)
+        for key, value in class_version(cls).items()
+    }
+    has_user_defined_code = is_user_defined(adapter) or bool(versions or referenced_members(tables))
+    return {
+        **dict(_flatten_tables(tables)),
+        **versions,
+        **_model_properties(adapter),
+        **{f"file {file.path.name}": file.sha256 for file in others},
+        **provenance(),
+        **(of_python_functions() if has_user_defined_code else {}),
+    }
+
+
+def _model_properties(model: Model) -> dict[str, str]:
+    """Return what distinguishes a model's versions, its files and what it has used, as texts."""
+    used = sorted(map(Dependency.from_line, model.dependencies()))
+    return {
+        **{f"model {key}": value for key, value in model.identity().items()},
+        **{f"file {file.path.name}": file.sha256 for file in model.files()},
+        **{each.label: each.sha256 for each in used if each.sha256},
+    }
+
+
+def is_user_defined(model: Model) -> bool:
+    """Return True for a user-defined model in Python."""
+    return isinstance(model, PythonFunction | UserDefinedModel)
+
+
+def _point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
+    """Yield the classes that determine the points of a design, with a text for each."""
+    yield f"design {design}", type(study.designs[design])
+    if study.joint.dependence is not None:
+        yield "dependence", type(study.joint.dependence)
+    for entry in study.joint.random:
+        distribution = entry.distribution
+        distribution = distribution.parent if isinstance(distribution, Truncated) else distribution
+        yield f"distribution of {entry.variable.name}", type(distribution)
+
+
+def _flatten_tables(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:
+    """Yield values of nested tables by dotted key; the distribution of an input is one value."""
+    for key, value in table.items():
+        if isinstance(value, dict) and path[:1] != ("inputs",):
+            yield from _flatten_tables(value, *path, key)
+        else:
+            yield ".".join((*path, key)), json.dumps(value, ensure_ascii=False, default=str)
+
+
+def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
+    """Return the attributes of an archive's root, which determine its numbers."""
+    sections = [each for each in SECTIONS.values() if each.attribute]
+    stated = {each.attribute: getattr(study, each.field) for each in sections}
+    return {
+        "title": study.title,
+        "Conventions": CONVENTIONS,
+        SCHEMA_ATTRIBUTE: SCHEMA,
+        RECIPE: INTERVAL_RECIPE,
+        "study_name": study.name,
+        "study_text": study.text,
+        "study_sha256": study.sha256,
+        # As text: a seed may be larger than any integer of NetCDF.
+        "seed": str(study.seed),
+        **{
+            name: ", ".join(value) if isinstance(value, tuple) else str(value)
+            for name, value in stated.items()
+            if value
+        },
+        **({} if study.has_several_models else model_attributes(study.model)),
+        **provenance(),
+        **of_python_functions(),
+    }
+
+
+def level_attribute(study: ValidatedStudy) -> dict[str, float]:
+    """Return the confidence level of a study that states another than the default."""
+    level = study.confidence_level
+    return {} if level == LEVEL else {CONFIDENCE_LEVEL: level}
+
+
+def model_attributes(model: Model) -> dict[str, str]:
+    """Return the identity of a model, and what its runs depend on, as attributes of its group."""
+    lines = sorted(model.dependencies())
+    return {
+        **{f"model_{key}": value for key, value in model.identity().items()},
+        **({DEPENDENCIES: "\n".join(lines)} if lines else {}),
+    }
