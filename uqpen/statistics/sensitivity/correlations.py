@@ -85,8 +85,8 @@ _CORRELATIONS = {
 }
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
-# Values of sums of columns that are added up together.
-_MOST_VALUES = 2**21
+# Values of sums of columns that go through an order together: few enough for a cache.
+_MOST_VALUES = 2**17
 
 
 def correlations(
@@ -155,13 +155,13 @@ class _CorrelatedColumns:
 
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation of the output with each input."""
-        residuals = self._residual_weights() if is_partial else None
-        is_dependent = is_partial and residuals is None
-        reasons = [
-            reason_without_measure(self.sample, i, _FEWEST_RUNS)
-            or (texts.LINEARLY_DEPENDENT if is_dependent else "")
-            for i in range(len(self.sample.inputs))
-        ]
+        inputs = range(len(self.sample.inputs))
+        reasons = [reason_without_measure(self.sample, i, _FEWEST_RUNS) for i in inputs]
+        residuals = None
+        if is_partial and not all(reasons):
+            residuals = self._residual_weights()
+            if residuals is None:
+                reasons = [reason or texts.LINEARLY_DEPENDENT for reason in reasons]
         weights = []
         for i in (i for i, reason in enumerate(reasons) if not reason):
             own = np.zeros((2, len(self.standardized)))

@@ -15,13 +15,14 @@ from uqpen.core.labels import OF_FIELD
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.fields.field_sample import FieldSample, input_place_array
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import DistanceShape, ErrorModel, Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
     function_array,
     input_array,
+    input_place_array,
     output_functions,
     reason_of_input,
 )

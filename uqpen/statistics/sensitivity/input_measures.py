@@ -11,12 +11,14 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT, OF_CATEGORY, OF_EXCEEDANCE, OF_LOGARITHM
+from uqpen.core.model import Output
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.fields.field_sample import along_field
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
@@ -26,6 +28,7 @@ __all__ = [
     "function_array",
     "input_array",
     "input_coordinate",
+    "input_place_array",
     "output_functions",
     "reason_of_input",
     "reason_without_measure",
@@ -151,6 +154,35 @@ def event_array(
     return Estimate.table(
         rows, dimensions, units="1", long_name=long_name, coordinates=along, level=level
     )
+
+
+def input_place_array(
+    estimates: Estimate,
+    output: Output,
+    inputs: Sequence[str],
+    long_name: str,
+    level: float,
+) -> xr.DataArray:
+    """Return estimates as an estimate array along the dimensions of a field and ``input``.
+
+    Parameters
+    ----------
+    estimates : Estimate
+        Of shape (place, input).
+    output : Output
+        The field.
+    inputs : sequence of str
+        Names of the inputs.
+    long_name : str
+        Meaning of the estimates.
+    level : float
+        Confidence level of their intervals.
+    """
+    along = input_coordinate(inputs)
+    array = estimates.to_array(
+        INPUT, units="1", long_name=long_name, coordinates=along, level=level
+    )
+    return along_field(array, output, level)
 
 
 def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from uqpen.designs.saltelli import MATRIX_A, MATRIX_B, BlockLayout
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.fields.field_sample import equal_columns, input_place_array
+from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import group_sums, ratio_jackknife_error, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -29,6 +29,7 @@ from uqpen.statistics.sample import DistanceShape, Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
     function_array,
     input_array,
+    input_place_array,
     output_functions,
 )
 
