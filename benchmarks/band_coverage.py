@@ -1,10 +1,9 @@
 """How often simultaneous bands cover a whole curve, and tolerance bands hold their share.
 
-Run it as ``python benchmarks/band_coverage.py --output FILE.csv``, with uqpen installed, and then
-with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add up. A
-band of the mean or of a quantile covers where the true curve lies inside at all places that the
-band has. A tolerance band covers where it holds its content of all curves. True curves are from
-half a million points of a Sobol' sequence, contents from eight thousand. A cell fails below 92 %.
+A table of docs/coverage.md as `seed_table.py` makes it. A band of the mean or of a quantile covers
+where the true curve lies inside at all places that the band has. A tolerance band covers where it
+holds its content of all curves. True curves are from half a million points of a Sobol' sequence,
+contents from eight thousand. A cell fails below 92 %.
 
 Curves that few runs decide at most places have a second figure: the share of places that the band
 has. That of a tolerance band is the height of the highest one of all seeds, over the range of 95 %
@@ -16,26 +15,26 @@ minutes. Its independent runs are drawn from them, so this truth is exact; hyper
 
 from __future__ import annotations
 
-import argparse
-import math
 import sys
-import time
+from argparse import ArgumentParser, Namespace
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import BANDS
-from result_files import add_table_options, read_rows, result_file
 from scipy import special
 from scipy.stats import qmc
+from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import Design
 
 from uqpen.core.model import Dimension, Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import SobolSequence
@@ -51,13 +50,9 @@ FloatArray = npt.NDArray[np.float64]
 STUDIES = Path(__file__).parents[1] / "studies"
 ROD_INPUTS = load_study(STUDIES / "rod_course.toml").joint
 
-LOWEST = 0.92
 # A cell with fewer bands has too large an error to be judged.
 FEWEST = 100
 CONTENT = 0.95
-# Seeds whose runs are made together: the rod takes a third of the time so.
-_SEEDS = 50
-_COLUMNS = ("problem", "design", "statistic", "covers", "bands", "places", "highest")
 STATISTICS = ("mean", *(f"quantile {p:g}" for p in DEFAULT_QUANTILES), "tolerance band")
 
 
@@ -172,50 +167,35 @@ class Truth(NamedTuple):
         return cls(np.array(mean), np.array(quantiles), curves)
 
 
-def main() -> int:
-    options = _options()
-    rows = read_rows(options.earlier) if options.earlier else list(_run(options))
-    if options.markdown:
-        BANDS.fill(options.markdown, "\n".join(_page(rows)))
-    cells = _cells(rows)
-    failing = [
-        key
-        for key, cell in cells.items()
-        if cell.bands >= FEWEST and cell.covers < LOWEST * cell.bands
-    ]
-    for key in failing:
-        print("FAILS", *key, *cells[key])
-    return 1 if failing else 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=1000)
+def _options(parser: ArgumentParser) -> None:
     parser.add_argument("--every", type=int, default=1, help="take every n-th place")
-    parser.add_argument("--problem", default="", help="part of a problem's name")
-    parser.add_argument("--design", default="", help="the name of one")
     parser.add_argument("--bands", choices=("all", "simultaneous", "tolerance"), default="all")
     parser.add_argument("--rod", type=Path, default=Path("band_coverage_rod.npy"), help="its runs")
-    add_table_options(parser, "band_coverage.csv")
-    return parser.parse_args()
 
 
-def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the counts of each cell, and write them as they come."""
-    with result_file(options.output, _COLUMNS) as file:
-        for name, problem in PROBLEMS.items():
-            if options.problem not in name:
-                continue
-            problem = problem._replace(places=problem.places[:: options.every])
-            if name == "rod":
-                problem = problem._replace(pool=_pool(problem, options.rod))
-            truth = Truth.of(problem)
-            for design in DESIGNS:
-                if options.design in ("", design):
-                    rows = list(_cell(name, problem, truth, design, options))
-                    file.add(rows)
-                    yield from rows
+@cache
+def _problem(name: str, every: int, rod_runs: Path) -> tuple[Problem, Truth]:
+    problem = PROBLEMS[name]._replace(places=PROBLEMS[name].places[::every])
+    if name == "rod":
+        problem = problem._replace(pool=_pool(problem, rod_runs))
+    return problem, Truth.of(problem)
+
+
+def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]:
+    """Yield numbers of bands and of those that cover, shares of places, and the largest height."""
+    problem, truth = _problem(str(case[0]), options.every, options.rod)
+    found: dict[str, list[Band]] = defaultdict(list)
+    for field in _fields(problem, truth, DESIGNS[str(case[1])], seeds):
+        for statistic, band in _bands(field, truth, options.bands):
+            found[statistic].append(band)
+    for statistic, bands in found.items():
+        yield {
+            "statistic": statistic,
+            "covers": sum(band.covers for band in bands),
+            "bands": len(bands),
+            "places": sum(band.places for band in bands),
+            "highest": max(band.height for band in bands),
+        }
 
 
 def _pool(problem: Problem, path: Path) -> FloatArray:
@@ -230,82 +210,53 @@ def _pool(problem: Problem, path: Path) -> FloatArray:
     return pool
 
 
-def _cell(
-    name: str, problem: Problem, truth: Truth, design: str, options: argparse.Namespace
-) -> Iterator[dict[str, Any]]:
-    began = time.perf_counter()
-    cells: dict[str, Cell] = {}
-    seeds = range(options.first, options.first + options.seeds)
-    for field in _fields(problem, truth, DESIGNS[design], seeds):
-        for statistic, band in _bands(field, truth, options.bands):
-            cells[statistic] = cells.get(statistic, Cell()).plus(band)
-    covers = {statistic: cell.covers for statistic, cell in cells.items()}
-    print(f"{name}, {design}: {time.perf_counter() - began:.0f} s", covers, flush=True)
-    for statistic, cell in cells.items():
-        yield {"problem": name, "design": design, "statistic": statistic, **cell._asdict()}
-
-
-def _fields(problem: Problem, truth: Truth, design: Design, seeds: range) -> Iterator[FieldSample]:
-    """Yield the field of each seed's runs; a model evaluates the runs of some seeds at once."""
+def _fields(
+    problem: Problem, truth: Truth, design: Design, seeds: Sequence[int]
+) -> Iterator[FieldSample]:
+    """Yield the field of each seed's runs, which are made together: the rod is faster so."""
     dimension = Dimension("place", "1", values=tuple(problem.places))
     output = Output("y", "1", dims=(dimension,), may_end=bool(np.isnan(truth.curves).any()))
-    for first in range(0, len(seeds), _SEEDS):
-        drawn = [
-            design.sample(Stream(seed, "coverage").generator(), problem.inputs)
-            for seed in seeds[first : first + _SEEDS]
-        ]
-        curves = problem.runs(np.concatenate([points for points, _ in drawn]), design)
-        for values, (_, whole) in zip(np.split(curves, len(drawn)), drawn, strict=True):
-            is_run = ~np.isnan(values).all(axis=1)
-            runs = replace(whole, values=values[is_run], used=whole.used[is_run])
-            yield FieldSample(runs, output)
+    drawn = [design.sample(Stream(seed, "coverage").generator(), problem.inputs) for seed in seeds]
+    curves = problem.runs(np.concatenate([points for points, _ in drawn]), design)
+    for values, (_, whole) in zip(np.split(curves, len(drawn)), drawn, strict=True):
+        is_run = ~np.isnan(values).all(axis=1)
+        runs = replace(whole, values=values[is_run], used=whole.used[is_run])
+        yield FieldSample(runs, output)
 
 
-class Cell(NamedTuple):
-    """Numbers of bands that cover and of all bands, shares of places added up, and the height."""
+class Band(NamedTuple):
+    """Whether a band covers, its share of the places, and the height of one of tolerance."""
 
-    covers: float = 0
-    bands: float = 0
-    places: float = math.nan
-    highest: float = 0
-
-    def plus(self, other: Cell) -> Cell:
-        """Return the cell of both; shares that an earlier file lacks are not known."""
-        places = other.places if not self.bands else self.places + other.places
-        return Cell(
-            self.covers + other.covers,
-            self.bands + other.bands,
-            places,
-            max(self.highest, other.highest),
-        )
+    covers: bool
+    places: float
+    height: float = 0
 
 
-def _bands(field: FieldSample, truth: Truth, which: str) -> Iterator[tuple[str, Cell]]:
+def _bands(field: FieldSample, truth: Truth, which: str) -> Iterator[tuple[str, Band]]:
     """Yield whether each band that one seed's runs give covers."""
     quantity = QuantityOfInterest(field.output, "1")
-    with one_blas_thread():
-        if which != "tolerance":
-            yield from _simultaneous(field, quantity, truth)
-        if which != "simultaneous":
-            ((_, tolerance),) = tolerance_band(field, quantity)
-            one = tolerance.isel(band_content=0)
-            if share := _share_of_places(one):
-                is_held = _is_inside(one, truth.curves).mean() >= CONTENT
-                ends = np.nanquantile(truth.curves, (0.025, 0.975), axis=0)
-                height = np.nanmax(one.values[:, 2] - one.values[:, 1])
-                highest = float(height / np.nanmax(ends[1] - ends[0]))
-                yield STATISTICS[-1], Cell(bool(is_held), 1, share, highest)
+    if which != "tolerance":
+        yield from _simultaneous(field, quantity, truth)
+    if which != "simultaneous":
+        ((_, tolerance),) = tolerance_band(field, quantity)
+        one = tolerance.isel(band_content=0)
+        if share := _share_of_places(one):
+            is_held = _is_inside(one, truth.curves).mean() >= CONTENT
+            ends = np.nanquantile(truth.curves, (0.025, 0.975), axis=0)
+            height = np.nanmax(one.values[:, 2] - one.values[:, 1])
+            highest = float(height / np.nanmax(ends[1] - ends[0]))
+            yield STATISTICS[-1], Band(bool(is_held), share, highest)
 
 
 def _simultaneous(
     field: FieldSample, quantity: QuantityOfInterest, truth: Truth
-) -> Iterator[tuple[str, Cell]]:
+) -> Iterator[tuple[str, Band]]:
     ((_, mean),), ((_, quantiles),) = mean_band(field, quantity), quantile_band(field, quantity)
     curves = [mean, *(quantiles.isel(probability=k) for k in range(len(DEFAULT_QUANTILES)))]
     true = [truth.mean, *truth.quantiles.T]
     for statistic, band, curve in zip(STATISTICS, curves, true, strict=False):
         if share := _share_of_places(band):
-            yield statistic, Cell(bool(_is_inside(band, curve[None])[0]), 1, share)
+            yield statistic, Band(bool(_is_inside(band, curve[None])[0]), share)
 
 
 def _share_of_places(band: xr.DataArray) -> float:
@@ -319,42 +270,57 @@ def _is_inside(band: xr.DataArray, curves: FloatArray) -> npt.NDArray[np.bool_]:
     return mask
 
 
-def _cells(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, str, str], Cell]:
-    """Return the sums over all files, by cell."""
-    found: dict[tuple[str, str, str], Cell] = {}
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
+    keys = ("problem", "design", "statistic")
+    cells = totals(rows, keys, ("covers", "bands", "places"))
     for row in rows:
-        key = row["problem"], row["design"], row["statistic"]
-        known = {name: float(row[name]) for name in Cell._fields if row.get(name, "") != ""}
-        found[key] = found.get(key, Cell()).plus(Cell(**known))
-    return found
+        cell = cells[row["problem"], row["design"], row["statistic"]]
+        cell.highest = max(getattr(cell, "highest", 0), row["highest"])
+    return cells
 
 
-def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, cell in _cells(rows).items():
+        if cell.bands >= FEWEST and cell.covers < LOWEST * cell.bands:
+            yield f"{', '.join(key)}: {per_cent(cell.covers, cell.bands)}"
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows)
     most = max(cell.bands for cell in cells.values())
     for name, problem in PROBLEMS.items():
-        yield f"| {problem.title} | {' | '.join(STATISTICS)} |"
-        yield "|---" * (len(STATISTICS) + 1) + "|"
+        of = []
         for design in DESIGNS:
             found = [cells.get((name, design, each)) for each in STATISTICS]
             if any(found):
-                yield f"| {design} | {' | '.join(_text(cell, most) for cell in found)} |"
+                of.append([design, *(_text(cell, most) for cell in found)])
+        yield from lines([problem.title, *STATISTICS], of)
         yield ""
-    yield f"Seeds: {most:.0f}, or the number in brackets."
+    yield f"Seeds: {most}, or the number in brackets."
 
 
-def _text(cell: Cell | None, most: float) -> str:
+def _text(cell: SimpleNamespace | None, most: float) -> str:
     if cell is None:
         return "–"
     if cell.bands < FEWEST:
         return "none"
-    text = f"{100 * cell.covers / cell.bands:.1f}"
+    text = per_cent(cell.covers, cell.bands)
     if cell.highest:
         text += f", {cell.highest:.1f} times"
     elif cell.places < 0.995 * cell.bands:
         text += f", {100 * cell.places / cell.bands:.0f} % of places"
-    return text + (f" ({cell.bands:.0f})" if cell.bands < most else "")
+    return text + (f" ({cell.bands})" if cell.bands < most else "")
 
+
+TABLE = SeedTable(
+    ("problem", "design"),
+    lambda: product(PROBLEMS, DESIGNS),
+    _rows,
+    {"bands along a curve": _page},
+    _failing,
+    at_once=50,
+    options=_options,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -1,9 +1,8 @@
 """Do the methods agree on the wall? Probabilities and thicknesses of the rod in concrete, by each.
 
-Run it as ``python benchmarks/bunker.py --output FILE.csv``, with uqpen installed. A method whose
-rows are in the file is not asked again; more seeds (``--first``) and files add up:
-``--from FILE.csv … --markdown docs/rod_models.md``. The inputs are those of ``studies/bunker.toml``
-that the Walker-Anderson model takes. Depths are those in a target without a rear face.
+A table of docs/rod_models.md as `seed_table.py` makes it. The inputs are those of
+``studies/bunker.toml`` that the Walker-Anderson model takes. Depths are those in a target without a
+rear face.
 
 Ten million runs are made by blocks. Their intervals are exact for a binomial count
 (Clopper-Pearson), and a thickness has a one-sided bound (Wilks). All other methods are designs of
@@ -12,19 +11,18 @@ uqpen, with the intervals that an archive has.
 
 from __future__ import annotations
 
-import argparse
-import time
+import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import Place
-from result_files import append_results, read_records
+from seed_table import Case, Row, SeedTable
 
 import uqpen
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
 from uqpen.execution import Evaluator
@@ -43,14 +41,11 @@ LEVEL = 0.95
 MANY = 10_000_000
 BLOCK = 65_536
 MOST_RUNS = "Monte Carlo, 10 million"
-TABLE = Place("the wall")
 
 
 class Answer(NamedTuple):
-    """What a method says of one quantity, with a seed; an end that is not known is NaN."""
+    """What a method says of one quantity; an end that is not known is NaN."""
 
-    method: str
-    seed: int
     quantity: str
     runs: int
     estimate: float
@@ -85,7 +80,7 @@ def by_design(seed: int, settings: str) -> list[Answer]:
                 entry["threshold"].item() if name == "exceedance" else 100 * entry["content"].item()
             )
             numbers = (scale * entry.values).tolist()
-            found.append(Answer("", seed, label.format(key), runs, *numbers))
+            found.append(Answer(label.format(key), runs, *numbers))
     return found
 
 
@@ -100,7 +95,7 @@ def towards_event(seed: int, kind: str) -> list[Answer]:
         runs = int(tree["runs/only"].sizes["run"])
         if array is not None:
             numbers = array.values[0].tolist()
-            found.append(Answer("", seed, f"P(> {threshold} cm)", runs, *numbers))
+            found.append(Answer(f"P(> {threshold} cm)", runs, *numbers))
     return found
 
 
@@ -115,12 +110,12 @@ def by_blocks(seed: int, runs: int = MANY) -> list[Answer]:
     for threshold in THRESHOLDS:
         events = int(size - np.searchsorted(depths, threshold / 100, side="right"))
         lower, upper = (float(end) for end in clopper_pearson(events, size, LEVEL))
-        found.append(Answer("", seed, f"P(> {threshold} cm)", size, events / size, lower, upper))
+        found.append(Answer(f"P(> {threshold} cm)", size, events / size, lower, upper))
     for content in CONTENTS:
         estimate = 100 * float(np.quantile(depths, content))
         rank = float(upper_rank(size, content, LEVEL))
         upper = np.nan if np.isnan(rank) else 100 * float(depths[int(rank) - 1])
-        found.append(Answer("", seed, f"{100 * content:g} %", size, estimate, np.nan, upper))
+        found.append(Answer(f"{100 * content:g} %", size, estimate, np.nan, upper))
     return found
 
 
@@ -155,29 +150,22 @@ def methods() -> dict[str, Callable[[int], list[Answer]]]:
     return found
 
 
-def answers(
-    wanted: Sequence[str], seeds: Sequence[int], known: Sequence[Answer]
-) -> Iterator[Answer]:
-    """Yield the answers of the methods that no answer is known of, each as it comes."""
-    made = {(each.method, each.seed) for each in known}
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the answers of a method."""
     for seed in seeds:
-        for name, ask in methods().items():
-            if (not wanted or name in wanted) and (name, seed) not in made:
-                start = time.perf_counter()
-                found = ask(seed)
-                print(f"{name}, seed {seed}: {time.perf_counter() - start:.1f} s", flush=True)
-                yield from (each._replace(method=name) for each in found)
+        yield from (each._asdict() for each in methods()[str(case[0])](seed))
 
 
-def page(rows: Sequence[Answer]) -> Iterator[str]:
+def page(table: Sequence[Row]) -> Iterator[str]:
     """Yield the lines of both tables: the first seed's answers, and how many seeds agree."""
+    rows = [SimpleNamespace(seed=row["first"], **row) for row in table]
     yield from _first_answers(rows)
     if any(row.seed != rows[0].seed for row in rows):
         yield ""
         yield from _agreement(rows)
 
 
-def _agreement(rows: Sequence[Answer]) -> Iterator[str]:
+def _agreement(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
     """Yield how many seeds of a method have an interval that contains what most runs say."""
     most = {row.quantity: row for row in rows if row.method == MOST_RUNS}
     seeds: dict[str, set[int]] = {}
@@ -195,7 +183,7 @@ def _agreement(rows: Sequence[Answer]) -> Iterator[str]:
         yield f"| {label} | {' | '.join(texts)} |"
 
 
-def _first_answers(rows: Sequence[Answer]) -> Iterator[str]:
+def _first_answers(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
     """Yield a row a quantity, a column a method, of the first seed each."""
     first: dict[str, int] = {}
     for row in rows:
@@ -216,13 +204,13 @@ def _first_answers(rows: Sequence[Answer]) -> Iterator[str]:
     yield f"| runs | {' | '.join(counts)} |"
 
 
-def _runs(rows: Sequence[Answer], method: str) -> list[int]:
+def _runs(rows: Sequence[SimpleNamespace], method: str) -> list[int]:
     """Return the numbers of runs of a method: one for all quantities, or one for each."""
     found = [row.runs for row in rows if row.method == method]
     return found[:1] if len(set(found)) == 1 else found
 
 
-def _cell(row: Answer | None) -> str:
+def _cell(row: SimpleNamespace | None) -> str:
     if row is None:
         return "–"
     if row.quantity.startswith("P"):
@@ -231,35 +219,9 @@ def _cell(row: Answer | None) -> str:
     return f"{row.estimate:.4g}, {bound}"
 
 
-def read(paths: Sequence[Path]) -> list[Answer]:
-    """Read files of answers; one that is not there has none."""
-    return [
-        Answer(method, int(seed), quantity, int(runs), *map(float, numbers))
-        for method, seed, quantity, runs, *numbers in read_records(filter(Path.exists, paths))
-    ]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--methods", nargs="+", default=[])
-    parser.add_argument("--output", type=Path, metavar="FILE.csv")
-    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    options = parser.parse_args()
-    rows = read(options.files)
-    if not options.files:
-        rows = read([options.output]) if options.output else []
-        seeds = range(options.first, options.first + options.seeds)
-        with one_blas_thread():
-            found = answers(options.methods, seeds, rows)
-            rows += append_results(found, options.output) if options.output else found
-    lines = "\n".join(page(rows))
-    print(lines)
-    if options.markdown:
-        TABLE.fill(options.markdown, lines)
-
+TABLE = SeedTable(
+    ("method",), lambda: ((each,) for each in methods()), _rows, {"the wall": page}, seeds=1
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(TABLE.main(__doc__))

@@ -22,13 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import Place
+from seed_table import fill
 
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 
 FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95
-TABLE = Place("challenge")
 
 
 class Answer(NamedTuple):
@@ -187,7 +186,7 @@ def main() -> None:
     )
     print(lines)
     if options.markdown:
-        TABLE.fill(options.markdown, lines)
+        fill(options.markdown, "challenge", lines)
 
 
 if __name__ == "__main__":

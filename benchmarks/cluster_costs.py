@@ -18,7 +18,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from coverage_table import Place
+from seed_table import fill
 from two_workers import processor_time, two_workers
 
 from uqpen.core.streams import BLOCK
@@ -28,7 +28,6 @@ from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.models.known_functions import Ishigami
 
-TABLE = Place("costs of a cluster")
 WORKERS, RUNS = 100, 1e10
 # Three inputs, an output and the status of a run of the Ishigami function; those of a rod.
 BYTES_A_RUN, BYTES_A_ROD = 3 * 8 + 8 + 1, 66
@@ -82,7 +81,7 @@ def main() -> None:
     text = "\n".join(_lines(found))
     print(text)
     if options.markdown:
-        TABLE.fill(options.markdown, text)
+        fill(options.markdown, "costs of a cluster", text)
 
 
 def _measure(spread: Cluster, scheduler: int) -> Costs:

@@ -1,8 +1,6 @@
 """How often the corrected estimates of surrogates cover, and how wide they are.
 
-Run it as ``python benchmarks/corrected_coverage.py --output FILE.csv``, with uqpen installed, and
-then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
-up. A file grows as seeds are done, so that a run may be stopped. A width is over that of the plain
+A table of docs/coverage.md as `seed_table.py` makes it. A width is over that of the plain
 interval of the same runs: of the mean, the standard deviation, half the 16 % to 84 % range,
 quantiles, probabilities and first-order indices. An interval is that of the runs alone where the
 program takes it; how many are wider than these stands below the tables.
@@ -14,27 +12,26 @@ if its intervals cover in less than 92 %.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
+from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import CORRECTED
-from result_files import add_table_options, read_rows, result_file
 from scipy import special
 from scipy.stats import qmc
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import Design
 
 from uqpen.core.model import Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -60,9 +57,6 @@ from uqpen.surrogates.chaos.coefficients import sparse_regression
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-LOWEST = 0.92
-# A cell with fewer intervals has too large an error to be judged.
-FEWEST = 50
 FOLDS = 5
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 QUANTILES = np.array(QUANTITY.quantiles)
@@ -70,10 +64,9 @@ EXCEEDED = (0.14, 0.05, 0.01)
 SIZES = (100, 200, 500)
 # Sets of quasi-random draws at which the fits are evaluated, and points of each.
 SETS, POINTS = 16, 256
-_CHUNK = 5
 _TRUTH_POINTS = 20
-_COLUMNS = ("function", "design", "runs", "statistic", "seeds", "covers", "intervals", "width")
-_COLUMNS += ("plain_covers", "plain_intervals", "plain_width", "wider", "alone")
+SUMS = ("covers", "intervals", "width", "plain_covers", "plain_intervals", "plain_width")
+SUMS += ("alone", "wider")
 
 CONCRETE = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
 
@@ -402,177 +395,126 @@ def _plain(seed: Seed, truth: Truth) -> Iterator[tuple[str, FloatArray]]:
             yield f"first {name}", ends
 
 
-def main() -> int:
-    options = _options()
-    if options.earlier:
-        rows = read_rows(options.earlier)
-    else:
-        _run(options)
-        rows = read_rows([options.output])
-    cells = _cells(rows)
-    if options.markdown:
-        CORRECTED.fill(options.markdown, "\n".join(_page(cells)))
-    failing = [key for key, cell in cells.items() if cell.fails]
-    for key in failing:
-        print("FAILS", *key, cells[key])
-    return 1 if failing else 0
+@cache
+def _problem(name: str) -> Problem:
+    return Problem(FUNCTIONS[name])
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--function", default="", help="the name of one")
-    parser.add_argument("--runs", type=int, choices=SIZES, help="one of the sizes")
-    add_table_options(parser, "corrected_coverage.csv")
-    return parser.parse_args()
+def _cases() -> Iterator[Case]:
+    for runs, name in product(SIZES, FUNCTIONS):
+        yield from ((name, design, runs) for design in _designs(runs))
 
 
-def _run(options: argparse.Namespace) -> None:
-    """Write the counts of each cell, some seeds of all cells after the other."""
-    problems = {
-        name: Problem(function)
-        for name, function in FUNCTIONS.items()
-        if options.function in ("", name)
-    }
-    with result_file(options.output, _COLUMNS) as file:
-        for first in range(options.first, options.first + options.seeds, _CHUNK):
-            seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
-            for runs in SIZES if options.runs is None else (options.runs,):
-                for name, problem in problems.items():
-                    for design in _designs(runs):
-                        file.add(_rows(name, problem, design, runs, seeds))
-            print(f"seeds to {seeds[-1]} are done", flush=True)
-
-
-def _rows(
-    name: str, problem: Problem, design: str, runs: int, seeds: Sequence[int]
-) -> Iterator[dict[str, Any]]:
-    counts: dict[str, dict[str, float]] = defaultdict(lambda: dict.fromkeys(_COLUMNS[4:], 0))
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the counts of each statistic."""
+    name, design, runs = case
+    problem = _problem(str(name))
+    counts: dict[str, dict[str, float]] = defaultdict(lambda: dict.fromkeys(SUMS, 0))
     for number in seeds:
-        with one_blas_thread():
-            seed = _seed(problem, _designs(runs)[design], runs, number)
-            plain = dict(_plain(seed, problem.truth))
-            corrected = dict(_corrected(seed, problem.truth))
+        seed = _seed(problem, _designs(int(runs))[str(design)], int(runs), number)
+        plain = dict(_plain(seed, problem.truth))
+        corrected = dict(_corrected(seed, problem.truth))
         for statistic, true in problem.truth.values.items():
             count = counts[statistic]
-            count["seeds"] += 1
             value, low, high = plain.get(statistic, (math.nan,) * 3)
-            ends = (math.nan,) * 3
+            lower = upper = math.nan
             if statistic in corrected:
                 alone = Estimate(value, low, high, "alone", "nominal")
                 is_index = statistic.startswith(("first", "total"))
                 found = narrower(corrected[statistic], alone, seed.runs, is_index=is_index)
                 count["alone"] += found.method == "alone"
-                ends = found.bounds
-            has_both = not math.isnan(high - low) and not math.isnan(ends[2] - ends[1])
-            if not math.isnan(ends[2] - ends[1]):
-                count["intervals"] += 1
-                count["covers"] += bool(ends[1] <= true <= ends[2])
-            if has_both:
+                _, lower, upper = found.bounds
+            if math.isnan(upper - lower):
+                continue
+            count["intervals"] += 1
+            count["covers"] += bool(lower <= true <= upper)
+            if not math.isnan(high - low):
                 count["plain_intervals"] += 1
                 count["plain_covers"] += bool(low <= true <= high)
-                count["wider"] += bool(ends[2] - ends[1] > high - low)
-                count["width"] += float(ends[2] - ends[1])
+                count["wider"] += bool(upper - lower > high - low)
+                count["width"] += float(upper - lower)
                 count["plain_width"] += float(high - low)
     for statistic, count in counts.items():
-        key = {"function": name, "design": design, "runs": runs, "statistic": statistic}
-        yield {**key, **count}
+        yield {"statistic": statistic, **count}
 
 
-class Cell(NamedTuple):
-    """Sums over the seeds of a cell."""
-
-    seeds: float = 0
-    covers: float = 0
-    intervals: float = 0
-    width: float = 0
-    plain_covers: float = 0
-    plain_intervals: float = 0
-    plain_width: float = 0
-    wider: float = 0
-    alone: float = 0
-
-    @property
-    def fails(self) -> bool:
-        """True if its intervals cover too seldom."""
-        return self.intervals >= FEWEST and self.covers < LOWEST * self.intervals
-
-    @property
-    def text(self) -> str:
-        """Coverage in per cent, and the width over that of the plain interval."""
-        if self.intervals < FEWEST and self.intervals < self.seeds / 2:
-            return "none"
-        coverage = f"{100 * self.covers / self.intervals:.0f}"
-        return f"{coverage} / {self.width / self.plain_width:.2f}" if self.plain_width else coverage
-
-
-_Key = tuple[str, str, int, str]
-
-
-def _cells(rows: Sequence[dict[str, Any]]) -> dict[_Key, Cell]:
-    found: dict[_Key, Cell] = {}
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, int, str], SimpleNamespace]:
+    """Return the sums of each cell; the indices of all inputs are one."""
+    merged = []
     for row in rows:
-        statistic = row["statistic"]
-        key = row["function"], row["design"], int(row["runs"]), statistic.partition(" ")[0]
-        if not statistic.startswith(("first", "total")):
-            key = (*key[:3], statistic)
-        before = found.get(key, Cell())
-        found[key] = Cell(*(old + float(row[name]) for name, old in before._asdict().items()))
-    return found
+        kind, _, _ = row["statistic"].partition(" ")
+        merged.append({**row, "statistic": kind} if kind in ("first", "total") else row)
+    return totals(merged, ("function", "design", "runs", "statistic"), ("count", *SUMS))
 
 
-def _page(cells: dict[_Key, Cell]) -> Iterator[str]:
-    designs = dict.fromkeys(design for _, design, _, _ in cells)
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, cell in _cells(rows).items():
+        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
+            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    cells = _cells(rows)
     statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
-    for design in designs:
-        yield f"| {design} | runs | {' | '.join(statistics)} |"
-        yield "|---" * (len(statistics) + 2) + "|"
-        for name, function in FUNCTIONS.items():
-            for runs in SIZES:
-                row = [cells.get((name, design, runs, each)) for each in statistics]
-                if any(row):
-                    texts = (cell.text if cell else "–" for cell in row)
-                    yield f"| {function.title} | {runs} | {' | '.join(texts)} |"
+    for design in dict.fromkeys(design for _, design, _, _ in cells):
+        of = []
+        for name, runs in product(FUNCTIONS, SIZES):
+            row = [cells.get((name, design, runs, each)) for each in statistics]
+            if any(row):
+                of.append([FUNCTIONS[name].title, runs, *map(_text, row)])
         for runs in SIZES:
             texts = (_pooled(cells, design, runs, each) for each in statistics)
-            yield f"| **all functions** | {runs} | {' | '.join(texts)} |"
+            of.append(["**all functions**", runs, *texts])
+        yield from lines([design, "runs", *statistics], of)
         yield ""
     yield from _widths(cells)
-    fewest = min(cell.seeds for key, cell in cells.items() if key[3] == "mean")
+    fewest = min(cell.count for key, cell in cells.items() if key[3] == "mean")
     error = 100 * math.sqrt(0.95 * 0.05 / fewest)
-    yield f"Seeds of a cell: {fewest:.0f} or more. Its standard error is up to {error:.1f} points."
+    yield f"Seeds of a cell: {fewest} or more. Its standard error is up to {error:.1f} points."
 
 
-def _widths(cells: dict[_Key, Cell]) -> Iterator[str]:
+def _text(cell: SimpleNamespace | None) -> str:
+    """Coverage in per cent, and the width over that of the plain interval."""
+    if cell is None:
+        return "–"
+    if cell.intervals < FEWEST and cell.intervals < cell.count / 2:
+        return "none"
+    coverage = f"{100 * cell.covers / cell.intervals:.0f}"
+    return f"{coverage} / {cell.width / cell.plain_width:.2f}" if cell.plain_width else coverage
+
+
+def _widths(cells: dict[tuple[str, str, int, str], SimpleNamespace]) -> Iterator[str]:
     """Yield how many intervals are those of the runs alone, and how many are wider than these.
 
     Failed runs make the two estimates of different distributions; they are not counted.
     """
     of_same_runs = {key: cell for key, cell in cells.items() if not FUNCTIONS[key[0]].fails_at}
-    indices, others = (
-        [cell for key, cell in of_same_runs.items() if (key[3] == "first") is is_index]
-        for is_index in (True, False)
-    )
-    for what, found in (("first-order indices", indices), ("other statistics", others)):
-        both, alone, wider = (
-            sum(getattr(cell, each) for cell in found)
-            for each in ("plain_intervals", "alone", "wider")
-        )
-        if both:
-            shares = f"{100 * alone / both:.1f} % are those of the runs alone"
-            yield f"Of {both:.0f} intervals of {what} that both have, {shares}, and"
-            yield f"{100 * wider / both:.1f} % are wider."
+    for what, is_index in (("first-order indices", True), ("other statistics", False)):
+        found = [cell for key, cell in of_same_runs.items() if (key[3] == "first") is is_index]
+        if both := sum(cell.plain_intervals for cell in found):
+            alone, wider = (per_cent(sum(getattr(c, n) for c in found), both) for n in SUMS[-2:])
+            yield f"Of {both} intervals of {what} that both have, {alone} % are those of the runs"
+            yield f"alone, and {wider} % are wider."
     yield ""
 
 
-def _pooled(cells: dict[_Key, Cell], design: str, runs: int, statistic: str) -> str:
+def _pooled(
+    cells: dict[tuple[str, str, int, str], SimpleNamespace], design: str, runs: int, statistic: str
+) -> str:
     """Coverage in per cent over all functions, with the number of intervals."""
     found = [cell for key, cell in cells.items() if key[1:] == (design, runs, statistic)]
-    intervals = sum(cell.intervals for cell in found)
-    covers = sum(cell.covers for cell in found)
-    return f"{100 * covers / intervals:.1f} of {intervals:.0f}" if intervals else "none"
+    intervals, covers = (sum(getattr(c, n) for c in found) for n in ("intervals", "covers"))
+    return f"{per_cent(covers, intervals)} of {intervals}" if intervals else "none"
 
+
+TABLE = SeedTable(
+    ("function", "design", "runs"),
+    _cases,
+    _rows,
+    {"corrected estimates of surrogates": _page},
+    _failing,
+    at_once=5,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -1,8 +1,6 @@
 """How often the corrected indices of surrogates cover where draws stand in for terms.
 
-Run it as ``python benchmarks/corrected_indices.py --output FILE.csv``, with uqpen installed, and
-then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
-up. A file grows as seeds are done, so that a run may be stopped.
+A table of docs/coverage.md as `seed_table.py` makes it.
 
 Some studies have inadmissible draws, some dependent inputs; a depth is fitted as its logarithm. A
 surrogate is a sparse polynomial chaos of an order fixed beforehand, in five folds. Seeds take turns
@@ -13,22 +11,21 @@ all the same. A cell fails if its intervals cover in less than 92 %.
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import INDICES
-from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
+from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent
 
 from uqpen.core.model import Results
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator
@@ -54,14 +51,11 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 Function = Callable[[FloatArray], FloatArray]
 
-LOWEST = 0.92
 FOLDS = 5
 # Sets of draws and of pairs, and the points of each; draws that share inputs with a run.
 SETS, POINTS, SHARED = 16, 1024, 32
 _FAMILIES = 2
 _TRUTHS = 2
-_KEY = ("study", "runs", "statistic", "input", "seed")
-_COLUMNS = (*_KEY, "true", "value", "lower", "upper", "kurtosis", "refused")
 
 _ISHIGAMI = """
 seed = 1
@@ -225,7 +219,7 @@ def problems() -> dict[str, Problem]:
     }
 
 
-def _indices(problem: Problem, runs: int, seed: int) -> Iterator[dict[str, Any]]:
+def _indices(problem: Problem, runs: int, seed: int) -> Iterator[Row]:
     """Yield the indices of a seed."""
     stream = Stream(seed, "coverage")
     draws, rng = problem.draws(stream), stream.generator("runs")
@@ -335,70 +329,56 @@ def _is_refused(variable: Variable, runs: CorrectionRuns, moments: CorrectedMome
     return min((runs.values == side).sum() for side in (0, 1)) < FEWEST_ON_A_SIDE
 
 
-def main() -> int:
-    options = _options()
-    if options.earlier:
-        rows = read_rows(options.earlier)
-    else:
-        _run(options)
-        rows = read_rows([options.output])
-    table, failing = _table(rows)
-    if options.markdown:
-        INDICES.fill(options.markdown, "\n".join(table))
-    print("\n".join(table))
-    for text in failing:
-        print("FAILS", text)
-    return 1 if failing else 0
+def _cases() -> Iterator[Case]:
+    yield from product(problems(), (100, 500))
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=300)
-    parser.add_argument("--study", choices=list(problems()), nargs="+", help="some of them")
-    parser.add_argument("--runs", type=int, nargs="+", default=[100, 500])
-    add_table_options(parser, "corrected_indices.csv")
-    return parser.parse_args()
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    study, runs = case
+    for seed in seeds:
+        yield from _indices(problems()[str(study)], int(runs), seed)
 
 
-def _run(options: argparse.Namespace) -> None:
-    chosen = {k: each for k, each in problems().items() if k in (options.study or [k])}
-    with result_file(options.output, _COLUMNS) as file:
-        for seed in range(options.first, options.first + options.seeds):
-            for (name, problem), runs in ((p, n) for p in chosen.items() for n in options.runs):
-                cell = {"study": name, "runs": runs, "seed": seed}
-                with one_blas_thread():
-                    file.add({**cell, **row} for row in _indices(problem, runs, seed))
-
-
-def _table(rows: Sequence[dict[str, str]]) -> tuple[list[str], list[str]]:
-    """Return the lines of the table, and the cells that fail."""
-    cells: dict[tuple[str, int, str], list[dict[str, str]]] = defaultdict(list)
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], list[Row]]:
+    cells: dict[tuple[str, int, str], list[Row]] = defaultdict(list)
     for row in rows:
-        cells[row["study"], int(row["runs"]), row["statistic"]].append(row)
-    lines = ["| study | runs | index of | seeds | coverage | width | given | refused cover |"]
-    lines.append("|---" * 8 + "|")
-    failing = []
-    for (study, runs, statistic), found in sorted(cells.items()):
-        given, refused = ([row for row in found if row["refused"] == each] for each in "01")
-        seeds = len({row["seed"] for row in found})
-        width = np.mean([float(row["upper"]) - float(row["lower"]) for row in given or refused])
-        texts = [problems()[study].title, runs, statistic, seeds, _coverage(given), f"{width:.3f}"]
-        texts += [f"{100 * len(given) / len(found):.0f} %", _coverage(refused)]
-        lines.append(f"| {' | '.join(map(str, texts))} |")
-        covers = sum(map(_covers, given))
-        if covers < LOWEST * len(given):
-            failing.append(f"{study} {runs} {statistic}: {covers} of {len(given)}")
-    return lines, failing
+        cells[row["study"], row["runs"], row["statistic"]].append(row)
+    return cells
 
 
-def _covers(row: dict[str, str]) -> bool:
-    return float(row["lower"]) <= float(row["true"]) <= float(row["upper"])
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ("study", "runs", "index of", "seeds", "coverage", "width", "given", "refused cover")
+    cells = sorted(_cells(rows).items())
+    of = ([problems()[study].title, *key, *_texts(cell)] for (study, *key), cell in cells)
+    yield from lines(head, of)
 
 
-def _coverage(rows: Sequence[dict[str, str]]) -> str:
-    return f"{100 * sum(map(_covers, rows)) / len(rows):.1f}" if rows else "–"
+def _texts(rows: Sequence[Row]) -> list[str]:
+    given, refused = ([row for row in rows if row["refused"] == each] for each in (0, 1))
+    width = np.mean([row["upper"] - row["lower"] for row in given or refused])
+    seeds = len({row["first"] for row in rows})
+    share = f"{100 * len(given) / len(rows):.0f} %"
+    return [str(seeds), _coverage(given), f"{width:.3f}", share, _coverage(refused)]
 
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, found in _cells(rows).items():
+        given = [row for row in found if not row["refused"]]
+        if _covering(given) < LOWEST * len(given):
+            yield f"{key}: {_covering(given)} of {len(given)}"
+
+
+def _covering(rows: Sequence[Row]) -> int:
+    return sum(row["lower"] <= row["true"] <= row["upper"] for row in rows)
+
+
+def _coverage(rows: Sequence[Row]) -> str:
+    return per_cent(_covering(rows), len(rows)) if rows else "–"
+
+
+TABLE = SeedTable(
+    ("study", "runs"), _cases, _rows, {"corrected indices": _page}, _failing, seeds=300
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import ENDED
 from interval_coverage import STUDIES
+from seed_table import fill
 
 from uqpen.core.labels import SAMPLING, STATUS
 from uqpen.core.model import Output
@@ -64,7 +64,7 @@ def main() -> None:
     text = "\n".join(lines)
     print(text)
     if options.markdown:
-        ENDED.fill(options.markdown, text)
+        fill(options.markdown, "designs that end by themselves", text)
 
 
 POOLS = ("concrete", "Ishigami", "step")

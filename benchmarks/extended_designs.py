@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from coverage_table import EXTENDED
 from interval_coverage import PROBLEMS, Problem, cells_of, made_runs
+from seed_table import fill
 
 from uqpen.core.labels import FAILED_RUN, RUN
 from uqpen.designs.design import Design
@@ -55,7 +55,7 @@ def main() -> int:
         lines.append(f"| {title} | {made} | {options.seeds} | {differing} |")
         print(lines[-1], flush=True)
     if options.markdown:
-        EXTENDED.fill(options.markdown, "\n".join(lines))
+        fill(options.markdown, "extended designs", "\n".join(lines))
     return int(has_differences)
 
 

@@ -1,25 +1,24 @@
 """How well 300 runs of the concrete study's rod give its mean depth and its mean residue.
 
-Run it as ``python benchmarks/few_runs.py --output FILE.csv``, with uqpen installed, and then with
-``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add up. Each
+A table of docs/coverage.md as `seed_table.py` makes it. Each
 seed is a design of 300 runs, to which each kind of surrogate is fitted in five folds. True means
 are from a million points of a Sobol' sequence.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from coverage_table import FEW_RUNS
-from result_files import add_table_options, read_rows, result_file
+from seed_table import Case, Row, SeedTable, lines
 
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -50,43 +49,9 @@ KINDS = {
 # Half-widths that such few runs are meant to reach, as shares of the mean.
 AIMS = {"penetration_depth": 0.01, "projectile_residue": 0.008}
 _TRUTH_RUNS = 2**20
-_COLUMNS = ("seed", "design", "kind", "output", "mean", "lower", "upper", "plain", "truth")
 
 
-def main() -> int:
-    options = _options()
-    if not options.earlier:
-        _run(options)
-        options.earlier = [options.output]
-    rows = _read(options.earlier)
-    page = "\n".join(_page(rows))
-    if options.markdown:
-        FEW_RUNS.fill(options.markdown, page)
-    print(page)
-    return 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--kind", choices=tuple(KINDS), help="one of the kinds")
-    add_table_options(parser, "few_runs.csv")
-    return parser.parse_args()
-
-
-def _run(options: argparse.Namespace) -> None:
-    """Write the corrected means of each seed, design and kind."""
-    truths = _truths()
-    with result_file(options.output, _COLUMNS) as file:
-        for seed in range(options.first, options.first + options.seeds):
-            for design in DESIGNS:
-                for kind in KINDS if options.kind is None else (options.kind,):
-                    with one_blas_thread():
-                        file.add(_rows(seed, design, kind, truths))
-            print(f"seed {seed} is done", flush=True)
-
-
+@cache
 def _truths() -> dict[str, float]:
     runs = _runs(SobolSequence(runs=_TRUTH_RUNS), Stream(1, "few runs, truth"))
     return {name: float(np.nanmean(runs[name])) for name in OUTPUTS}
@@ -98,19 +63,21 @@ def _runs(design: Any, stream: Stream) -> xr.Dataset:
     return runs.assign_attrs(sampling=str(design.sampling))
 
 
-def _rows(seed: int, design: str, kind: str, truths: dict[str, float]) -> Iterator[dict[str, Any]]:
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     """Yield the corrected mean of each output."""
-    stream = Stream(seed, "few runs", design)
-    runs, surrogate = _runs(DESIGNS[design], stream), KINDS[kind]
-    fitted = surrogate.fit("surrogate", runs, VARIANT.model, STUDY.joint, stream)
-    folds = cross_fit(surrogate, "surrogate", runs, VARIANT.model, STUDY.joint, stream)
-    draws = SurrogateDraws(fitted, STUDY.joint, STUDY.constraints, VARIANT.given, stream)
-    found = correction_evidence(draws, folds, runs, None, _quantities())
-    for output in OUTPUTS:
-        mean = CorrectedMoments(found.runs[output]).mean()
-        _, low, high = found.plain[output]["mean"].values
-        values = (mean.value, mean.lower, mean.upper, (high - low) / 2, truths[output])
-        yield dict(zip(_COLUMNS, (seed, design, kind, output, *values), strict=True))
+    design, kind = map(str, case)
+    for seed in seeds:
+        stream = Stream(seed, "few runs", design)
+        runs, surrogate = _runs(DESIGNS[design], stream), KINDS[kind]
+        fitted = surrogate.fit("surrogate", runs, VARIANT.model, STUDY.joint, stream)
+        folds = cross_fit(surrogate, "surrogate", runs, VARIANT.model, STUDY.joint, stream)
+        draws = SurrogateDraws(fitted, STUDY.joint, STUDY.constraints, VARIANT.given, stream)
+        found = correction_evidence(draws, folds, runs, None, _quantities())
+        for output in OUTPUTS:
+            mean = CorrectedMoments(found.runs[output]).mean()
+            _, low, high = found.plain[output]["mean"].values
+            row = {"output": output, "mean": mean.value, "lower": mean.lower, "upper": mean.upper}
+            yield row | {"plain": (high - low) / 2, "truth": _truths()[output]}
 
 
 def _quantities() -> list[QuantityOfInterest]:
@@ -118,36 +85,30 @@ def _quantities() -> list[QuantityOfInterest]:
     return [each for each in every if each.output.name in OUTPUTS]
 
 
-def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
-    return [row | {name: float(row[name]) for name in _COLUMNS[4:]} for row in read_rows(paths)]
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ["design", "surrogate", "output", "seeds", "covers", "half-width, median"]
+    head += ["90 % of seeds", "plain", "seeds with a half-width of at most"]
+    of = {
+        key: [row for row in rows if (row["design"], row["kind"], row["output"]) == key]
+        for key in product(DESIGNS, KINDS, OUTPUTS)
+    }
+    yield from lines(head, (_line(found, *key) for key, found in of.items() if found))
 
 
-def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    yield (
-        "| design | surrogate | output | seeds | covers | half-width, median | 90 % of seeds |"
-        + (" plain | seeds with a half-width of at most |")
-    )
-    yield "|---" * 9 + "|"
-    for design in DESIGNS:
-        for kind in KINDS:
-            for output in OUTPUTS:
-                key = (design, kind, output)
-                of = [row for row in rows if (row["design"], row["kind"], row["output"]) == key]
-                if of:
-                    yield _line(of, *key)
-
-
-def _line(rows: Sequence[dict[str, Any]], design: str, kind: str, output: str) -> str:
+def _line(rows: Sequence[Row], design: str, kind: str, output: str) -> list[str]:
     widths = np.array([(row["upper"] - row["lower"]) / 2 / row["truth"] for row in rows])
     covers = np.mean([row["lower"] <= row["truth"] <= row["upper"] for row in rows])
     plain = np.median([row["plain"] / row["truth"] for row in rows])
-    texts = (
+    return [
         *(design, kind, OUTPUTS[output], f"{len(rows)}", f"{100 * covers:.0f} %"),
         *(f"{100 * width:.2f} %" for width in (np.median(widths), np.quantile(widths, 0.9), plain)),
         f"{100 * AIMS[output]:g} %: {100 * np.mean(widths <= AIMS[output]):.0f} %",
-    )
-    return f"| {' | '.join(texts)} |"
+    ]
 
+
+TABLE = SeedTable(
+    ("design", "kind"), lambda: product(DESIGNS, KINDS), _rows, {"300 runs": _page}, seeds=100
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -16,7 +16,7 @@ import campbell
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import FIELD_INDICES
+from seed_table import fill
 
 from uqpen.core.labels import INTERVAL_LABEL
 from uqpen.core.model import Dimension
@@ -65,9 +65,8 @@ def main() -> int:
             print(lines[-1], flush=True)
     head = "| design | index | x1 | x2 | x3 | x4 | label |\n|---|---|---|---|---|---|---|"
     if options.markdown:
-        FIELD_INDICES.fill(
-            options.markdown, "\n".join([head, *lines, "", f"Seeds: {options.seeds}."])
-        )
+        text = "\n".join([head, *lines, "", f"Seeds: {options.seeds}."])
+        fill(options.markdown, "indices of fields", text)
     return 1 if worst < LOWEST else 0
 
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import Place
 from scipy.stats import qmc
+from seed_table import fill
 
 from uqpen.distributions.univariate import Uniform
 from uqpen.surrogates.gaussian_process import GaussianProcess
@@ -26,7 +26,6 @@ from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
 
 FloatArray = npt.NDArray[np.float64]
 
-TABLE = Place("gaussian processes")
 HEAD = (
     "| function | runs | unexplained | 1 - Q², runs left out | intervals hold, % | fit, s |",
     "|---|---|---|---|---|---|",
@@ -129,7 +128,7 @@ def main() -> int:
             if runs == 100 and np.isfinite(case.best_public):
                 is_worse |= row.unexplained > case.best_public or not 0.93 <= row.coverage <= 0.97
     if options.markdown:
-        TABLE.fill(options.markdown, "\n".join([*HEAD, *lines]))
+        fill(options.markdown, "gaussian processes", "\n".join([*HEAD, *lines]))
     return int(is_worse)
 
 

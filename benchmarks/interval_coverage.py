@@ -1,35 +1,33 @@
 """How often every interval covers, over many seeds; the reason for each label that one carries.
 
-Run it as ``python benchmarks/interval_coverage.py``, with uqpen installed. It goes the way a study
-goes, from drawn points over the model's runs to the analyses, on functions whose statistics are
-known: exactly, or from four million scrambled Sobol' points. Thousand seeds tell a coverage of
-95 % to 0.7 points. A cell fails if an interval called nominal covers in less than 92 % or more
-than 98 % of the seeds, or if any other covers in less than 92 %; intervals that warn of their tail
-are listed apart, and so are statistics that get none.
-
-``--statistics`` runs a part of it, and ``--from`` puts the tables of several runs together.
+Tables of docs/coverage.md as `seed_table.py` makes them. It goes the way a study goes, from drawn
+points over the model's runs to the analyses, on functions whose statistics are known: exactly, or
+from four million scrambled Sobol' points. Thousand seeds tell a coverage of 95 % to 0.7 points. A
+cell fails if an interval called nominal covers in less than 92 % or more than 98 % of the seeds, or
+if any other covers in less than 92 %; intervals that warn of their tail are listed apart.
+``--statistics`` makes a part of it.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
-import multiprocessing
 import sys
-import time
+from argparse import ArgumentParser, Namespace
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import FEWEST_SEEDS, LOWEST, markdown, read, write
 from scipy import stats
 from scipy.stats import qmc
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, totals
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING
@@ -65,6 +63,9 @@ REFERENCE_EXPONENT = 22
 REFERENCE_SEED = 20_010
 
 HIGHEST = 0.98
+LABELS = ("nominal", "discrete", "conservative")
+# Intervals without a note and with one, those that cover, and labels of the first.
+SUMS = ("given", "covers", "warned", "warned_covers", *LABELS)
 
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
 HOLDS = (0.95, 0.99)
@@ -155,102 +156,33 @@ class Cell(NamedTuple):
     warns: bool
 
 
-def main() -> int:
-    options = _options()
-    earlier = options.earlier
-    table = _ordered(read(earlier)) if earlier else _run(options)
-    _report(table)
-    if options.output:
-        write(options.output, table)
-    if options.markdown:
-        path = options.markdown
-        page = path.read_text(encoding="utf-8") if path.exists() else ""
-        path.write_text(markdown(table, list(DESIGNS), page), encoding="utf-8")
-    return 1 if any(row["verdict"] == "FAILS" for row in table) else 0
-
-
-def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """A row for each statistic of each problem, design and number of runs."""
-    chosen = [
-        (problem, design, runs)
-        for problem, design, runs in itertools.product(PROBLEMS, DESIGNS, options.runs)
-        if options.only in f"{problem}, {design}, {runs} runs"
-    ]
-    problems = {name: PROBLEMS[name]() for name in dict.fromkeys(name for name, _, _ in chosen)}
-    table: list[dict[str, Any]] = []
-    for name, design, runs in chosen:
-        began = time.perf_counter()
-        made = DESIGNS[design](runs, len(problems[name].law.random))
-        work = partial(cells, problems[name], made, options.statistics)
-        collected = _over_seeds(work, options.seeds, options.workers)
-        title = f"{name}, {design}, {runs} runs"
-        print(f"\n{title} ({time.perf_counter() - began:.0f} s)", flush=True)
-        where = {"problem": name, "design": design, "runs": runs, "seeds": options.seeds}
-        for statistic in collected[0]:
-            row = summary([seed[statistic] for seed in collected])
-            print(f"  {_line(statistic, row)}", flush=True)
-            table.append({**where, "statistic": statistic, **row})
-    return table
-
-
-def _ordered(table: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows in the order in which they would be run."""
-    order = list(itertools.product(PROBLEMS, DESIGNS))
-    return sorted(
-        table, key=lambda row: (order.index((row["problem"], row["design"])), row["runs"])
-    )
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument(
-        "--runs",
-        type=lambda text: [int(part) for part in text.split(",")],
-        default=[100, 1000, 10_000],
-        metavar="N,N,…",
-    )
-    parser.add_argument("--only", default="", help="part of a cell's title", metavar="SUBSTRING")
+def _options(parser: ArgumentParser) -> None:
     parser.add_argument("--statistics", nargs="+", choices=STATISTICS, default=list(STATISTICS))
-    parser.add_argument("--output", type=Path, metavar="FILE.csv")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the table of the docs")
-    parser.add_argument(
-        "--from",
-        dest="earlier",
-        type=Path,
-        nargs="+",
-        metavar="FILE.csv",
-        help="what earlier runs have written, in the place of running; of a cell, the last counts",
-    )
-    parser.add_argument("--workers", type=int, default=1)
-    return parser.parse_args()
 
 
-def _over_seeds(
-    work: Callable[[int], dict[str, Cell]], seeds: int, workers: int
-) -> list[dict[str, Cell]]:
-    """Results in the order of the seeds, which alone decide them."""
-    if workers == 1:
-        return [work(seed) for seed in range(seeds)]
-    # Forked workers share the reference samples; the work itself is not sent, being no plain data.
-    global _work
-    _work = work
-    with multiprocessing.get_context("fork").Pool(workers) as pool:
-        return pool.map(_call, range(seeds), chunksize=max(1, seeds // (8 * workers)))
+@cache
+def _problem(name: str) -> Problem:
+    return PROBLEMS[name]()
 
 
-_work: Callable[[int], dict[str, Cell]]
-
-
-def _call(seed: int) -> dict[str, Cell]:
-    return _work(seed)
-
-
-def cells(
-    problem: Problem, design: Design, statistics: Collection[str], seed: int
-) -> dict[str, Cell]:
-    """Every interval that one seed's runs get, held against the truth."""
-    return cells_of(problem, made_runs(problem, design, seed), statistics)
+def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]:
+    """Yield the counts of each statistic of a problem, design and number of runs."""
+    problem, runs = _problem(str(case[0])), int(case[2])
+    design = DESIGNS[str(case[1])](runs, len(problem.law.random))
+    counts: dict[str, Counter[str]] = {}
+    for seed in seeds:
+        found = cells_of(problem, made_runs(problem, design, seed), options.statistics)
+        for statistic, cell in found.items():
+            count = counts.setdefault(statistic, Counter())
+            if cell.warns:
+                count["warned"] += 1
+                count["warned_covers"] += bool(cell.covers)
+            elif cell.label != "none":
+                count["given"] += 1
+                count["covers"] += bool(cell.covers)
+                count[cell.label] += 1
+    for statistic, count in counts.items():
+        yield {"statistic": statistic} | {name: count[name] for name in SUMS}
 
 
 def cells_of(problem: Problem, runs: xr.Dataset, statistics: Collection[str]) -> dict[str, Cell]:
@@ -436,74 +368,155 @@ def _held(
     return Cell(covers, error, half, label, warns=bool(note))
 
 
-def summary(found: Sequence[Cell]) -> dict[str, str | float]:
-    """One cell over all seeds, with its verdict."""
-    given = [cell for cell in found if cell.label != "none" and not cell.warns]
-    warned = [cell for cell in found if cell.warns]
-    row: dict[str, str | float] = {
-        "given": len(given) / len(found),
-        "coverage": _mean([cell.covers for cell in given]),
-        "error_of_coverage": math.nan,
-        "half_width": _mean([cell.half_width for cell in given]),
-        # Half-width of the interval that an oracle would give: one that knows the error's scatter.
-        "true_half_width": 1.96 * math.sqrt(_mean([cell.error**2 for cell in found])),
-        "labels": _labels(given),
-        "warned": len(warned) / len(found),
-        "coverage_warned": _mean([cell.covers for cell in warned]),
-    }
-    if given:
-        coverage = float(row["coverage"])
-        row["error_of_coverage"] = math.sqrt(coverage * (1 - coverage) / len(given))
-    row["verdict"] = _verdict(given, warned)
-    return row
+def _cells(rows: Sequence[Row]) -> list[SimpleNamespace]:
+    """Return the sums of each cell, with its keys and its verdict, in the order of the cases."""
+    keys = ("problem", "design", "runs", "statistic")
+    order = {case: number for number, case in enumerate(_cases())}
+    found = totals(rows, keys, ("count", *SUMS)).items()
+    cells = []
+    for key, sums in sorted(found, key=lambda each: order[each[0][:3]]):
+        cells.append(SimpleNamespace(**dict(zip(keys, key, strict=True)), **vars(sums)))
+        cells[-1].verdict = _verdict(cells[-1])
+    return cells
 
 
-def _labels(given: Sequence[Cell]) -> str:
-    """Each label with the share of seeds that got it and how often it covered."""
-    texts = []
-    for label in sorted({cell.label for cell in given}):
-        covers = [cell.covers for cell in given if cell.label == label]
-        if len(covers) == len(given):
-            return label
-        texts.append(f"{label} ({len(covers)} seeds: {100 * _mean(covers):.1f})")
-    return ", ".join(texts)
-
-
-def _verdict(given: Sequence[Cell], warned: Sequence[Cell]) -> str:
-    if len(given) < FEWEST_SEEDS:
-        if warned:
+def _verdict(cell: SimpleNamespace) -> str:
+    if cell.given < FEWEST:
+        if cell.warned:
             return "warns"
-        return "few" if given else "none given"
-    coverage = _mean([cell.covers for cell in given])
-    all_nominal = all(cell.label == "nominal" for cell in given)
-    return "ok" if LOWEST <= coverage <= (HIGHEST if all_nominal else 1.0) else "FAILS"
+        return "few" if cell.given else "none given"
+    highest = HIGHEST if cell.nominal == cell.given else 1.0
+    return "ok" if LOWEST <= cell.covers / cell.given <= highest else "FAILS"
 
 
-def _mean(values: Sequence[float]) -> float:
-    return math.fsum(values) / len(values) if values else math.nan
+# Beginnings of the statistics of a cell, and their names on the page.
+_FAMILIES = {
+    "mean": "mean",
+    "std": "standard deviation",
+    "half_spread": "half the 16–84 % range",
+    "quantile": "quantiles 0.05, 0.5, 0.95, 0.99",
+    "hold": "tolerance limits of 0.95 and 0.99",
+    "P(": "exceedance probabilities from 0.5 to 0.00014",
+    "share": "category probabilities",
+    "cdf at": "cdf at a value",
+    "cdf band": "cdf, simultaneous band",
+    "first_order": "first-order index",
+    "total_order": "total-order index",
+    "log_first_order": "first-order index of the logarithm",
+    "log_total_order": "total-order index of the logarithm",
+    "exceedance first_order": "first-order index of exceeding a value",
+    "exceedance total_order": "total-order index of exceeding a value",
+}
 
 
-def _line(statistic: str, row: Mapping[str, Any]) -> str:
-    text = (
-        f"{statistic:24} {100 * row['coverage']:5.1f} ± {100 * row['error_of_coverage']:.1f}"
-        f"  half-width {row['half_width']:.3e} (true {row['true_half_width']:.3e})"
-        f"  {row['verdict']:10} {row['labels']}"
+def _family(cell: SimpleNamespace) -> str:
+    """The name of a statistic on the page: by the longest beginning that fits."""
+    prefix = max((prefix for prefix in _FAMILIES if cell.statistic.startswith(prefix)), key=len)
+    return _FAMILIES[prefix]
+
+
+def _certain_table(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the coverage of intervals without a note, and the numbers of seeds."""
+    cells = _cells(rows)
+    yield from _grid(cells, _certain)
+    seeds = max(cell.count for cell in cells)
+    fewer = {
+        f"{_counted(cell.count)} of {cell.problem} with {cell.design}"
+        for cell in cells
+        if cell.count < seeds
+    }
+    but = f" (but {', '.join(sorted(fewer))})" if fewer else ""
+    error = 100 * math.sqrt(0.95 * 0.05 / seeds)
+    yield ""
+    yield f"Seeds of a problem, design and size: {_counted(seeds)}{but}. The standard error of a"
+    yield f"single coverage is {error:.1f} points."
+
+
+def _exceptions(rows: Sequence[Row]) -> Iterator[str]:
+    failing = [cell for cell in _cells(rows) if cell.verdict == "FAILS"]
+    yield from _by_size(failing, "covers", "given") if failing else ["There are none."]
+
+
+def _noted(is_uncovered: bool, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the coverage of intervals with a note, of cells below or above the limit."""
+    cells = [
+        cell
+        for cell in _cells(rows)
+        if cell.warned >= FEWEST and (cell.warned_covers < LOWEST * cell.warned) is is_uncovered
+    ]
+    if is_uncovered:
+        yield from _by_size(cells, "warned_covers", "warned")
+    else:
+        yield from _grid(cells, lambda of: _span(of, "warned_covers", "warned") if of else "–")
+
+
+def _grid(
+    cells: Sequence[SimpleNamespace], text: Callable[[Sequence[SimpleNamespace]], str]
+) -> Iterator[str]:
+    """A row for each family of statistics that has any, a column for each design."""
+    designs = [each for each in DESIGNS if any(cell.design == each for cell in cells)]
+    by_family = {each: [c for c in cells if _family(c) == each] for each in _FAMILIES.values()}
+    of = (
+        [family, *(text([cell for cell in found if cell.design == each]) for each in designs)]
+        for family, found in by_family.items()
+        if found
     )
-    if row["given"] < 1:
-        text += f"; given {100 * row['given']:.1f} %"
-    if row["warned"]:
-        text += f"; warned {100 * row['warned']:.1f} %, {100 * row['coverage_warned']:.1f} cover"
-    return text
+    yield from lines(["statistic", *designs], of)
 
 
-def _report(table: Sequence[Mapping[str, Any]]) -> None:
-    """What is not simply right, by verdict, with every label that was given."""
-    for verdict in ("FAILS", "warns", "few", "none given"):
-        rows = [row for row in table if row["verdict"] == verdict]
-        print(f"\n{verdict}: {len(rows)} of {len(table)} cells")
-        for row in rows:
-            where = f"{row['problem']}, {row['design']}, {row['runs']}: "
-            print(f"  {where}{_line(row['statistic'], row)}")
+def _certain(cells: Sequence[SimpleNamespace]) -> str:
+    """Coverage of intervals without a note: of nominal ones, and of other labels."""
+    certain = [cell for cell in cells if cell.verdict == "ok"]
+    if not certain:
+        return "only with a note" if any(cell.verdict == "warns" for cell in cells) else "–"
+    texts = []
+    for is_nominal in (True, False):
+        if some := [each for each in certain if (each.nominal == each.given) is is_nominal]:
+            labels = (label for label in LABELS if any(getattr(each, label) for each in some))
+            texts.append(f"{_span(some, 'covers', 'given')} {'/'.join(labels)}")
+    return "; ".join(texts)
+
+
+def _span(cells: Sequence[SimpleNamespace], part: str, whole: str) -> str:
+    """The lowest and the highest share, in per cent."""
+    shares = [getattr(cell, part) / getattr(cell, whole) for cell in cells]
+    lowest, highest = (f"{100 * each:.1f}" for each in (min(shares), max(shares)))
+    return lowest if lowest == highest else f"{lowest} … {highest}"
+
+
+def _by_size(cells: Sequence[SimpleNamespace], part: str, whole: str) -> Iterator[str]:
+    """A row for each problem, family of statistics and design, a column for each size."""
+    groups: dict[tuple[str, str, str], list[SimpleNamespace]] = {}
+    for cell in cells:
+        groups.setdefault((cell.problem, _family(cell), cell.design), []).append(cell)
+    sizes = sorted({cell.runs for cell in cells})
+    of = []
+    for key, found in groups.items():
+        by_size = ([cell for cell in found if cell.runs == size] for size in sizes)
+        of.append([*key, *(_with_seeds(each, part, whole) for each in by_size)])
+    head = ["problem", "statistic", "design", *(f"{_counted(size)} runs" for size in sizes)]
+    yield from lines(head, of)
+
+
+def _with_seeds(cells: Sequence[SimpleNamespace], part: str, whole: str) -> str:
+    """A span, with the number of its seeds if these are not all."""
+    if not cells:
+        return "–"
+    fewest = min(getattr(cell, whole) for cell in cells)
+    text = _span(cells, part, whole)
+    is_all = fewest == min(cell.count for cell in cells)
+    return text if is_all else f"{text} (of {_counted(fewest)} seeds or more)"
+
+
+def _counted(number: int) -> str:
+    return f"{number:,}".replace(",", " ")
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for cell in _cells(rows):
+        if cell.verdict == "FAILS":
+            where = f"{cell.problem}, {cell.design}, {cell.runs}, {cell.statistic}"
+            yield f"{where}: {_span([cell], 'covers', 'given')}"
 
 
 # Of the law given admissible draws, from eight times 131 072 blocks; their own errors are below a
@@ -734,5 +747,24 @@ def _empirical(ordered: FloatArray) -> Truth:
     )
 
 
+def _cases() -> Iterator[tuple[str, str, int]]:
+    yield from itertools.product(PROBLEMS, DESIGNS, (100, 1000, 10_000))
+
+
+TABLE = SeedTable(
+    ("problem", "design", "runs"),
+    _cases,
+    _rows,
+    {
+        "coverage": _certain_table,
+        "exceptions": _exceptions,
+        "noted and below": partial(_noted, True),
+        "noted and above": partial(_noted, False),
+    },
+    _failing,
+    at_once=20,
+    options=_options,
+)
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

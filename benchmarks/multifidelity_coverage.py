@@ -1,32 +1,30 @@
 """How often intervals of a multifidelity design cover, and how narrow they are at equal cost.
 
-Run it as ``python benchmarks/multifidelity_coverage.py --output FILE.csv``, with uqpen installed,
-and then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``)
-add up. Beside each interval stands that of plain Monte Carlo with as many runs of the model as the
-budget pays. True values are exact, or those of a Sobol' sequence. A cell fails below 92 %.
+A table of docs/coverage.md as `seed_table.py` makes it. Beside each interval stands that of plain
+Monte Carlo with as many runs of the model as the budget pays. True values are exact, or those of a
+Sobol' sequence. A cell fails below 92 %.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
+from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import MULTIFIDELITY
-from result_files import add_table_options, read_rows, result_file
 from scipy.stats import qmc
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 
 import uqpen
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Model, Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points, Round, points_in_memory, points_of
@@ -47,9 +45,6 @@ from uqpen.study.load import load_study
 FloatArray = npt.NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
 
-LOWEST = 0.92
-# A cell with fewer intervals has too large an error to be judged.
-FEWEST = 50
 QUANTILES = (0.05, 0.5, 0.95)
 EXCEEDED = (0.14, 0.05, 0.01)
 STATISTICS = (
@@ -148,62 +143,22 @@ class Interval(NamedTuple):
     plain_width: float
 
 
-def main() -> int:
-    options = _options()
-    rows = read_rows(options.earlier) if options.earlier else list(_run(options))
-    cells = _cells(rows)
-    if options.markdown:
-        MULTIFIDELITY.fill(options.markdown, "\n".join(_page(cells)))
-    failing = [key for key, cell in cells.items() if cell.is_judged and cell.coverage < LOWEST]
-    for key in failing:
-        print("FAILS", *key, f"{cells[key].coverage:.3f}")
-    return 1 if failing else 0
+@cache
+def _truth(name: str) -> Truth:
+    return Truth.of(PROBLEMS[name])
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--problem", default="", help="part of a problem's name")
-    add_table_options(parser, "multifidelity_coverage.csv")
-    return parser.parse_args()
-
-
-_FIELDS = ("problem", "budget", "statistic", "seeds", "intervals", "covers", "width", "plain_width")
-# After so many seeds the counts are written, so an interruption loses few.
-_SEEDS = 25
-
-
-def _run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the counts of some seeds of each cell, and write them as they come."""
-    with result_file(options.output, _FIELDS) as file:
-        for name, problem in PROBLEMS.items():
-            if options.problem not in name:
-                continue
-            truth = Truth.of(problem)
-            for first in range(0, options.seeds, _SEEDS):
-                seeds = range(first, min(first + _SEEDS, options.seeds))
-                for budget in problem.budgets:
-                    began = time.perf_counter()
-                    counts = _counts(problem, truth, budget, [options.first + s for s in seeds])
-                    rows = [{"problem": name, "budget": budget, **row} for row in counts]
-                    file.add(rows)
-                    yield from rows
-                    print(f"{name}, {budget}: {time.perf_counter() - began:.0f} s", flush=True)
-
-
-def _counts(
-    problem: Problem, truth: Truth, budget: int, seeds: Sequence[int]
-) -> Iterator[dict[str, Any]]:
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the numbers of intervals, of those that cover, and their widths added up."""
+    name, budget = case
     found: dict[str, list[Interval]] = defaultdict(list)
     for seed in seeds:
-        for interval in _intervals(problem, truth, budget, seed):
+        for interval in _intervals(PROBLEMS[str(name)], _truth(str(name)), int(budget), seed):
             found[interval.statistic].append(interval)
     for statistic in STATISTICS:
         intervals = found[statistic]
         yield {
             "statistic": statistic,
-            "seeds": len(seeds),
             "intervals": len(intervals),
             "covers": sum(each.covers for each in intervals),
             "width": sum(each.width for each in intervals),
@@ -217,13 +172,12 @@ def _intervals(problem: Problem, truth: Truth, budget: int, seed: int) -> Iterat
     thresholds = tuple(Threshold(f"{value:.6g}", float(value)) for value in truth.thresholds)
     quantity = QuantityOfInterest(Output("y", "1"), "1", thresholds, quantiles=QUANTILES)
     design = Multifidelity(budget, min(PILOT, budget // 2))
-    with one_blas_thread():
-        runs = _runs(problem, design, stream.child("multifidelity"))
-        alone = next(MonteCarlo(budget).rounds(problem.inputs, stream.child("plain")))
-        own = next(iter(problem.models))
-        plain = _statistics(_made(problem, own, points_in_memory(alone)), quantity)
-        found = _statistics(runs[own], quantity)
-        found |= control_variate_statistics(runs, quantity, found)
+    runs = _runs(problem, design, stream.child("multifidelity"))
+    alone = next(MonteCarlo(budget).rounds(problem.inputs, stream.child("plain")))
+    own = next(iter(problem.models))
+    plain = _statistics(_made(problem, own, points_in_memory(alone)), quantity)
+    found = _statistics(runs[own], quantity)
+    found |= control_variate_statistics(runs, quantity, found)
     for statistic, (lower, upper) in _bounds(found).items():
         before = np.subtract(*_bounds(plain)[statistic][::-1])
         width = upper - lower
@@ -274,58 +228,44 @@ def _bounds(found: Mapping[str, xr.DataArray]) -> dict[str, tuple[float, float]]
     return dict(zip(STATISTICS, bounds, strict=True))
 
 
-class Cell(NamedTuple):
-    """Sums over the seeds of a cell."""
-
-    seeds: int = 0
-    intervals: int = 0
-    covers: int = 0
-    width: float = 0.0
-    plain_width: float = 0.0
-
-    def plus(self, row: Mapping[str, Any]) -> Cell:
-        """Return the sums with those of another row."""
-        return Cell(*(type(value)(row[key]) + value for key, value in self._asdict().items()))
-
-    @property
-    def is_judged(self) -> bool:
-        """True if it has enough intervals."""
-        return self.intervals >= FEWEST
-
-    @property
-    def coverage(self) -> float:
-        """Share of the intervals that cover."""
-        return self.covers / self.intervals
-
-    @property
-    def text(self) -> str:
-        """Coverage and ratio of widths; the share of seeds with an interval if not all have one."""
-        if not self.is_judged:
-            return "none"
-        ratio = f"{self.width / self.plain_width:.2f}" if self.plain_width else "–"
-        few = f" ({100 * self.intervals / self.seeds:.0f} %)" if self.intervals < self.seeds else ""
-        return f"{100 * self.coverage:.1f} / {ratio}{few}"
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], SimpleNamespace]:
+    sums = ("count", "intervals", "covers", "width", "plain_width")
+    return totals(rows, ("problem", "budget", "statistic"), sums)
 
 
-def _cells(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, str], Cell]:
-    found: dict[tuple[str, str, str], Cell] = defaultdict(Cell)
-    for row in rows:
-        key = str(row["problem"]), str(row["budget"]), str(row["statistic"])
-        found[key] = found[key].plus(row)
-    return dict(found)
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, cell in _cells(rows).items():
+        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
+            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
 
 
-def _page(cells: Mapping[tuple[str, str, str], Cell]) -> Iterator[str]:
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    cells = _cells(rows)
     names = {"std": "standard deviation"}
-    yield f"| budget | {' | '.join(names.get(each, each) for each in STATISTICS)} |"
-    yield "|---" * (len(STATISTICS) + 1) + "|"
-    for name, problem in PROBLEMS.items():
-        for budget in problem.budgets:
-            found = [cells.get((name, str(budget), each), Cell()) for each in STATISTICS]
-            texts = " | ".join(each.text for each in found)
-            yield f"| {problem.title}: {budget} | {texts} |"
-    yield f"\nSeeds: {max(cell.seeds for cell in cells.values())}."
+    of = (
+        [f"{PROBLEMS[name].title}: {budget}"]
+        + [_text(cells.get((name, budget, each))) for each in STATISTICS]
+        for name, budget in _cases()
+    )
+    yield from lines(["budget", *(names.get(each, each) for each in STATISTICS)], of)
+    yield f"\nSeeds: {max(cell.count for cell in cells.values())}."
 
+
+def _text(cell: SimpleNamespace | None) -> str:
+    """Coverage and ratio of widths; the share of seeds with an interval if not all have one."""
+    if cell is None or cell.intervals < FEWEST:
+        return "none"
+    ratio = f"{cell.width / cell.plain_width:.2f}" if cell.plain_width else "–"
+    few = f" ({100 * cell.intervals / cell.count:.0f} %)" if cell.intervals < cell.count else ""
+    return f"{per_cent(cell.covers, cell.intervals)} / {ratio}{few}"
+
+
+def _cases() -> Iterator[tuple[str, int]]:
+    for name, problem in PROBLEMS.items():
+        yield from ((name, budget) for budget in problem.budgets)
+
+
+TABLE = SeedTable(("problem", "budget"), _cases, _rows, {"stand-ins": _page}, _failing, at_once=25)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -28,10 +28,9 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).with_name("peers")))
 
 import shared
-from coverage_table import Place
+from seed_table import fill
 
 HERE = Path(__file__).resolve().parent
-TABLE = Place("peers")
 OURS = "uqpen"
 # What a package needs beside what it declares. chaospy has its sparse regressions
 # from scikit-learn; the tasks of OpenTURNS give and take arrays of NumPy. EasyVVUQ imports a
@@ -104,7 +103,7 @@ def main() -> None:
     text = "\n".join([_machine(found, options.repeats), "", *lines, "", *said])
     print(text)
     if options.markdown:
-        TABLE.fill(options.markdown, text)
+        fill(options.markdown, "peers", text)
 
 
 def _options() -> argparse.Namespace:

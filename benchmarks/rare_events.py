@@ -1,8 +1,6 @@
 """How often intervals of rare events cover, over seeds, on events of known probability.
 
-Run it as ``python benchmarks/rare_events.py --seeds 500 --output FILE.csv``, with uqpen installed.
-Answers that are in the file are not made again, so a run that was interrupted goes on. Files of
-other seeds (``--first``) add up: ``--from FILE.csv … --markdown docs/rare_events.md``.
+Tables of docs/rare_events.md as `seed_table.py` makes them.
 The probabilities are exact, or by quadrature. OpenTURNS, where it can be imported, answers the same
 questions by its own subset simulation, and by importance sampling around its own design point; its
 interval is that of its stated coefficient of variation.
@@ -10,25 +8,23 @@ interval is that of its stated coefficient of variation.
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import math
-import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import Place
-from result_files import append_results, read_records
 from scipy import special, stats
 from scipy.special import ndtr
+from seed_table import Case, Row, SeedTable, lines
 
 from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD, REPLICATE, ROLE, RUN, SAMPLING, STATUS
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Input
@@ -49,7 +45,6 @@ FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"
 LEVEL = 0.95
 RUNS = 10_000
-TABLE, MANY_TABLE = Place("rare events"), Place("rare events of many inputs")
 
 
 class Problem(NamedTuple):
@@ -174,19 +169,6 @@ PROBLEMS_OF_MANY = {
     for name, each in _of_many_inputs(dimension).items()
 }
 ALL = PROBLEMS | PROBLEMS_OF_MANY
-
-
-class Answer(NamedTuple):
-    """One answer: a row of the file."""
-
-    problem: str
-    method: str
-    seed: int
-    runs: int
-    estimate: float
-    lower: float
-    upper: float
-    seconds: float
 
 
 def standard_normals(dimension: int) -> JointDistribution:
@@ -335,39 +317,29 @@ def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray
     return found
 
 
-def answers(
-    problems: Sequence[str],
-    wanted: Sequence[str],
-    seeds: Sequence[int],
-    known: Collection[tuple[str, str, int]] = (),
-) -> Iterator[Answer]:
-    """Yield the answers of all methods that are not known, by problem, method and seed."""
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the answers of a method."""
+    problem, method = map(str, case)
     for seed in seeds:
-        for key in problems:
-            for method, ask in methods(ALL[key]).items():
-                if (not wanted or method in wanted) and (key, method, seed) not in known:
-                    start = time.perf_counter()
-                    runs, (estimate, lower, upper) = ask(seed)
-                    seconds = time.perf_counter() - start
-                    yield Answer(key, method, seed, runs, estimate, lower, upper, seconds)
+        runs, (estimate, lower, upper) = methods(ALL[problem])[method](seed)
+        yield {"runs": runs, "estimate": estimate, "lower": lower, "upper": upper}
 
 
-def page(rows: Sequence[Answer], problems: Mapping[str, Problem]) -> Iterator[str]:
-    """Yield the lines of the table of some problems."""
-    columns = ("event", "method", "seeds", "runs", "bias", "variation seen", "stated")
-    yield f"| {' | '.join((*columns, 'upper/lower', 'coverage'))} |"
-    yield "|---" * 9 + "|"
-    groups: dict[tuple[str, str], list[Answer]] = {}
-    for row in rows:
-        groups.setdefault((row.problem, row.method), []).append(row)
-    for key, problem in problems.items():
-        for (name, method), found in groups.items():
-            if name == key:
-                yield _line(problem, method, found)
+def _page(problems: Mapping[str, Problem], rows: Sequence[Row]) -> Iterator[str]:
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for key in problems:
+        for row in (row for row in rows if row["problem"] == key):
+            groups.setdefault((key, row["method"]), []).append(row)
+    if groups:
+        columns = ("event", "method", "seeds", "runs", "bias", "variation seen", "stated")
+        yield from lines((*columns, "upper/lower", "coverage"), ())
+        yield from (_line(problems[key], method, found) for (key, method), found in groups.items())
 
 
-def _line(problem: Problem, method: str, found: Sequence[Answer]) -> str:
-    runs, estimate, lower, upper = np.array([each[3:7] for each in found], dtype=np.float64).T
+def _line(problem: Problem, method: str, found: Sequence[Row]) -> str:
+    names = ("runs", "estimate", "lower", "upper")
+    numbers = np.array([[row[name] for name in names] for row in found], dtype=np.float64)
+    runs, estimate, lower, upper = numbers.T
     title = f"| {problem.title} | {method} | {len(found)} | {runs.mean():.0f} "
     has_number = np.isfinite(estimate)
     if not has_number.any():
@@ -402,39 +374,21 @@ def _quantile(method: str) -> float:
     return float(special.stdtrit(4, 0.975) if has_replicates else special.ndtri(0.975))
 
 
-def read(paths: Sequence[Path]) -> list[Answer]:
-    """Read files of answers."""
-    return [
-        Answer(problem, method, int(seed), int(runs), *map(float, numbers))
-        for problem, method, seed, runs, *numbers in read_records(paths)
-    ]
+def _cases() -> Iterator[Case]:
+    for key, problem in ALL.items():
+        yield from ((key, method) for method in methods(problem))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=500)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--problems", nargs="+", choices=ALL, default=[*PROBLEMS])
-    parser.add_argument("--methods", nargs="+", default=[])
-    parser.add_argument("--output", type=Path, metavar="FILE.csv")
-    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    options = parser.parse_args()
-    is_known = options.output is not None and options.output.exists()
-    rows = read([*options.files, options.output] if is_known else options.files)
-    if not options.files:
-        known = {each[:3] for each in rows}
-        seeds = range(options.first, options.first + options.seeds)
-        with one_blas_thread():
-            found = answers(options.problems, options.methods, seeds, known)
-            rows += append_results(found, options.output) if options.output else found
-    for table, problems in ((TABLE, PROBLEMS), (MANY_TABLE, PROBLEMS_OF_MANY)):
-        if any(each.problem in problems for each in rows):
-            lines = "\n".join(page(rows, problems))
-            print(lines)
-            if options.markdown:
-                table.fill(options.markdown, lines)
-
+TABLE = SeedTable(
+    ("problem", "method"),
+    _cases,
+    _rows,
+    {
+        "rare events": partial(_page, PROBLEMS),
+        "rare events of many inputs": partial(_page, PROBLEMS_OF_MANY),
+    },
+    seeds=500,
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(TABLE.main(__doc__))

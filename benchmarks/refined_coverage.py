@@ -1,8 +1,6 @@
 """What refined designs bring: coverage and width of corrected estimates, beside plain draws.
 
-Run it as ``python benchmarks/refined_coverage.py --output FILE.csv``, with uqpen installed, and
-then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds (``--first``) add
-up. A file grows as seeds are done, so that a run may be stopped. Each seed has 300 runs: of plain
+A table of docs/coverage.md as `seed_table.py` makes it. Each seed has 300 runs: of plain
 draws, or 100 of them and 200 that a surrogate places, for the means or for the probabilities. A
 width is over that of the corrected interval of the 300 plain draws of the same seed.
 
@@ -13,24 +11,25 @@ intervals cover in less than 92 %.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
+from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import cache
+from itertools import product
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from corrected_coverage import FOLDS, FUNCTIONS, QUANTILES, Function, Problem, _fit, _predicted
-from coverage_table import REFINED
-from result_files import add_table_options, read_rows, result_file
 from scipy import special
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.statistics.estimate import Estimate
@@ -43,14 +42,11 @@ from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-LOWEST, FEWEST = 0.92, 50
 PLAIN, MEAN, PROBABILITIES = "plain draws", "for the mean", "for probabilities"
 FIRST, ROUNDS = 100, (50, 75, 75)
 CANDIDATES = 64
 EXCEEDED = {"P 0.14": 0, "P 0.05": 1}
-_CHUNK = 5
-_COLUMNS = ("function", "runs", "statistic", "seeds", "intervals", "covers", "width", "ratio")
-_COLUMNS += ("placed",)
+SUMS = ("intervals", "covers", "width", "ratio", "placed")
 
 
 def _two_modes(u: FloatArray) -> FloatArray:
@@ -191,10 +187,15 @@ def _designs(
         yield name, _refined(problem, target, rng), rng
 
 
-def _rows(name: str, problem: Problem, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
-    counts: dict[tuple[str, str], dict[str, float]] = defaultdict(
-        lambda: dict.fromkeys(_COLUMNS[3:], 0)
-    )
+@cache
+def _problem(name: str) -> Problem:
+    return Problem(STUDIED[name])
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    problem = _problem(str(case[0]))
+    counts: dict[tuple[str, str], dict[str, float]]
+    counts = defaultdict(lambda: dict.fromkeys(SUMS, 0))
     truth = problem.truth
     for seed in seeds:
         plain: dict[str, float] = {}
@@ -202,102 +203,63 @@ def _rows(name: str, problem: Problem, seeds: Sequence[int]) -> Iterator[dict[st
             found = dict(_estimates(_evidence(problem, runs, rng, seed % 2), truth.thresholds))
             for statistic, estimate in found.items():
                 count = counts[design, statistic]
-                count["seeds"] += 1
-                count["placed"] += float((runs.weights != 1).sum())
+                count["placed"] += int((runs.weights != 1).sum())
                 width = estimate.upper - estimate.lower
                 if math.isnan(width):
                     continue
                 count["intervals"] += 1
-                count["covers"] += estimate.lower <= truth.values[statistic] <= estimate.upper
+                count["covers"] += bool(estimate.lower <= truth.values[statistic] <= estimate.upper)
                 if design == PLAIN:
                     plain[statistic] = width
                 if statistic in plain:
                     count["width"] += 1
                     count["ratio"] += math.log(width / plain[statistic])
     for (design, statistic), count in counts.items():
-        yield {"function": name, "runs": design, "statistic": statistic, **count}
+        yield {"runs": design, "statistic": statistic, **count}
 
 
-class Cell(NamedTuple):
-    """Sums over the seeds of a cell."""
-
-    seeds: float = 0
-    intervals: float = 0
-    covers: float = 0
-    width: float = 0
-    ratio: float = 0
-    placed: float = 0
-
-    @property
-    def fails(self) -> bool:
-        """True if its intervals cover too seldom."""
-        return self.intervals >= FEWEST and self.covers < LOWEST * self.intervals
-
-    @property
-    def text(self) -> str:
-        """Coverage in per cent, and the geometric mean of the ratios of the widths."""
-        if self.intervals < self.seeds / 2:
-            return "none"
-        return f"{100 * self.covers / self.intervals:.0f} / {math.exp(self.ratio / self.width):.2f}"
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
+    return totals(rows, ("function", "runs", "statistic"), ("count", *SUMS))
 
 
-def main() -> int:
-    options = _options()
-    if not options.earlier:
-        _run(options)
-    cells: dict[tuple[str, str, str], Cell] = {}
-    for row in read_rows(options.earlier or [options.output]):
-        key = row["function"], row["runs"], row["statistic"]
-        before = cells.get(key, Cell())._asdict()
-        cells[key] = Cell(*(old + float(row[name]) for name, old in before.items()))
-    if options.markdown:
-        REFINED.fill(options.markdown, "\n".join(_page(cells)))
-    failing = [key for key, cell in cells.items() if cell.fails]
-    for key in failing:
-        print("FAILS", *key, cells[key])
-    return 1 if failing else 0
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, cell in _cells(rows).items():
+        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
+            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
 
 
-def _page(cells: Mapping[tuple[str, str, str], Cell]) -> Iterator[str]:
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    cells = _cells(rows)
     statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
-    yield f"| function | runs | placed | {' | '.join(statistics)} |"
-    yield "|---" * (len(statistics) + 3) + "|"
-    for name, function in STUDIED.items():
-        for design in (PLAIN, MEAN, PROBABILITIES):
-            row = [cells.get((name, design, each)) for each in statistics]
-            if row[0]:
-                texts = (cell.text if cell else "–" for cell in row)
-                placed = f"{row[0].placed / row[0].seeds:.0f}"
-                yield f"| {function.title} | {design} | {placed} | {' | '.join(texts)} |"
-    seeds = [cell.seeds for cell in cells.values()]
-    error = 100 * math.sqrt(0.95 * 0.05 / min(seeds))
+    of = []
+    for name, design in product(STUDIED, (PLAIN, MEAN, PROBABILITIES)):
+        if first := cells.get((name, design, statistics[0])):
+            texts = (_text(cells.get((name, design, each))) for each in statistics)
+            of.append([STUDIED[name].title, design, f"{first.placed / first.count:.0f}", *texts])
+    yield from lines(["function", "runs", "placed", *statistics], of)
+    fewest = min(cell.count for cell in cells.values())
+    error = 100 * math.sqrt(0.95 * 0.05 / fewest)
     yield ""
-    yield f"{min(seeds):.0f} seeds or more; the standard error of a coverage is {error:.1f} points."
+    yield f"{fewest} seeds or more; the standard error of a coverage is {error:.1f} points."
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--function", default="", help="the name of one")
-    add_table_options(parser, "refined_coverage.csv")
-    return parser.parse_args()
+def _text(cell: SimpleNamespace | None) -> str:
+    """Coverage in per cent, and the geometric mean of the ratios of the widths."""
+    if cell is None:
+        return "–"
+    if cell.intervals < cell.count / 2:
+        return "none"
+    return f"{100 * cell.covers / cell.intervals:.0f} / {math.exp(cell.ratio / cell.width):.2f}"
 
 
-def _run(options: argparse.Namespace) -> None:
-    """Write the counts of each cell, some seeds of all cells after the other."""
-    problems = {
-        name: Problem(function)
-        for name, function in STUDIED.items()
-        if options.function in ("", name)
-    }
-    with result_file(options.output, _COLUMNS) as file, one_blas_thread():
-        for first in range(options.first, options.first + options.seeds, _CHUNK):
-            seeds = range(first, min(first + _CHUNK, options.first + options.seeds))
-            for name, problem in problems.items():
-                file.add(_rows(name, problem, seeds))
-            print(f"seeds to {seeds[-1]} are done", flush=True)
-
+TABLE = SeedTable(
+    ("function",),
+    lambda: ((each,) for each in STUDIED),
+    _rows,
+    {"refined designs": _page},
+    _failing,
+    at_once=5,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

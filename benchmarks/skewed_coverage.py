@@ -1,28 +1,26 @@
 """How often intervals of means and standard deviations cover, for skewed and heavy outputs.
 
-Run it as ``python benchmarks/skewed_coverage.py --output FILE.csv``, with uqpen installed, and then
-with ``--from FILE.csv … --markdown docs/coverage.md``. The functions have few inputs that matter,
+A table as `seed_table.py` makes it, of docs/coverage.md. The functions have few inputs that matter,
 most of them unbounded. All of them are evaluated at common points: the first inputs of a set of
 many inputs are a set of few. A cell fails if its intervals without a note cover in less than 92 %.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
-import time
+from argparse import Namespace
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import SKEWED
-from result_files import add_table_options, read_rows, write_rows
 from scipy import integrate, special
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 
 from uqpen.core.labels import NOTE
 from uqpen.core.model import Output
@@ -37,12 +35,11 @@ from uqpen.statistics.sample import Sample
 
 FloatArray = npt.NDArray[np.float64]
 
-LOWEST = 0.92
-# A cell with fewer intervals has too large an error to be judged.
-FEWEST = 50
 OUTPUT = Output("y", "1")
 QUANTITY = QuantityOfInterest(OUTPUT, "1")
 STATISTICS = {"mean": "mean", "std": "standard deviation"}
+# Intervals without a note and with one, and how many of them cover.
+COUNTS = ("plain", "plain_covers", "noted", "noted_covers")
 
 
 class Function(NamedTuple):
@@ -174,120 +171,71 @@ DESIGNS: dict[str, Design] = {
 }
 
 
-def main() -> int:
-    options = _options()
-    if options.earlier:
-        rows = _read(options.earlier)
-    else:
-        rows = list(_run(options.design, options.seeds, options.inputs))
-        write_rows(options.output, rows)
-    if options.markdown:
-        SKEWED.fill(options.markdown, "\n".join(_page(rows)))
-    failing = [row for row in rows if _fails(row)]
-    for row in failing:
-        print("FAILS", row)
-    return 1 if failing else 0
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the numbers of intervals that some seeds' points give, and of those that cover."""
+    design, dimension = DESIGNS[case[0]], max(each.inputs for each in FUNCTIONS.values())
+    cells: defaultdict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    for seed in seeds:
+        points, whole = design.sample(Stream(seed, "coverage").generator(), dimension)
+        for name, function in FUNCTIONS.items():
+            sample = replace(whole, values=function.values(points[:, : function.inputs]))
+            for statistic, array in islice(sample_moments(sample, QUANTITY), 2):
+                _, lower, upper = array.values.tolist()
+                cell = cells[name, statistic]
+                if not math.isnan(lower):
+                    kind = "noted" if str(array.coords[NOTE].values) else "plain"
+                    cell[kind] += 1
+                    cell[f"{kind}_covers"] += lower <= getattr(function, statistic) <= upper
+    for (function_name, statistic), cell in cells.items():
+        yield {"function": function_name, "statistic": statistic} | {n: cell[n] for n in COUNTS}
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--design", default="", help="part of a design's name")
-    parser.add_argument("--inputs", type=int, default=20, help="the most that a function has")
-    add_table_options(parser, "skewed_coverage.csv")
-    return parser.parse_args()
+def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
+    return totals(rows, ("statistic", "function", "design"), ("count", *COUNTS))
 
 
-def _run(part: str, seeds: int, most: int) -> Iterator[dict[str, Any]]:
-    functions = {name: each for name, each in FUNCTIONS.items() if each.inputs <= most}
-    dimension = max(each.inputs for each in functions.values())
-    for name, design in DESIGNS.items():
-        if part not in name:
-            continue
-        began = time.perf_counter()
-        found = [_intervals(design, functions, dimension, seed) for seed in range(seeds)]
-        print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
-        for function in functions:
-            for statistic in STATISTICS:
-                cells = [each[function, statistic] for each in found]
-                row = {"function": function, "design": name, "statistic": statistic}
-                row |= _summary(cells)
-                print(row, flush=True)
-                yield row
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, cell in _cells(rows).items():
+        if cell.plain >= FEWEST and cell.plain_covers < LOWEST * cell.plain:
+            yield f"{', '.join(key)}: {per_cent(cell.plain_covers, cell.plain)}"
 
 
-# Whether an interval covers, None where there is none; whether it carries a note.
-_Cell = tuple[bool | None, bool]
-
-
-def _intervals(
-    design: Design, functions: dict[str, Function], dimension: int, seed: int
-) -> dict[tuple[str, str], _Cell]:
-    """Every interval that one seed's points give."""
-    rng = Stream(seed, "coverage").generator()
-    points, whole = design.sample(rng, dimension)
-    found = {}
-    for name, function in functions.items():
-        values = function.values(points[:, : function.inputs])
-        sample = replace(whole, values=values)
-        for statistic, array in islice(sample_moments(sample, QUANTITY), 2):
-            _, lower, upper = array.values.tolist()
-            truth = getattr(function, statistic)
-            covers = None if math.isnan(lower) else lower <= truth <= upper
-            found[name, statistic] = covers, bool(str(array.coords[NOTE].values))
-    return found
-
-
-def _summary(cells: Sequence[_Cell]) -> dict[str, Any]:
-    """Coverage of the intervals with and without a note, and their numbers."""
-    row: dict[str, Any] = {"seeds": len(cells)}
-    for name, has_note in (("plain", False), ("noted", True)):
-        covers = [each for each, noted in cells if each is not None and noted is has_note]
-        row[name] = len(covers)
-        row[f"{name}_coverage"] = sum(covers) / len(covers) if covers else math.nan
-    return row
-
-
-def _fails(row: dict[str, Any]) -> bool:
-    return row["plain"] >= FEWEST and row["plain_coverage"] < LOWEST
-
-
-def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
-    texts = ("function", "design", "statistic")
-    return [
-        {key: text if key in texts else float(text) for key, text in row.items()}
-        for row in read_rows(paths)
-    ]
-
-
-def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    cells = _cells(rows)
     designs = [name for name in DESIGNS if any(row["design"] == name for row in rows)]
-    by_cell = {(row["statistic"], row["function"], row["design"]): row for row in rows}
     for statistic, title in STATISTICS.items():
-        yield f"| {title} | {' | '.join(designs)} |"
-        yield "|---" * (len(designs) + 1) + "|"
-        for function in FUNCTIONS:
-            cells = (_text(by_cell.get((statistic, function, design))) for design in designs)
-            yield f"| {function} | {' | '.join(cells)} |"
+        of = (
+            [each, *(_text(cells.get((statistic, each, d))) for d in designs)] for each in FUNCTIONS
+        )
+        yield from lines([title, *designs], of)
         yield ""
-    seeds = {
-        design: int(next(r["seeds"] for r in rows if r["design"] == design)) for design in designs
-    }
+    seeds = {design: cells["mean", next(iter(FUNCTIONS)), design].count for design in designs}
     yield f"Seeds: {', '.join(f'{count} for {design}' for design, count in seeds.items())}."
 
 
-def _text(row: dict[str, Any] | None) -> str:
+def _text(cell: SimpleNamespace | None) -> str:
     """Coverage in per cent: of intervals without a note, and of those with one in brackets."""
-    if row is None:
+    if cell is None:
         return "–"
     texts = []
-    for name, form in (("plain", "{:.1f}"), ("noted", "({:.1f})")):
-        if row[name] >= FEWEST:
-            share = row[name] / row["seeds"]
-            of = f" of {100 * share:.0f} %" if share < 0.995 else ""
-            texts.append(form.format(100 * row[f"{name}_coverage"]) + of)
+    for found, covers, form in (
+        (cell.plain, cell.plain_covers, "{}"),
+        (cell.noted, cell.noted_covers, "({})"),
+    ):
+        if found >= FEWEST:
+            of = f" of {100 * found / cell.count:.0f} %" if found < 0.995 * cell.count else ""
+            texts.append(form.format(per_cent(covers, found)) + of)
     return ", ".join(texts) or "none"
 
 
+TABLE = SeedTable(
+    ("design",),
+    lambda: ((each,) for each in DESIGNS),
+    _rows,
+    {"skewed outputs": _page},
+    _failing,
+    at_once=50,
+)
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

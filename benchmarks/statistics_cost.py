@@ -24,10 +24,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from coverage_table import Place
+from seed_table import fill
 
 ROOT = Path(__file__).resolve().parents[1]
-TABLE = Place("statistics")
 
 
 class Case(NamedTuple):
@@ -102,7 +101,7 @@ def main() -> None:
     lines = list(_lines(known))
     print("\n".join(lines))
     if options.markdown:
-        TABLE.fill(options.markdown, "\n".join(lines))
+        fill(options.markdown, "statistics", "\n".join(lines))
 
 
 def _options() -> argparse.Namespace:

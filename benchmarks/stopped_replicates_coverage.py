@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from coverage_table import STOPPED_REPLICATES
 from deciding_coverage import (
     FUNCTIONS,
     KINDS,
@@ -27,6 +26,7 @@ from deciding_coverage import (
     problem_of,
     worst_of_other_seeds,
 )
+from seed_table import fill
 
 from uqpen.core.labels import REPLICATE, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
@@ -74,7 +74,7 @@ def main() -> None:
     text = "\n".join(_table(options.seeds, options.workers))
     print(text)
     if options.markdown:
-        STOPPED_REPLICATES.fill(options.markdown, text)
+        fill(options.markdown, "replicates that end by themselves", text)
 
 
 @cache

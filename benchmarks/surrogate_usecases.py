@@ -1,9 +1,8 @@
 """How often corrected estimates cover on the use cases of OpenTURNS, and what goes without a word.
 
-Run it as ``python benchmarks/surrogate_usecases.py --output FILE.csv``, with uqpen and OpenTURNS
-installed, and then with ``--from FILE.csv … --markdown docs/coverage.md``; files of other seeds
-(``--first``) add up. Each seed is a whole study: independent runs, and a surrogate of the kind
-under test, with the settings of a user who states nothing.
+A table of docs/coverage.md as `seed_table.py` makes it, with OpenTURNS installed. Each seed is a
+whole study: independent runs, and a surrogate of the kind under test, with the settings of a user
+who states nothing.
 
 A figure is off if its interval misses the true value. It goes without a word if it has no note
 either. At most 2 % of all figures may.
@@ -11,20 +10,19 @@ either. At most 2 % of all figures may.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
-from collections import Counter
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import SURROGATE_USE_CASES
-from result_files import add_table_options, read_rows, result_file
 from scipy import special
+from seed_table import Case, Row, SeedTable, lines, totals
 from usecase_coverage import INFINITE_VARIANCE, QUANTILES, Truth, UseCase, true_values, use_cases
 
 import uqpen
@@ -56,59 +54,31 @@ COUNTS = {
 }
 # Marginals of these classes have bounds; polynomials then are of uniform inputs.
 _BOUNDED = ("Uniform", "Beta", "Triangular", "TruncatedNormal", "Dirac")
-_KEY = ("output", "kind", "runs", "statistic")
 
 
-def main() -> int:
-    options = _options()
-    if not options.earlier:
-        _run(options)
-        options.earlier = [options.output]
-    rows = _read(options.earlier)
-    page = "\n".join(_page(rows))
-    if options.markdown:
-        SURROGATE_USE_CASES.fill(options.markdown, page)
-    print(page)
-    total = _total(rows)
-    return 1 if total["silent"] > MOST_WITHOUT_A_WORD * total["figures"] else 0
+@cache
+def _use_cases() -> dict[str, UseCase]:
+    return {case.name: case for case in use_cases()}
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--only", default="", help="part of a use case's name", metavar="SUBSTRING")
-    parser.add_argument("--kind", choices=tuple(KINDS), help="one of the kinds")
-    add_table_options(parser, "surrogate_usecases.csv")
-    return parser.parse_args()
+@cache
+def _truths(name: str) -> list[Truth]:
+    return list(true_values(_use_cases()[name]))
 
 
-def _run(options: argparse.Namespace) -> None:
-    """Write the counts of each study, one seed of all use cases after the other."""
-    cases = [case for case in use_cases() if options.only in case.name]
-    truths = {case.name: list(true_values(case)) for case in cases}
-    with result_file(options.output, (*_KEY, *COUNTS)) as file:
-        for seed in range(options.first, options.first + options.seeds):
-            for case in cases:
-                for kind in KINDS if options.kind is None else (options.kind,):
-                    for runs in RUNS:
-                        file.add(_rows(case, truths[case.name], kind, runs, seed))
-            print(f"seed {seed} is done", flush=True)
-
-
-def _rows(
-    case: UseCase, truths: Sequence[Truth], kind: str, runs: int, seed: int
-) -> Iterator[dict[str, Any]]:
+def _rows(asked: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     """Yield the counts of the study of a seed, by output and statistic."""
-    archive = uqpen.run(_study(case, truths, kind, runs, seed))
-    for number, (output, truth) in enumerate(zip(case.outputs, truths, strict=True)):
-        found = archive[f"statistics/surrogate/y{number}"].to_dataset()
-        for statistic in STATISTICS:
-            if statistic == "std" and output in INFINITE_VARIANCE:
-                continue
-            if statistic in found:
-                described = dict(zip(_KEY, (output, kind, runs, statistic), strict=True))
-                yield described | _counts(found[statistic], statistic, truth)
+    name, kind, runs = asked
+    case, truths = _use_cases()[name], _truths(name)
+    for seed in seeds:
+        archive = uqpen.run(_study(case, truths, kind, runs, seed))
+        for number, (output, truth) in enumerate(zip(case.outputs, truths, strict=True)):
+            found = archive[f"statistics/surrogate/y{number}"].to_dataset()
+            for statistic in STATISTICS:
+                is_infinite = statistic == "std" and output in INFINITE_VARIANCE
+                if statistic in found and not is_infinite:
+                    counts = _counts(found[statistic], statistic, truth)
+                    yield {"output": output, "statistic": statistic, **counts}
 
 
 def _study(case: UseCase, truths: Sequence[Truth], kind: str, runs: int, seed: int) -> uqpen.Study:
@@ -192,40 +162,37 @@ def _figures(
         yield array, values[statistic]
 
 
-def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
-    return [row | {name: int(row[name]) for name in ("runs", *COUNTS)} for row in read_rows(paths)]
-
-
-def _total(rows: Sequence[Mapping[str, Any]]) -> Counter[str]:
-    total: Counter[str] = Counter()
-    for row in rows:
-        total.update({name: row[name] for name in COUNTS})
-    return total
-
-
-def _page(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    for kind in dict.fromkeys(row["kind"] for row in rows):
-        for runs in RUNS:
-            of = [row for row in rows if (row["kind"], row["runs"]) == (kind, runs)]
-            if of:
-                yield f"| {kind}, {runs} runs | {' | '.join(COUNTS.values())} |"
-                yield "|---" * (len(COUNTS) + 1) + "|"
-                for statistic, title in STATISTICS.items():
-                    yield _line(title, [row for row in of if row["statistic"] == statistic])
-                yield _line("**all**", of)
-                yield ""
-    total = _total(rows)
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    by_statistic = totals(rows, ("kind", "runs", "statistic"), tuple(COUNTS))
+    by_size = totals(rows, ("kind", "runs"), tuple(COUNTS))
+    for (kind, runs), whole in by_size.items():
+        found = {STATISTICS[each]: by_statistic.get((kind, runs, each)) for each in STATISTICS}
+        of = [[title, *vars(cell).values()] for title, cell in found.items() if cell]
+        head = [f"{kind}, {runs} runs", *COUNTS.values()]
+        yield from lines(head, [*of, ["**all**", *vars(whole).values()]])
+        yield ""
     outputs = len({row["output"] for row in rows})
+    whole = totals(rows, (), tuple(COUNTS))[()]
     yield (
-        f"{outputs} outputs. Of {total['figures']} figures, {total['silent']} are off without a"
-        f" word: {100 * total['silent'] / total['figures']:.2f} %."
+        f"{outputs} outputs. Of {whole.figures} figures, {whole.silent} are off without a"
+        f" word: {100 * whole.silent / whole.figures:.2f} %."
     )
 
 
-def _line(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    total = _total(rows)
-    return f"| {title} | {' | '.join(str(total[name]) for name in COUNTS)} |"
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    whole = totals(rows, (), tuple(COUNTS))[()]
+    if whole.silent > MOST_WITHOUT_A_WORD * whole.figures:
+        yield f"{whole.silent} of {whole.figures} figures"
 
+
+TABLE = SeedTable(
+    ("case", "kind", "runs"),
+    lambda: product(_use_cases(), KINDS, RUNS),
+    _rows,
+    {"surrogates of use cases": _page},
+    _failing,
+    seeds=20,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

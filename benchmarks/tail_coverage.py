@@ -1,8 +1,6 @@
 """How often the intervals of statistics of a tail cover, over seeds, where the truth is known.
 
-Run it as ``python benchmarks/tail_coverage.py --seeds 400 --output FILE.csv``, with uqpen
-installed; files of other seeds (``--first``) add up: ``--from FILE.csv … --markdown
-docs/coverage.md``. A file that ends in the middle keeps its rows, and ``--first`` goes on behind.
+A table as `seed_table.py` makes it.
 
 The sensitivities are those of P(x₁ + x₂ > c), where both variables are normal and an input follows
 from the first one. The replicates are ten Latin hypercubes. Expected shortfall and return levels
@@ -11,21 +9,18 @@ are those of functions of one normal variable.
 
 from __future__ import annotations
 
-import argparse
-import math
+import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import Place
-from result_files import append_results, read_records
 from scipy import special
+from seed_table import Case, Row, SeedTable, lines
 
 from uqpen.core.model import Output
-from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
@@ -38,22 +33,7 @@ from uqpen.statistics.sample import Sample
 from uqpen.statistics.tails import return_levels
 
 FloatArray = npt.NDArray[np.float64]
-TABLE = Place("statistics of a tail")
 REPLICATES = 10
-
-
-class Answer(NamedTuple):
-    """One interval: a row of the file. NaN where there is none."""
-
-    statistic: str
-    case: str
-    design: str
-    runs: int
-    seed: int
-    exact: float
-    estimate: float
-    lower: float
-    upper: float
 
 
 class Drawn(NamedTuple):
@@ -85,13 +65,13 @@ def draw(design: str, runs: int, seed: int) -> Drawn:
 
 
 DESIGNS = ("monte-carlo", "latin-hypercube")
-Case = tuple[str, Sequence[int], Callable[[Drawn], Iterator[tuple[str, float, Estimate]]]]
+Asked = tuple[str, Sequence[int], Callable[[Drawn], Iterator[tuple[str, float, Estimate]]]]
 
 _NODES = np.linspace(-8.2, 8.2, 20_001)
 _SHARES = np.exp(-(_NODES**2) / 2) / np.exp(-(_NODES**2) / 2).sum()
 
 
-def sensitivity_cases() -> Iterator[Case]:
+def sensitivity_cases() -> Iterator[Asked]:
     """Yield the cases of sensitivities of a probability."""
     inputs = (Normal(0.0, 1.0), Lognormal(1.0, 0.5), Uniform(0.0, 1.0))
     for distribution in inputs:
@@ -99,7 +79,7 @@ def sensitivity_cases() -> Iterator[Case]:
             yield _sensitivity_case(distribution, limit, runs)
 
 
-def _sensitivity_case(distribution: Distribution, limit: float, runs: Sequence[int]) -> Case:
+def _sensitivity_case(distribution: Distribution, limit: float, runs: Sequence[int]) -> Asked:
     scores = InputScores.of(distribution)
     if scores is None:
         raise ValueError("an input whose mean cannot move")
@@ -138,7 +118,7 @@ PERIODS = (50.0, 1e2, 1e3, 1e4, 1e5)
 SIZES = (200, 1000, 10_000)
 
 
-def shortfall_cases() -> Iterator[Case]:
+def shortfall_cases() -> Iterator[Asked]:
     """Yield the cases of expected shortfall: functions of one normal variable."""
     for name, function in OUTPUTS.items():
         exact = [_shortfall(function, level) for level in LEVELS]
@@ -164,7 +144,7 @@ def _shortfalls(
         yield f"expected shortfall at {level:g}", truth, Estimate(*values, "", "")
 
 
-def return_level_cases() -> Iterator[Case]:
+def return_level_cases() -> Iterator[Asked]:
     """Yield the cases of return levels, of the same functions."""
     for name, function in OUTPUTS.items():
         yield name, (1000, 10_000), partial(_return_levels, function)
@@ -182,71 +162,52 @@ def _return_levels(
 
 
 CASES = {
-    "sensitivity": sensitivity_cases,
-    "shortfall": shortfall_cases,
-    "return-level": return_level_cases,
+    f"{name}, {title}": (sizes, ask)
+    for name, cases in (
+        ("sensitivity", sensitivity_cases()),
+        ("shortfall", shortfall_cases()),
+        ("return-level", return_level_cases()),
+    )
+    for title, sizes, ask in cases
 }
 
 
-def answers(wanted: Sequence[str], seeds: Sequence[int]) -> Iterator[Answer]:
-    """Yield the intervals of all cases, one seed after the other."""
-    cases = [each for name in wanted for each in CASES[name]()]
+def _cases() -> Iterator[Case]:
+    for title, (sizes, _) in CASES.items():
+        yield from ((title, runs, design) for runs in sizes for design in DESIGNS)
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the bounds of all statistics of a case."""
+    title, runs, design = case
     for seed in seeds:
-        for title, sizes, ask in cases:
-            for runs in sizes:
-                for design in DESIGNS:
-                    for statistic, exact, each in ask(draw(design, runs, seed)):
-                        yield Answer(statistic, title, design, runs, seed, exact, *each.bounds)
+        for statistic, exact, found in CASES[title][1](draw(design, runs, seed)):
+            _, lower, upper = found.bounds
+            yield {"statistic": statistic, "exact": exact, "lower": lower, "upper": upper}
 
 
-def page(rows: Sequence[Answer]) -> Iterator[str]:
-    """Yield the lines of the table."""
-    yield "| statistic | of | design | runs | seeds | without interval | coverage | width |"
-    yield "|---|---|---|---|---|---|---|---|"
-    groups: dict[tuple[str, str, str, int], list[Answer]] = {}
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ("statistic", "of", "design", "runs", "seeds", "without interval", "coverage", "width")
+    groups: dict[tuple[str, str, str, int], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row.statistic, row.case, row.design, row.runs), []).append(row)
-    for (statistic, case, design, runs), found in groups.items():
-        exact, _, lower, upper = np.array([each[5:] for each in found]).T
-        has = np.isfinite(lower) & np.isfinite(upper)
-        covers = (
-            100 * np.mean(((lower <= exact) & (exact <= upper))[has]) if has.any() else math.nan
-        )
-        width = np.median((upper - lower)[has] / np.abs(exact[has])) if has.any() else math.nan
-        shown = f"{covers:.1f} % | ± {50 * width:.3g} %" if has.any() else "– | –"
-        none = f"{100 * np.mean(~has):.3g} %"
-        yield f"| {statistic} | {case} | {design} | {runs} | {len(found)} | {none} | {shown} |"
+        key = row["statistic"], row["case"].partition(", ")[2], row["design"], row["runs"]
+        groups.setdefault(key, []).append(row)
+    yield from lines(head, ([*key, *_texts(found)] for key, found in groups.items()))
 
 
-def read(paths: Sequence[Path]) -> list[Answer]:
-    """Read files of answers."""
-    return [
-        Answer(statistic, case, design, int(runs), int(seed), *map(float, numbers))
-        for statistic, case, design, runs, seed, *numbers in read_records(paths)
-    ]
+def _texts(rows: Sequence[Row]) -> list[str]:
+    names = ("exact", "lower", "upper")
+    exact, lower, upper = np.array([[row[name] for name in names] for row in rows]).T
+    has = np.isfinite(lower) & np.isfinite(upper)
+    shown = ["–", "–"]
+    if has.any():
+        covers = ((lower <= exact) & (exact <= upper))[has]
+        width = np.median((upper - lower)[has] / np.abs(exact[has]))
+        shown = [f"{100 * covers.mean():.1f} %", f"± {50 * width:.3g} %"]
+    return [str(len(rows)), f"{100 * np.mean(~has):.3g} %", *shown]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=400)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--of", nargs="+", choices=CASES, default=[*CASES])
-    parser.add_argument("--output", type=Path, metavar="FILE.csv")
-    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    options = parser.parse_args()
-    rows = read(options.files)
-    if not options.files:
-        with one_blas_thread():
-            found = answers(options.of, range(options.first, options.first + options.seeds))
-            if options.output:
-                options.output.unlink(missing_ok=True)
-            rows = list(append_results(found, options.output) if options.output else found)
-    lines = "\n".join(page(rows))
-    print(lines)
-    if options.markdown:
-        TABLE.fill(options.markdown, lines)
-
+TABLE = SeedTable(("case", "runs", "design"), _cases, _rows, {"": _page}, seeds=400, at_once=10)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(TABLE.main(__doc__))

@@ -1,33 +1,30 @@
 """How often intervals cover where the use cases of OpenTURNS are the models.
 
-Run it as ``python benchmarks/usecase_coverage.py --output FILE.csv``, with uqpen and OpenTURNS
-installed, and then with ``--from FILE.csv --markdown docs/coverage.md``. Each output, design and
-seed has points of its own, so the intervals of a cell (a statistic of a design) are independent.
-A cell fails if so few of its intervals would cover with a probability below 0.001, were the
-coverage of each 95 %. All cells together fail below 94.5 %.
+A table of docs/coverage.md as `seed_table.py` makes it, with OpenTURNS installed. Each output,
+design and seed has points of its own, so the intervals of a cell (a statistic of a design) are
+independent. A cell fails if so few of its intervals would cover with a probability below 0.001,
+were the coverage of each 95 %. All cells together fail below 94.5 %.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import inspect
-import itertools
 import math
 import pkgutil
 import sys
-import time
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import cache
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from coverage_table import USE_CASES
-from result_files import add_table_options, number_or_text, read_rows, write_rows
 from scipy import special, stats
+from seed_table import Case, Row, SeedTable, lines, totals
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
 from skewed_coverage import OUTPUT, Design
 
@@ -157,42 +154,6 @@ class Cell(NamedTuple):
     covers: bool
     half_width: float
     note: str
-
-
-def main() -> int:
-    options = _options()
-    if options.earlier:
-        rows = _read(options.earlier)
-    else:
-        rows = list(_run(options.only, options.seeds))
-        write_rows(options.output, rows)
-    if options.markdown:
-        USE_CASES.fill(options.markdown, "\n".join(_page(rows)))
-    print("\n".join(_page(rows)))
-    return 1 if any(_failures(_that_exist(rows))) else 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--only", default="", help="part of a use case's name", metavar="SUBSTRING")
-    add_table_options(parser, "usecase_coverage.csv")
-    return parser.parse_args()
-
-
-def _run(part: str, seeds: int) -> Iterator[dict[str, Any]]:
-    for case in use_cases():
-        if part not in case.name:
-            continue
-        began = time.perf_counter()
-        for number, (output, truth) in enumerate(zip(case.outputs, true_values(case), strict=True)):
-            for design in DESIGNS:
-                found = [_cells(case, number, design, truth, seed) for seed in range(seeds)]
-                for statistic in STATISTICS:
-                    described = {"output": output, "design": design, "statistic": statistic}
-                    cells = [each[statistic] for each in found]
-                    yield described | {"seeds": seeds} | _summary(cells, truth.errors[statistic])
-        print(f"{case.name}: {time.perf_counter() - began:.0f} s", flush=True)
 
 
 def use_cases() -> Iterator[UseCase]:
@@ -353,16 +314,28 @@ def _cell(estimate: xr.DataArray, truth: float) -> Cell | None:
     return Cell(lower <= truth <= upper, (upper - lower) / 2, interval_text(estimate, NOTE))
 
 
-def _summary(cells: Sequence[Cell | None], error: float) -> dict[str, Any]:
-    """Numbers of intervals by note, and of those that cover."""
-    found = [cell for cell in cells if cell is not None]
-    row: dict[str, Any] = {}
-    for note, has_note in NOTES.items():
-        of = [cell for cell in found if has_note(cell.note)]
-        row |= {note: len(of), f"{note}_covers": sum(cell.covers for cell in of)}
-    widths = [cell.half_width for cell in found]
-    # The truth's standard error over the interval's half-width.
-    return row | {"relative_error": error / np.median(widths) if widths else 0.0}
+@cache
+def _found(name: str) -> tuple[UseCase, list[Truth]]:
+    case = next(each for each in use_cases() if each.name == name)
+    return case, list(true_values(case))
+
+
+def _rows(asked: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the numbers of intervals by note, and of those that cover, by output and statistic."""
+    name, design = map(str, asked)
+    case, truths = _found(name)
+    for number, (output, truth) in enumerate(zip(case.outputs, truths, strict=True)):
+        found = [_cells(case, number, design, truth, seed) for seed in seeds]
+        for statistic in STATISTICS:
+            cells = [cell for each in found if (cell := each[statistic]) is not None]
+            row: dict[str, Any] = {"output": output, "statistic": statistic}
+            for note, has_note in NOTES.items():
+                of = [cell for cell in cells if has_note(cell.note)]
+                row |= {note: len(of), f"{note}_covers": sum(cell.covers for cell in of)}
+            widths = [cell.half_width for cell in cells]
+            # The truth's standard error over the interval's half-width.
+            error = truth.errors[statistic] / np.median(widths) if widths else 0.0
+            yield row | {"relative_error": error}
 
 
 NOTES: dict[str, Callable[[str], bool]] = {
@@ -384,7 +357,7 @@ class Count(NamedTuple):
     covers: int
 
     @classmethod
-    def of(cls, rows: Sequence[dict[str, Any]], *notes: str) -> Count:
+    def of(cls, rows: Sequence[Row], *notes: str) -> Count:
         """Return the intervals with some notes in some rows."""
         return cls(
             sum(row[note] for row in rows for note in notes),
@@ -419,8 +392,8 @@ class Failure(NamedTuple):
         return f"{self.cell}: {self.count.text()}"
 
 
-def _failures(rows: Sequence[dict[str, Any]]) -> Iterator[Failure]:
-    for note, statistic, design in itertools.product(NOTES, STATISTICS, DESIGNS):
+def _failures(rows: Sequence[Row]) -> Iterator[Failure]:
+    for note, statistic, design in product(NOTES, STATISTICS, DESIGNS):
         count = Count.of(_select(rows, statistic, design), note)
         if count.intervals and count.probability < SMALLEST_PROBABILITY:
             yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count)
@@ -429,27 +402,27 @@ def _failures(rows: Sequence[dict[str, Any]]) -> Iterator[Failure]:
         yield Failure("all together", count)
 
 
-def _that_exist(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _that_exist(rows: Sequence[Row]) -> list[Row]:
     """Return the rows of statistics that have a true value, which an interval can contain."""
     return [row for row in rows if not _is_infinite(row)]
 
 
-def _is_infinite(row: dict[str, Any]) -> bool:
+def _is_infinite(row: Row) -> bool:
     return row["output"] in INFINITE_VARIANCE and row["statistic"] == "std"
 
 
-def _select(rows: Sequence[dict[str, Any]], statistic: str, design: str) -> list[dict[str, Any]]:
+def _select(rows: Sequence[Row], statistic: str, design: str) -> list[Row]:
     return [row for row in rows if (row["statistic"], row["design"]) == (statistic, design)]
 
 
-def _page(every: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _page(every: Sequence[Row]) -> Iterator[str]:
     rows = _that_exist(every)
     for note in NOTES:
         if Count.of(rows, note).intervals:
             yield from _table(rows, note)
             yield ""
-    totals = {title: Count.of(rows, note) for note, title in TITLES.items()}
-    for title, count in {**totals, "all together": Count.of(rows, *NOTES)}.items():
+    by_note = {title: Count.of(rows, note) for note, title in TITLES.items()}
+    for title, count in {**by_note, "all together": Count.of(rows, *NOTES)}.items():
         if count.intervals:
             yield f"- {title}: {100 * count.coverage:.2f} % of {count.intervals} intervals"
     yield ""
@@ -461,19 +434,21 @@ def _page(every: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield ""
     yield from _of_infinite_variances([row for row in every if _is_infinite(row)])
     largest = max(row["relative_error"] for row in rows)
-    outputs = len({row["output"] for row in rows})
+    seeds = totals(rows, ("output", "design", "statistic"), ("count",))
+    outputs = len({output for output, _, _ in seeds})
+    most = max(cell.count for cell in seeds.values())
     yield (
-        f"{outputs} outputs, {rows[0]['seeds']} seeds each. The standard error of a true value is"
+        f"{outputs} outputs, {most} seeds each. The standard error of a true value is"
         f" at most {100 * largest:.1f} % of the intervals' median half-width."
     )
 
 
-def _of_infinite_variances(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _of_infinite_variances(rows: Sequence[Row]) -> Iterator[str]:
     """State how many samples get an interval of a standard deviation that is infinite."""
     if not rows:
         return
     given = {design: Count.of(_select(rows, "std", design), *NOTES).intervals for design in DESIGNS}
-    samples = sum(row["seeds"] for row in rows) // len(DESIGNS)
+    samples = sum(row["count"] for row in rows) // len(DESIGNS)
     texts_of = ", ".join(f"{count} with {design}" for design, count in given.items())
     yield (
         f"The standard deviation of {' and '.join(sorted(INFINITE_VARIANCE))} is infinite. Of"
@@ -482,18 +457,24 @@ def _of_infinite_variances(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield ""
 
 
-def _table(rows: Sequence[dict[str, Any]], note: str) -> Iterator[str]:
-    yield f"| {TITLES[note]} | {' | '.join(DESIGNS)} |"
-    yield "|---" * (len(DESIGNS) + 1) + "|"
+def _table(rows: Sequence[Row], note: str) -> Iterator[str]:
+    of = []
     for statistic, title in STATISTICS.items():
         counts = [Count.of(_select(rows, statistic, design), note) for design in DESIGNS]
         if any(count.intervals for count in counts):
-            yield f"| {title} | {' | '.join(count.text() for count in counts)} |"
+            of.append([title, *(count.text() for count in counts)])
+    yield from lines([TITLES[note], *DESIGNS], of)
 
 
-def _read(paths: Sequence[Path]) -> list[dict[str, Any]]:
-    return [{key: number_or_text(text) for key, text in row.items()} for row in read_rows(paths)]
-
+TABLE = SeedTable(
+    ("case", "design"),
+    lambda: product((each.name for each in use_cases()), DESIGNS),
+    _rows,
+    {"use cases": _page},
+    lambda rows: (each.text() for each in _failures(_that_exist(rows))),
+    seeds=20,
+    at_once=20,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(TABLE.main(__doc__))

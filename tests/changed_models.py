@@ -1,8 +1,8 @@
 """Table of changes of a model that alter its results, with what has to meet each of them.
 
 A row is a name, the files of the study's folder before, the files that replace some of them, and
-the text by which the change is met: among the changes that are told, or, with `NAMED`, among what
-was not compared. `RECHECK` is of changes that only a run made again can meet.
+the text by which the change is met: among the changes that are reported, or, with `NAMED`, among
+what was not compared. `RECHECK` is of changes that only a run made again can meet.
 """
 
 from __future__ import annotations

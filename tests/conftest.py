@@ -20,6 +20,7 @@ import pytest
 import xarray as xr
 from filelock import FileLock
 from hypothesis import settings
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.main import main
@@ -187,7 +188,7 @@ def fresh_process() -> Callable[..., list[Outcome]]:
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        return [Outcome(*told) for told in json.loads(done.stdout)]
+        return [Outcome(*reported) for reported in json.loads(done.stdout)]
 
     return call
 
@@ -263,26 +264,17 @@ kind = "latin-hypercube"
 runs = 100
 """
 
-BEAM = """
-title = "$5 and $6: \\\\frac{1}{0} \\u001b[31m --> <script> 中"
-seed = 1
-[model]
-python = "beam.py:bend"
-[model.inputs]
-load = "N"
-span = "m"
-[model.outputs]
-deflection = "m"
-[inputs]
-load = { uniform = { lower = "10 kN", upper = "20 kN" } }
-span = "(3 ± 0.1) m"
-[outputs.deflection]
-unit = "mm"
-exceeds = ["2 mm"]
-[designs.only]
-kind = "monte-carlo"
-runs = 120
-"""
+BEAM = study_text(
+    {
+        "python": "beam.py:bend",
+        "inputs": {"load": "N", "span": "m"},
+        "outputs": {"deflection": "m"},
+    },
+    title="$5 and $6: \\frac{1}{0} \x1b[31m --> <script> 中",
+    inputs={"load": ("10 kN", "20 kN"), "span": "(3 ± 0.1) m"},
+    outputs={"deflection": {"unit": "mm", "exceeds": ["2 mm"]}},
+    designs={"only": {"kind": "monte-carlo", "runs": 120}},
+)
 
 SOURCE = """
 def bend(load, span):

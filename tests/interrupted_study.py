@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.execution.processes import processes
@@ -24,18 +25,17 @@ def model(a, b):
         signal.raise_signal(signal.SIGINT)
     return {"depth": DEPTH}
 """
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:model"
-vectorized = true
-inputs = { a = "1", b = "1" }
-outputs = { depth = "m" }
-[inputs]
-a = "0 ± 1"
-b = "0 ± 1"
-[designs.rare]
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:model",
+        "vectorized": True,
+        "inputs": {"a": "1", "b": "1"},
+        "outputs": {"depth": "m"},
+    },
+    seed=3,
+    inputs={"a": "0 ± 1", "b": "0 ± 1"},
+    designs={"rare": {}},
+)
 
 
 def check_interruptions_and_workers(

@@ -129,7 +129,7 @@ def forked(task: Callable[..., Any], *arguments: Any) -> Any:
     if not process:
         try:
             answer = pickle.dumps(task(*arguments))
-        except BaseException as error:  # told by the parent
+        except BaseException as error:  # reported by the parent
             answer = pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
         with os.fdopen(writing, "wb") as stream:
             stream.write(answer)
@@ -145,7 +145,7 @@ def forked(task: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def main() -> None:
-    """Print for each change what is told of it, and what is told where nothing has changed."""
+    """Print what is reported of each change, and where nothing has changed."""
     warnings.simplefilter("ignore")
     sys.modules.pop("changed_models", None)
     load_libraries()

@@ -33,12 +33,15 @@ class Notebook:
     def finish(self, message: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         outputs = []
         while True:
-            told = self.client.get_iopub_msg(timeout=PATIENCE)
-            if told["parent_header"].get("msg_id") != message:
+            reported = self.client.get_iopub_msg(timeout=PATIENCE)
+            if reported["parent_header"].get("msg_id") != message:
                 continue
-            if told["msg_type"] == "status" and told["content"]["execution_state"] == "idle":
+            if (
+                reported["msg_type"] == "status"
+                and reported["content"]["execution_state"] == "idle"
+            ):
                 break
-            outputs.append(told["content"])
+            outputs.append(reported["content"])
         while True:  # replies to questions of before, whether it is ready, may come as well
             reply = self.client.get_shell_msg(timeout=PATIENCE)
             if reply["parent_header"].get("msg_id") == message:

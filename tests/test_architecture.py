@@ -1,7 +1,5 @@
 """The map of the rooms is right, families hold together, and starting costs nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import pkgutil
@@ -54,7 +52,7 @@ HEAVY = (
 
 
 # All modules in one test each: to begin and end a test takes longer than to look at a module.
-def test_what_a_module_offers_it_has() -> None:
+def test_what_a_module_offers_it_has():
     missing = []
     for name in MODULES:
         module = importlib.import_module(name)
@@ -67,7 +65,7 @@ def test_what_a_module_offers_it_has() -> None:
     assert missing == []
 
 
-def test_every_module_says_what_it_is_for() -> None:
+def test_every_module_says_what_it_is_for():
     modules = map(importlib.import_module, MODULES)
     assert [module.__name__ for module in modules if not (module.__doc__ or "").strip()] == []
 
@@ -83,7 +81,7 @@ def test_every_module_says_what_it_is_for() -> None:
     ],
     ids=["designs", "distributions", "copulas", "models", "reductions"],
 )
-def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: type) -> None:
+def test_members_of_a_family_are_final_and_frozen(family, kind):
     for name, reference in family.items():
         member = resolve(reference)
         assert issubclass(member, kind), name
@@ -93,7 +91,7 @@ def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: 
             assert member.__dataclass_params__.frozen, name  # type: ignore[attr-defined]
 
 
-def test_every_function_of_a_family_resolves_to_a_callable() -> None:
+def test_every_function_of_a_family_resolves_to_a_callable():
     families = [ANALYSES, *ANALYSES_OF_DESIGNS.values()]
     references = [
         reference for family in families for group in family.values() for reference in group
@@ -109,10 +107,10 @@ def test_every_function_of_a_family_resolves_to_a_callable() -> None:
     assert all(callable(resolve(reference)) for reference in references)
 
 
-def test_the_exception_tree_is_the_one_that_is_drawn() -> None:
+def test_the_exception_tree_is_the_one_that_is_drawn():
     errors = importlib.import_module("uqpen.core.errors")
-    drawn: dict[str, str] = {}
-    above: list[str] = []
+    drawn = {}
+    above = []
     for line in (errors.__doc__ or "").splitlines():
         if match := re.match(r"    ([│ ├└─]*)(\w+Error)", line):
             del above[len(match[1]) // 4 :]
@@ -126,7 +124,7 @@ def test_the_exception_tree_is_the_one_that_is_drawn() -> None:
     assert drawn == defined
 
 
-def test_the_public_names_are_there() -> None:
+def test_the_public_names_are_there():
     assert set(uqpen.__all__) <= set(dir(uqpen))
     for name in uqpen.__all__:
         assert getattr(uqpen, name) is not None
@@ -139,14 +137,14 @@ def test_the_public_names_are_there() -> None:
     [DESIGNS, DISTRIBUTIONS, COPULAS, MODELS, SURROGATES],
     ids=["designs", "distributions", "copulas", "models", "surrogates"],
 )
-def test_each_class_that_a_study_can_name_is_public(family: dict[str, str]) -> None:
+def test_each_class_that_a_study_can_name_is_public(family):
     for reference in family.values():
         name = reference.rpartition(":")[2]
         assert name in uqpen.__all__
         assert getattr(uqpen, name) is resolve(reference)
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_nothing_heavy():
     code = (
         "import sys; from uqpen.cli.main import uqpen;"
         "uqpen(['--help'], standalone_mode=False);"
@@ -159,7 +157,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert all(command in done.stdout for command in COMMANDS)
 
 
-def test_the_map_of_the_rooms_is_the_import_contract() -> None:
+def test_the_map_of_the_rooms_is_the_import_contract():
     contract = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contract["tool"]["importlinter"]["contracts"][0]["layers"]
     expected = [sorted(layer.split(" | ")) for layer in layers]
@@ -172,7 +170,7 @@ def test_the_map_of_the_rooms_is_the_import_contract() -> None:
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
 
 
-def test_every_decision_is_listed_under_its_title() -> None:
+def test_every_decision_is_listed_under_its_title():
     page = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \[(\d+)\]\((\S+)\) \| (.*) \| ([\d, ]*)\|$", page, re.MULTILINE)
     titles = [path.read_text(encoding="utf-8").splitlines()[0] for path in DECISIONS]
@@ -181,7 +179,7 @@ def test_every_decision_is_listed_under_its_title() -> None:
     assert all(name.startswith(f"{number}-") for number, name, _, _ in rows)
 
 
-def test_every_number_of_a_decision_is_found_on_one_page() -> None:
+def test_every_number_of_a_decision_is_found_on_one_page():
     page = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \[(\d+)\]\(\S+\) \| .* \| ([\d, ]*)\|$", page, re.MULTILINE)
     found = [int(number) for row in rows for number in re.findall(r"\d+", " ".join(row))]
@@ -189,7 +187,7 @@ def test_every_number_of_a_decision_is_found_on_one_page() -> None:
 
 
 @pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)
-def test_a_decision_has_its_four_parts_and_names_files_that_exist(path: Path) -> None:
+def test_a_decision_has_its_four_parts_and_names_files_that_exist(path):
     text = path.read_text(encoding="utf-8")
     parts = re.findall(r"^## (.*)$", text, re.MULTILINE)
     assert parts == ["Context", "Decision", "Reason", "Consequences"]

@@ -1,20 +1,16 @@
 """A black-box challenge: a hidden model behind a budget of runs that no client can exceed."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import signal
 import sys
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import umbridge
 from model_servers import asked, offering, serving
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.serve import hidden_offers, make_offers
@@ -31,30 +27,26 @@ def sum_of_roots(strength, span):
         raise RuntimeError(f"no equilibrium at strength {strength}")
     return {"load": math.sqrt(strength) + span}
 """
-STUDY = """\
-seed = 1
-[model]
-python = "model.py:sum_of_roots"
-inputs = { strength = "Pa", span = "m" }
-outputs = { load = "N" }
-[inputs]
-strength = { lognormal = { mean = "4 Pa", std = "0.5 Pa" } }
-span = "(3 ± 0.5) m"
-[designs.some]
-kind = "monte-carlo"
-runs = 10
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:sum_of_roots",
+        "inputs": {"strength": "Pa", "span": "m"},
+        "outputs": {"load": "N"},
+    },
+    inputs={"strength": {"lognormal": {"mean": "4 Pa", "std": "0.5 Pa"}}, "span": "(3 ± 0.5) m"},
+    designs={"some": {"kind": "monte-carlo", "runs": 10}},
+)
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
+def study(tmp_path):
     (tmp_path / "model.py").write_text(FUNCTION)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path / "study.toml"
 
 
 @contextlib.contextmanager
-def challenge(study: Path, runs: int) -> Iterator[str]:
+def challenge(study, runs):
     """The address of a server of a hidden model with a budget."""
     offers = hidden_offers(str(study), make_offers(str(study)))
     count = study.with_name("count.jsonl")
@@ -65,12 +57,12 @@ def challenge(study: Path, runs: int) -> Iterator[str]:
         yield address
 
 
-def ask(address: str, path: str, **request: Any) -> tuple[int, Any]:
+def ask(address, path, **request):
     """Code and content of the answer to a request for the model."""
     return asked(address, path, json.dumps({"name": "model", **request}).encode())
 
 
-def test_standard_normal_numbers_become_the_inputs(study: Path) -> None:
+def test_standard_normal_numbers_become_the_inputs(study):
     with challenge(study, 10) as address:
         model = umbridge.HTTPModel(address, "model")
         assert model.get_input_sizes() == [2]
@@ -80,7 +72,7 @@ def test_standard_normal_numbers_become_the_inputs(study: Path) -> None:
     assert load == pytest.approx(np.sqrt(median) + 4.0, rel=1e-9)  # of the inverse of ndtr
 
 
-def test_the_budget_is_spent_by_runs_whether_they_fail_or_not(study: Path) -> None:
+def test_the_budget_is_spent_by_runs_whether_they_fail_or_not(study):
     with challenge(study, 3) as address:
         assert ask(address, "Evaluate", input=[[0.0, 0.0]])[0] == 200
         assert ask(address, "Evaluate", input=[[-9.0, 0.0]])[0] == 500
@@ -99,7 +91,7 @@ def test_the_budget_is_spent_by_runs_whether_they_fail_or_not(study: Path) -> No
         assert ask(address, "ModelInfo")[1]["runsLeft"] == 0
 
 
-def test_nothing_that_a_client_sees_names_an_input(study: Path) -> None:
+def test_nothing_that_a_client_sees_names_an_input(study):
     with challenge(study, 10) as address:
         answers = [
             ask(address, "ModelInfo"),
@@ -113,7 +105,7 @@ def test_nothing_that_a_client_sees_names_an_input(study: Path) -> None:
         assert word not in json.dumps(answers)
 
 
-def test_the_count_goes_on_with_the_next_server(study: Path) -> None:
+def test_the_count_goes_on_with_the_next_server(study):
     with challenge(study, 3) as address:
         ask(address, "Evaluate", input=[[0.0, 0.0]])
         ask(address, "Evaluate", input=[[0.0, 1.0]])
@@ -132,14 +124,14 @@ def test_the_count_goes_on_with_the_next_server(study: Path) -> None:
     ]
 
 
-def test_clients_at_once_cannot_spend_more(study: Path) -> None:
+def test_clients_at_once_cannot_spend_more(study):
     with challenge(study, 20) as address, ThreadPoolExecutor(8) as pool:
         codes = pool.map(lambda _: ask(address, "Evaluate", input=[[0.0, 0.0]])[0], range(60))
         assert sorted(codes) == [200] * 20 + [403] * 40
 
 
 class TestCount:
-    def test_a_line_of_a_killed_server_grants_nothing(self, tmp_path: Path) -> None:
+    def test_a_line_of_a_killed_server_grants_nothing(self, tmp_path):
         path = tmp_path / "count.jsonl"
         with RunBudget(path, 5, {"a": {"version": 1}}) as budget:
             budget.grant("a", [1.0])
@@ -158,7 +150,7 @@ class TestCount:
             (b'{"models": {"a": "v2"}}\n', "counts the runs of other models, or of another"),
         ],
     )
-    def test_another_file_is_refused(self, tmp_path: Path, content: bytes, message: str) -> None:
+    def test_another_file_is_refused(self, tmp_path, content, message):
         path = tmp_path / "count.jsonl"
         path.write_bytes(content)
         with pytest.raises(ModelError, match=message):
@@ -174,8 +166,8 @@ class TestCount:
             ("± 0.5) m", "± 0.6) m"),
         ],
     )
-    def test_it_is_of_one_version_of_the_study(self, study: Path, old: str, new: str) -> None:
-        def identities() -> dict[str, Any]:
+    def test_it_is_of_one_version_of_the_study(self, study, old, new):
+        def identities():
             offers = hidden_offers(str(study), make_offers(str(study)))
             return {offer.name: offer.identity for offer in offers}
 
@@ -190,7 +182,7 @@ class TestCount:
             RunBudget(path, 5, identities())
 
     @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
-    def test_two_servers_cannot_count_in_one_file(self, tmp_path: Path) -> None:
+    def test_two_servers_cannot_count_in_one_file(self, tmp_path):
         with (
             RunBudget(tmp_path / "count.jsonl", 5, {"a": {"version": 1}}),
             pytest.raises(ModelError, match="another server counts its runs in this file"),
@@ -198,7 +190,7 @@ class TestCount:
             RunBudget(tmp_path / "count.jsonl", 5, {"a": {"version": 1}})
 
 
-def test_the_command_counts_across_a_kill(study: Path) -> None:
+def test_the_command_counts_across_a_kill(study):
     arguments = ("study.toml", "--budget", "2", "--hidden")
     with serving(study.parent, *arguments) as (said, address, process):
         assert 'hidden: clients know "model", a vector of 2 standard normal numbers' in said
@@ -230,7 +222,7 @@ def test_the_command_counts_across_a_kill(study: Path) -> None:
         (["ishigami", "--budget", "5", "--count", "."], "runs cannot be counted there"),
     ],
 )
-def test_mistakes(command_line: Callable[..., Any], arguments: list[str], message: str) -> None:
+def test_mistakes(command_line, arguments, message):
     done = command_line("serve", *arguments)
     assert done.code == 2
     assert message in done.err

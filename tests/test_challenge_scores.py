@@ -1,9 +1,5 @@
 """Scores of a black-box challenge: exact ones, and what makes an honest interval the best one."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy
@@ -50,7 +46,7 @@ def test_accuracy_and_coverage_are_relative_to_the_truth():
     assert found.interval_score[0] == pytest.approx((0.4 + 0.95 + 40 * 0.05) / 2, rel=1e-12)
 
 
-def test_the_table_ranks_by_interval_score_and_refusals_come_last(tmp_path: Path):
+def test_the_table_ranks_by_interval_score_and_refusals_come_last(tmp_path):
     (tmp_path / "answers.csv").write_text(
         "participant,problem,repeat,runs,estimate,lower,upper\n"
         "too narrow,wall,0,500,0.12,0.119,0.121\n"
@@ -76,7 +72,7 @@ def test_the_table_ranks_by_interval_score_and_refusals_come_last(tmp_path: Path
         ("a,wall", "no answer"),
     ],
 )
-def test_a_mistake_is_told_with_its_line(tmp_path: Path, line: str, message: str):
+def test_a_mistake_is_reported_with_its_line(tmp_path, line, message):
     path = tmp_path / "answers.csv"
     path.write_text(f"participant,problem,repeat,runs,estimate,lower,upper\n{line}\n")
     with pytest.raises(ValueError, match=rf"answers\.csv:2: .*{message}"):

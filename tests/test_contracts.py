@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import chaospy
 import numpy as np
@@ -14,24 +12,17 @@ import xarray as xr
 from scipy import stats
 
 import uqpen
-from uqpen.charts.chart import Block
 from uqpen.core.labels import RUN
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, text
-from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
-from uqpen.designs.design import Design, Rounds
-from uqpen.distributions.distribution import Distribution
+from uqpen.designs.design import Design
 from uqpen.distributions.frozen import FrozenDistribution
-from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.figures.panel import Panel
 from uqpen.report.blocks import Text
-from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.output_surrogate import OutputSurrogate
@@ -48,7 +39,6 @@ from uqpen.testing import (
 
 pytestmark = pytest.mark.processor
 
-Statistic = tuple[str, xr.DataArray]
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -63,11 +53,11 @@ FloatArray = npt.NDArray[np.float64]
     ],
     ids=lambda distribution: type(getattr(distribution, "frozen", distribution)).__name__,
 )
-def test_distributions_meet_theirs(distribution: Distribution) -> None:
+def test_distributions_meet_theirs(distribution):
     check_distribution(distribution)
 
 
-DESIGN_SETTINGS: dict[str, dict[str, object]] = {
+DESIGN_SETTINGS = {
     "monte-carlo": {"runs": 1024},
     "latin-hypercube": {"runs": 1000},
     "sobol-sequence": {"runs": 1024},
@@ -86,11 +76,11 @@ DESIGN_SETTINGS: dict[str, dict[str, object]] = {
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - {"table", "data"}))
-def test_designs_meet_theirs(kind: str) -> None:
+def test_designs_meet_theirs(kind):
     check_design(resolve(DESIGNS[kind])(**DESIGN_SETTINGS[kind]))
 
 
-SURROGATE_SETTINGS: dict[str, list[dict[str, object]]] = {
+SURROGATE_SETTINGS = {
     "polynomial-chaos": [
         {},
         {"order": 4, "method": "least-squares"},
@@ -109,11 +99,11 @@ SURROGATE_SETTINGS: dict[str, list[dict[str, object]]] = {
 @pytest.mark.parametrize(
     ("kind", "settings"), [(kind, each) for kind in SURROGATES for each in SURROGATE_SETTINGS[kind]]
 )
-def test_surrogates_meet_theirs(kind: str, settings: dict[str, object]) -> None:
+def test_surrogates_meet_theirs(kind, settings):
     check_surrogate(resolve(SURROGATES[kind])(design="training", **settings))
 
 
-def test_models_meet_theirs() -> None:
+def test_models_meet_theirs():
     inputs = {name: np.linspace(-3, 3, 5) for name in ("x1", "x2", "x3")}
     check_model(uqpen.Ishigami(), inputs)
 
@@ -125,7 +115,7 @@ class MeanFit(OutputFit):
     fault: str
     mean: float
 
-    def predict(self, points: FloatArray) -> Prediction:
+    def predict(self, points):
         is_backwards = bool(points[0, 0] > points[-1, 0])
         shift = {"batch": len(points), "order": 100 * is_backwards}.get(self.fault, 0)
         slope = 0 if self.fault == "mean" else 4
@@ -138,9 +128,7 @@ class Mean(OutputSurrogate):
 
     output_fit = MeanFit
 
-    def fit_output(
-        self, points: FloatArray, values: FloatArray, rng: np.random.Generator
-    ) -> OutputFit | str:
+    def fit_output(self, points, values, rng):
         if self.fault == "output":
             return "none is fitted"
         shift = np.random.default_rng().random() if self.fault == "random" else 0
@@ -153,7 +141,7 @@ class RoundedFit(MeanFit):
     """A fit that an archive keeps with fewer digits."""
 
     @classmethod
-    def from_dataset(cls, dataset: xr.Dataset) -> RoundedFit:
+    def from_dataset(cls, dataset):
         return cls("", round(float(dataset.attrs["field_mean"]), 3))
 
 
@@ -161,35 +149,33 @@ class RoundedFit(MeanFit):
 class Forgetting(OutputSurrogate):
     output_fit = RoundedFit
 
-    def fit_output(
-        self, points: FloatArray, values: FloatArray, rng: np.random.Generator
-    ) -> OutputFit:
+    def fit_output(self, points, values, rng):
         return RoundedFit("", float(values.mean()))
 
 
 class TestBrokenRules:
-    """A member that breaks a rule is told which."""
+    """A member that breaks a rule gets a message that names it."""
 
-    def test_of_a_distribution(self) -> None:
+    def test_of_a_distribution(self):
         @dataclass(frozen=True)
         class Shifted(uqpen.Normal):
-            def isf(self, probability: FloatArray) -> FloatArray:
+            def isf(self, probability):
                 return self.ppf(probability)
 
         with pytest.raises(AssertionError, match=r"isf\(p\) = ppf\(1 - p\)"):
             check_distribution(Shifted(0.0, 1.0))
 
-    def test_of_a_design(self) -> None:
+    def test_of_a_design(self):
         @dataclass(frozen=True)
         class Halves(Design):
             runs: int = count()
             sampling = Sampling.INDEPENDENT
 
-            def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+            def rounds(self, joint, stream):
                 u = np.random.default_rng().random((self.runs, len(joint.random))) / 2
                 yield _points(joint, u)
 
-            def run_count(self, joint: JointDistribution) -> int:
+            def run_count(self, joint):
                 return self.runs
 
         with pytest.raises(AssertionError, match="the same stream gives the same points"):
@@ -205,28 +191,28 @@ class TestBrokenRules:
             ("output", "it fits what can be fitted"),
         ],
     )
-    def test_of_a_surrogate(self, fault: str, rule: str) -> None:
+    def test_of_a_surrogate(self, fault, rule):
         with pytest.raises(AssertionError, match=rule):
             check_surrogate(Mean(design="training", fault=fault))
 
-    def test_of_a_surrogate_that_comes_back_another(self) -> None:
+    def test_of_a_surrogate_that_comes_back_another(self):
         with pytest.raises(AssertionError, match="a restored surrogate is the same"):
             check_surrogate(Forgetting(design="training"))
 
-    def test_of_a_model(self) -> None:
+    def test_of_a_model(self):
         class Drifting(Model):
             name = "drifting"
             inputs = (Input("x", "m"),)
             outputs = (Output("y", "m"),)
 
-            def evaluate(self, inputs: Arrays) -> Results:
+            def evaluate(self, inputs):
                 return Results.all_ok({"y": inputs["x"] - inputs["x"].mean()})
 
         with pytest.raises(AssertionError, match="a run does not depend on its batch: y"):
             check_model(Drifting(), {"x": np.arange(3.0)})
 
-    def test_of_a_statistic(self) -> None:
-        def shaken(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+    def test_of_a_statistic(self):
+        def shaken(sample, quantity):
             value = float(np.random.default_rng().random())
             estimate = Estimate.without_bounds(value, "none")
             yield "shaken", estimate.to_array(units="1", long_name="shaken")
@@ -234,31 +220,31 @@ class TestBrokenRules:
         with pytest.raises(AssertionError, match="the same sample gives the same shaken"):
             check_statistic(shaken)
 
-        def named(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+        def named(sample, quantity):
             yield "mean", xr.DataArray(1.0)
 
         with pytest.raises(AssertionError, match="a name that no built-in statistic has"):
             check_statistic(named)
 
-        def sorted_in_place(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+        def sorted_in_place(sample, quantity):
             sample.values.sort()
             yield from ()
 
         with pytest.raises(AssertionError, match="sorted_in_place of deflection: ValueError"):
             check_statistic(sorted_in_place)
 
-    def test_of_a_chart(self, study_of: Callable[..., Any]) -> None:
+    def test_of_a_chart(self, study_of):
         tree = uqpen.run(study_of("a", a=(0, 1)))
-        calls: list[str] = []
+        calls = []
 
-        def counted(view: ArchiveView) -> Iterator[Panel]:
+        def counted(view):
             calls.append("call")
             yield Panel(f"title {len(calls)}", lambda axes: [])
 
         with pytest.raises(AssertionError, match="a figure is the same each time"):
             check_figure(counted, tree)
 
-        def changing(view: ArchiveView) -> Iterator[Block]:
+        def changing(view):
             view.tree["runs/some"]["a"].values[0] = 0.5
             yield Text("changed")
 
@@ -266,8 +252,8 @@ class TestBrokenRules:
             check_section(changing, tree)
 
 
-def _points(joint: JointDistribution, u: FloatArray) -> xr.Dataset:
-    columns: Iterator[FloatArray] = iter(u.T)
+def _points(joint, u):
+    columns = iter(u.T)
     return xr.Dataset(
         {
             entry.variable.name: (RUN, entry.distribution.ppf(next(columns)))

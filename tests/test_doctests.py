@@ -1,7 +1,5 @@
 """The examples in docstrings give what they print."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 from pathlib import Path
@@ -17,13 +15,13 @@ MODULES = [
 ]
 
 
-def test_there_are_examples() -> None:
+def test_there_are_examples():
     assert len(MODULES) > 15
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples_give_what_they_print(name: str) -> None:
-    report: list[str] = []
+def test_examples_give_what_they_print(name):
+    report = []
     runner = doctest.DocTestRunner(verbose=False)
     for example in doctest.DocTestFinder().find(importlib.import_module(name)):
         runner.run(example, out=report.append)

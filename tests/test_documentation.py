@@ -3,21 +3,17 @@
 A block that cannot run has a comment before it, `<!-- not run: reason -->`, and is parsed only.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import linecache
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import pytest
-import xarray as xr
-from page_blocks import Block, blocks_of
+from page_blocks import blocks_of
 
 import uqpen
 from uqpen.cli.main import COMMANDS
@@ -31,11 +27,11 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 
 
-def _of(language: str) -> list[Block]:
+def _of(language):
     return [block for block in BLOCKS if block.language == language]
 
 
-def _commands() -> Iterator[tuple[str, list[str]]]:
+def _commands():
     """The calls of uqpen in blocks of a shell, and those shown with their output."""
     for block in [*_of("sh"), *_of("text")]:
         for line in block.text.splitlines():
@@ -48,7 +44,7 @@ def _commands() -> Iterator[tuple[str, list[str]]]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, concrete_text: str) -> Path:
+def folder(tmp_path_factory, concrete_text):
     """A folder with what the pages name; they show how to call a study, not what it finds."""
     folder = tmp_path_factory.mktemp("documentation")
     for name in ("studies", "archives", "docs"):
@@ -57,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, concrete_text: str) -> Path
     return folder
 
 
-def _without_code(page: Path) -> str:
+def _without_code(page):
     text = re.sub(r"^(```|~~~).*?^\1$", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     return re.sub(r"`[^`\n]*`", lambda code: code[0].strip("`").translate(BRACKETS), text)
 
@@ -67,9 +63,9 @@ BRACKETS = str.maketrans(dict.fromkeys("[]()<>", "."))
 
 
 @functools.cache
-def _anchors(page: Path) -> set[str]:
+def _anchors(page):
     """The names that GitHub gives to the headings of a page."""
-    anchors: list[str] = []
+    anchors = []
     for heading in re.findall(r"^#{1,6} +(.*?)$", _without_code(page), re.MULTILINE):
         shown = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)
         name = re.sub(r"[^\w -]", "", shown.lower()).replace(" ", "-")
@@ -81,7 +77,7 @@ def _anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
-def test_its_links_lead_to_files_and_headings(page: Path) -> None:
+def test_its_links_lead_to_files_and_headings(page):
     for link in re.findall(r"\]\(([^)\s]+)\)", _without_code(page)):
         if not re.match(r"[a-z]+:", link):
             name, _, anchor = link.partition("#")
@@ -90,13 +86,13 @@ def test_its_links_lead_to_files_and_headings(page: Path) -> None:
             assert not anchor or anchor in _anchors(target), link
 
 
-def test_a_decision_is_linked_by_its_own_number() -> None:
+def test_a_decision_is_linked_by_its_own_number():
     for page in [*PAGES, ROOT / "CHANGELOG.md"]:
         for number, link in re.findall(r"\[(\d{3})\]\((\S+?)\)", page.read_text(encoding="utf-8")):
             assert Path(link).name.startswith(f"{number}-"), link
 
 
-def test_a_block_that_is_not_run_says_why() -> None:
+def test_a_block_that_is_not_run_says_why():
     marks = sum(page.read_text(encoding="utf-8").count("<!-- not run:") for page in PAGES)
     assert marks == sum(bool(block.reason) for block in BLOCKS)
 
@@ -108,15 +104,13 @@ FEWER = {
 }
 
 
-def test_no_study_with_fewer_runs_is_out_of_date() -> None:
+def test_no_study_with_fewer_runs_is_out_of_date():
     assert all(any(many in block.text for block in _of("python")) for many in FEWER)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_its_python_runs(
-    page: Path, folder: Path, concrete: xr.DataTree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_its_python_runs(page, folder, concrete, monkeypatch):
     """The blocks of a page in their order; those with prompts have a test of their own."""
     blocks = [block for block in _of("python") if block.page == page and ">>>" not in block.text]
     if not any(not block.reason for block in blocks):
@@ -125,7 +119,7 @@ def test_its_python_runs(
     archive = folder / "archives" / "concrete.nc"
     if not archive.exists():
         uqpen.write(concrete, archive)
-    names: dict[str, object] = {}
+    names = {}
     for block in blocks:
         text = block.text
         for many, few in FEWER.items():
@@ -136,14 +130,14 @@ def test_its_python_runs(
             exec(tree, names)
 
 
-def test_python_that_is_not_run_parses() -> None:
+def test_python_that_is_not_run_parses():
     for block in _of("python"):
         if ">>>" not in block.text:
             ast.parse(block.text, str(block))
 
 
 @pytest.mark.parametrize("block", _of("toml"), ids=str)
-def test_its_toml_parses_and_a_whole_study_is_one(block: Block, tmp_path: Path) -> None:
+def test_its_toml_parses_and_a_whole_study_is_one(block, tmp_path):
     content = tomllib.loads(block.text)
     if {"seed", "model", "inputs", "designs"} <= content.keys() and not block.reason:
         for other in BLOCKS:
@@ -156,9 +150,7 @@ def test_its_toml_parses_and_a_whole_study_is_one(block: Block, tmp_path: Path) 
 @pytest.mark.parametrize(
     "words", [words for _, words in _commands()], ids=[name for name, _ in _commands()]
 )
-def test_its_commands_parse(
-    words: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_its_commands_parse(words, folder, monkeypatch):
     monkeypatch.chdir(folder)
     if words == ["--version"]:
         return

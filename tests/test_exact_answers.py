@@ -7,20 +7,15 @@ and none is off by more than chance allows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
-import xarray as xr
 from scipy import stats
 
 import uqpen
 from uqpen.statistics.intervals import dkw_half_width, runs_needed
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 SAMPLES = """
 [designs.mc]
@@ -59,7 +54,7 @@ BOREHOLE = (
 _VARIANCE = 1.0056**2
 R_MEAN = math.exp(7.71 + _VARIANCE / 2)
 R_STD = R_MEAN * math.sqrt(math.expm1(_VARIANCE))
-BOREHOLE_INPUTS: dict[str, Any] = {
+BOREHOLE_INPUTS = {
     "rw": "0.1 ± 0.0161812",
     "tu": (63070, 115600),
     "hu": (990, 1110),
@@ -81,25 +76,25 @@ class Answer(NamedTuple):
     exact: float
 
     @property
-    def is_given(self) -> bool:
+    def is_given(self):
         return not math.isnan(self.lower + self.upper)
 
     @property
-    def holds(self) -> bool:
+    def holds(self):
         return self.lower <= self.exact <= self.upper
 
     @property
-    def is_far_off(self) -> bool:
+    def is_far_off(self):
         """Whether it misses by as much again as it is wide: four standard errors."""
         side = self.lower if self.exact < self.estimate else self.upper
         return abs(self.exact - self.estimate) > 2 * abs(side - self.estimate)
 
 
-def answer(what: str, array: xr.DataArray, exact: float) -> Answer:
+def answer(what, array, exact):
     return Answer(what, *array.values.tolist(), exact)
 
 
-MOMENTS: dict[str, tuple[str, dict[str, Any], float, float]] = {
+MOMENTS = {
     "ishigami": (ISHIGAMI, dict.fromkeys("abc", PI), 3.5, math.sqrt(13.844587940719254)),
     "sobol-g": (SOBOL_G, dict.fromkeys("abcdefgh", UNIT), 1.0, math.sqrt(0.4654244319022067)),
     "product": ("a * b + c", dict.fromkeys("abc", UNIT), 0.75, math.sqrt(19 / 144)),
@@ -107,7 +102,7 @@ MOMENTS: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "borehole": (BOREHOLE, BOREHOLE_INPUTS, 73.73894, 28.5958),
 }
 # First and total order, as many inputs as are known.
-INDICES: dict[str, tuple[list[float], list[float]]] = {
+INDICES = {
     "ishigami": (
         [0.31390519114781146, 0.4424111447900409, 0],
         [0.5575888552099592, 0.4424111447900409, 0.24368366406214773],
@@ -125,7 +120,7 @@ INDICES: dict[str, tuple[list[float], list[float]]] = {
 }
 NORMALS = {"a": "0 ± 1", "b": "0 ± 1"}
 BRANCH = "3 + 0.1 * (a - b)**2"
-PROBABILITIES: dict[str, tuple[str, dict[str, Any], float, float]] = {
+PROBABILITIES = {
     "strength": ("b - a", {"a": "4 ± 1", "b": "2 ± 1"}, 0.0, 0.07864960352514258),
     "four branches": (
         f"-np.minimum.reduce([{BRANCH} - (a + b) / np.sqrt(2), {BRANCH} + (a + b) / np.sqrt(2),"
@@ -145,7 +140,7 @@ PROBABILITIES: dict[str, tuple[str, dict[str, Any], float, float]] = {
 }
 
 
-def of_moments(tree: xr.DataTree, name: str) -> Iterator[Answer]:
+def of_moments(tree, name):
     _, _, mean, std = MOMENTS[name]
     for design in ("mc", "lhs", "sobol", "halton"):
         moments = tree[f"statistics/{design}/y"]
@@ -153,7 +148,7 @@ def of_moments(tree: xr.DataTree, name: str) -> Iterator[Answer]:
         yield answer(f"{name}, {design}: sd", moments["std"], std)
 
 
-def of_indices(tree: xr.DataTree, name: str) -> Iterator[Answer]:
+def of_indices(tree, name):
     for order, exact in zip(("first", "total"), INDICES[name], strict=True):
         indices = tree["statistics/blocks/y"][f"{order}_order"]
         for i, value in enumerate(exact):
@@ -161,8 +156,8 @@ def of_indices(tree: xr.DataTree, name: str) -> Iterator[Answer]:
 
 
 @pytest.fixture
-def answers(study_of: MakeStudy) -> list[Answer]:
-    found: list[Answer] = []
+def answers(study_of):
+    found = []
     for name, (body, inputs, _, _) in MOMENTS.items():
         tree = uqpen.run(study_of(body, SAMPLES + BLOCKS, **inputs))
         found += [*of_moments(tree, name), *of_indices(tree, name)]
@@ -175,7 +170,7 @@ def answers(study_of: MakeStudy) -> list[Answer]:
     return found
 
 
-def test_the_intervals_hold_the_exact_answers_as_often_as_they_say(answers: list[Answer]) -> None:
+def test_the_intervals_hold_the_exact_answers_as_often_as_they_say(answers):
     given = [each for each in answers if each.is_given]
     assert len(given) > 80
     assert [each for each in given if each.is_far_off] == []
@@ -185,8 +180,8 @@ def test_the_intervals_hold_the_exact_answers_as_often_as_they_say(answers: list
 
 
 def test_the_mean_of_a_sum_over_one_hypercube_has_the_variance_that_is_known(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     # d/(12 n³): each of the n strata of each input leaves the variance of a uniform law over 1/n.
     runs, replicates = 5, 4_000
     text = f"""
@@ -203,13 +198,13 @@ def test_the_mean_of_a_sum_over_one_hypercube_has_the_variance_that_is_known(
     assert low < means.var(ddof=1) / exact < high
 
 
-def test_bands_and_bounds_are_the_textbooks() -> None:
+def test_bands_and_bounds_are_the_textbooks():
     assert dkw_half_width(1000, 0.95) == pytest.approx(math.sqrt(math.log(40) / 2000))
     assert runs_needed(0.95, 0.95) == 59
     assert [runs_needed(p, 0.95) for p in (0.99, 0.999, 0.9999)] == [299, 2995, 29956]
 
 
-def test_ishigami_from_two_hundred_runs(study_of: MakeStudy) -> None:
+def test_ishigami_from_two_hundred_runs(study_of):
     text = """
     [designs.training]
     kind = "latin-hypercube"

@@ -3,15 +3,10 @@
 Every estimator says how many runs it used, and none turns to zero or to no number without a reason.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -21,8 +16,6 @@ from uqpen.execution import status_counts
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow
-
-TreeOf = Callable[[str], xr.DataTree]
 
 MODEL = """
 import math
@@ -81,12 +74,12 @@ ABSENT = ("failed", "no scatter", "does not vary", "runs lie on one side")
 
 
 @pytest.fixture(scope="module")
-def tree_of(tmp_path_factory: pytest.TempPathFactory) -> TreeOf:
+def tree_of(tmp_path_factory):
     """The archive of a design by its kind, made when it is first asked for."""
     return cache(lambda kind: _made(kind, tmp_path_factory.mktemp(kind)))
 
 
-def _made(kind: str, folder: Path) -> xr.DataTree:
+def _made(kind, folder):
     (folder / "model.py").write_text(MODEL)
     points = np.random.default_rng(1).random((400, 3))
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in points)
@@ -104,7 +97,7 @@ ELSEWHERE = {"data", "multifidelity"} | RARE_EVENTS
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))
-def test_every_estimator_copes_with_what_is_lost(kind: str, tree_of: TreeOf) -> None:
+def test_every_estimator_copes_with_what_is_lost(kind, tree_of):
     tree = tree_of(kind)
     runs = tree["runs/it"].to_dataset()
     counts = status_counts(runs)
@@ -126,7 +119,7 @@ def test_every_estimator_copes_with_what_is_lost(kind: str, tree_of: TreeOf) -> 
     assert all("runs" in array.attrs for array in statistics.values())
 
 
-def check(name: str, array: xr.DataArray) -> None:
+def check(name, array):
     """No figure that is nothing, or not a number, without a reason."""
     if "bound" not in array.dims:
         return
@@ -141,7 +134,7 @@ def check(name: str, array: xr.DataArray) -> None:
     assert not (array.sel(bound="estimate") == 0).all(), name
 
 
-def test_what_is_known_stays_right_within_its_interval(tree_of: TreeOf) -> None:
+def test_what_is_known_stays_right_within_its_interval(tree_of):
     # Losing a run for no reason that has to do with it biases nothing: the mean over the draws
     # below the limit, by a large sample.
     points = np.random.default_rng(2).random((4_000_000, 3))

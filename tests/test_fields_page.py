@@ -1,17 +1,13 @@
 """The page on curves and fields works as printed: SciPy, ngspice and a UM-Bridge server."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from page_blocks import ROOT, Block, blocks_of
+from page_blocks import ROOT, blocks_of
 from scipy.integrate import solve_ivp
 from test_how_to import check_shown, output_of, write_file
 
@@ -35,11 +31,11 @@ web.run_app = lambda app, port: run_app(app, sock=listening, print=None)
 """
 
 
-def section(title: str) -> list[Block]:
+def section(title):
     return list(blocks_of(PAGE, TEXT.partition(f"## {title}")[2].partition("\n## ")[0]))
 
 
-def run_as_printed(title: str, command_line: Callable[..., Any]) -> None:
+def run_as_printed(title, command_line):
     """Run the commands of a section in this folder, and check what they show."""
     output = ""
     for block in section(title):
@@ -51,7 +47,7 @@ def run_as_printed(title: str, command_line: Callable[..., Any]) -> None:
             check_shown(block, output)
 
 
-def test_an_epidemic_by_scipy(command_line: Callable[..., Any]) -> None:
+def test_an_epidemic_by_scipy(command_line):
     run_as_printed("A Python function", command_line)
     runs = uqpen.open_archive("archives/epidemic.nc")["runs/sample"].to_dataset()
     assert not runs["status"].values.any()
@@ -63,11 +59,11 @@ def test_an_epidemic_by_scipy(command_line: Callable[..., Any]) -> None:
     np.testing.assert_allclose(np.log(left / (1 - 1e-4)), -ratio * (1 - left - final), atol=1e-4)
 
 
-def test_a_solver_that_returns_its_own_steps_gives_the_same_curve() -> None:
+def test_a_solver_that_returns_its_own_steps_gives_the_same_curve():
     days = np.arange(0.0, 161.0, 10.0)
 
-    def outbreak(contact: float, **options: Any) -> dict[str, Any]:
-        def slopes(_: float, state: Any) -> list[float]:
+    def outbreak(contact, **options):
+        def slopes(_, state):
             new = contact * state[0] * state[1]
             return [-new, new - 0.15 * state[1]]
 
@@ -93,7 +89,7 @@ def test_a_solver_that_returns_its_own_steps_gives_the_same_curve() -> None:
     np.testing.assert_allclose(runs["infected"].values, expected, atol=1e-3)
 
 
-def test_a_transient_of_ngspice(command_line: Callable[..., Any]) -> None:
+def test_a_transient_of_ngspice(command_line):
     if shutil.which("ngspice") is None:
         pytest.skip("there is no ngspice here (Debian's package ngspice)")
     shutil.copytree(ROOT / "studies", "studies")
@@ -105,14 +101,13 @@ def test_a_transient_of_ngspice(command_line: Callable[..., Any]) -> None:
     np.testing.assert_allclose(runs["voltage"], 5 * (1 - np.exp(-decay)).transpose(), atol=2e-3)
 
 
-def test_a_server(tmp_path: Path) -> None:
+def test_a_server(tmp_path):
     program, study = (block.text for block in section("A server"))
     (tmp_path / "server.py").write_text(LISTENING + program, encoding="utf-8")
     command = [sys.executable, str(tmp_path / "server.py")]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as server:
-        assert server.stdout is not None
         try:
             address = f"http://127.0.0.1:{server.stdout.readline().strip()}"
             study = study.replace("http://127.0.0.1:4242", address)

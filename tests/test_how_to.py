@@ -1,21 +1,17 @@
 """The ten tasks of ``docs/how_to.md`` work as printed, each section in an empty folder."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.shell_completion import BashComplete
 from notebook_cells import open_notebook, shown
-from page_blocks import ROOT, Block, blocks_of
+from page_blocks import ROOT, blocks_of
 
 from uqpen.cli.main import COMMANDS, COMPLETION, uqpen
 from uqpen.core.lookup import resolve
@@ -35,21 +31,21 @@ PROGRAMS = {"filter.toml": ("ngspice", "ngspice"), "cantilever.toml": ("ccx", "c
 LAST_DIGIT = 0.1
 
 
-def section(title: str) -> list[Block]:
+def section(title):
     return list(blocks_of(PAGE, SECTIONS[title]))
 
 
-def skip_without_program(text: str) -> None:
+def skip_without_program(text):
     for study, (program, package) in PROGRAMS.items():
         if study in text and shutil.which(program) is None:
             pytest.skip(f"there is no {program} here (Debian's package {package})")
 
 
-def write_file(block: Block, folder: Path) -> None:
+def write_file(block, folder):
     (folder / block.file).write_text(block.text, encoding="utf-8")
 
 
-def write_linked_files(text: str, folder: Path) -> None:
+def write_linked_files(text, folder):
     """Write what a section takes from the studies and from pages that it links."""
     shutil.copytree(ROOT / "studies", folder / "studies")
     for page in set(re.findall(r"\]\((data\.md|models\.md)#", text)):
@@ -58,7 +54,7 @@ def write_linked_files(text: str, folder: Path) -> None:
                 write_file(block, folder)
 
 
-def edit(block: Block, folder: Path) -> None:
+def edit(block, folder):
     """Replace a line of the only study in a folder, as a diff says."""
     old, new = (line[1:] for line in block.text.splitlines())
     (study,) = folder.glob("*.toml")
@@ -67,7 +63,7 @@ def edit(block: Block, folder: Path) -> None:
     study.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def output_of(block: Block, command_line: Callable[..., Any]) -> str:
+def output_of(block, command_line):
     """Run commands; return what they show."""
     output = ""
     for line in block.text.splitlines():
@@ -82,7 +78,7 @@ def output_of(block: Block, command_line: Callable[..., Any]) -> str:
     return output
 
 
-def words_and_numbers(line: str) -> tuple[str, list[float]]:
+def words_and_numbers(line):
     """A line without durations, widths of columns and numbers; and its numbers."""
     line = re.sub(r"(?<=\d)\s(?=\d{3}\b)", "", line.strip())
     line = re.sub(r"\d+(\.\d+)? (ms|s|min)\b", "a while", line)
@@ -91,7 +87,7 @@ def words_and_numbers(line: str) -> tuple[str, list[float]]:
     return re.sub(number, "#", line), [float(each) for each in re.findall(number, line)]
 
 
-def check_shown(block: Block, output: str) -> None:
+def check_shown(block, output):
     """Check that the lines of a block stand in an output, in their order."""
     lines = iter([words_and_numbers(line) for line in output.splitlines()])
     for line in filter(None, block.text.splitlines()):
@@ -101,13 +97,13 @@ def check_shown(block: Block, output: str) -> None:
         assert found[1] == pytest.approx(numbers, rel=LAST_DIGIT), line
 
 
-def test_they_are_eleven() -> None:
+def test_they_are_eleven():
     assert len(re.findall(r"^##+ .+\?$", TEXT, re.MULTILINE)) == 11
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("title", sorted(SECTIONS.keys() - {IN_A_NOTEBOOK, IN_A_SHELL}))
-def test_it_works_as_printed(title: str, command_line: Callable[..., Any], tmp_path: Path) -> None:
+def test_it_works_as_printed(title, command_line, tmp_path):
     skip_without_program(SECTIONS[title])
     write_linked_files(SECTIONS[title], tmp_path)
     output = ""
@@ -123,7 +119,7 @@ def test_it_works_as_printed(title: str, command_line: Callable[..., Any], tmp_p
 
 
 @pytest.mark.slow
-def test_its_cells_run_in_a_notebook(tmp_path: Path) -> None:
+def test_its_cells_run_in_a_notebook(tmp_path):
     with open_notebook(tmp_path) as notebook:
         study, estimates = (shown(notebook.run(block.text)) for block in section(IN_A_NOTEBOOK))
     assert "<td>normal (5 ± 0.5) kN</td>" in study
@@ -132,7 +128,7 @@ def test_its_cells_run_in_a_notebook(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_bash_completes_as_printed(tmp_path: Path) -> None:
+def test_bash_completes_as_printed(tmp_path):
     if shutil.which("bash") is None:
         pytest.skip("there is no bash here")
     line, offered = section(IN_A_SHELL)
@@ -151,13 +147,13 @@ def test_bash_completes_as_printed(tmp_path: Path) -> None:
     assert sorted(done.stdout.split()) == sorted(offered.text.split())
 
 
-def _options(command: str) -> Iterator[str]:
+def _options(command):
     for parameter in resolve(COMMANDS[command]).params:
         if parameter.param_type_name == "option":
             yield from (*parameter.opts, *parameter.secondary_opts)
 
 
-def test_every_command_and_option_is_completed() -> None:
+def test_every_command_and_option_is_completed():
     bash = BashComplete(uqpen, {}, "uqpen", COMPLETION)
     assert [found.value for found in bash.get_completions([], "")] == list(COMMANDS)
     for command in COMMANDS:

@@ -2,9 +2,9 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from study_text import study_text
 
 import uqpen
 
@@ -31,18 +31,11 @@ except SystemExit as left:
 print(*(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
 """
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = "0 ± 1"
-x2 = "0 ± 1"
-x3 = "0 ± 1"
-[designs.plain]
-kind = "monte-carlo"
-runs = 64
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": "0 ± 1", "x2": "0 ± 1", "x3": "0 ± 1"},
+    designs={"plain": {"kind": "monte-carlo", "runs": 64}},
+)
 
 EXPANSION = """\
 [surrogates.chaos]
@@ -50,27 +43,24 @@ kind = "polynomial-chaos"
 design = "plain"
 """
 
-ROD = """\
-seed = 1
-[model]
-use = "walker-anderson"
-[inputs]
-projectile_density     = "17.5 g/cm^3"
-projectile_yield_limit = "1.65 GPa"
-projectile_length      = "16 cm"
-impact_velocity        = "1400 m/s"
-projectile_sound_speed = "3071 m/s"
-target_density         = "(2.5 ± 0.05) g/cm^3"
-target_yield_limit     = "400 MPa"
-plasticity_radius      = "100 mm"
-crater_radius          = "17 mm"
-[designs.plain]
-kind = "monte-carlo"
-runs = 16
-"""
+ROD = study_text(
+    "walker-anderson",
+    inputs={
+        "projectile_density": "17.5 g/cm^3",
+        "projectile_yield_limit": "1.65 GPa",
+        "projectile_length": "16 cm",
+        "impact_velocity": "1400 m/s",
+        "projectile_sound_speed": "3071 m/s",
+        "target_density": "(2.5 ± 0.05) g/cm^3",
+        "target_yield_limit": "400 MPa",
+        "plasticity_radius": "100 mm",
+        "crater_radius": "17 mm",
+    },
+    designs={"plain": {"kind": "monte-carlo", "runs": 16}},
+)
 
 
-def loaded(folder: Path, *arguments: str) -> set[str]:
+def loaded(folder, *arguments):
     done = subprocess.run(
         [sys.executable, "-c", PROBE, *arguments], cwd=folder, capture_output=True, text=True
     )
@@ -79,7 +69,7 @@ def loaded(folder: Path, *arguments: str) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("imports")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
     (folder / "expansion.toml").write_text(STUDY + EXPANSION, encoding="utf-8")
@@ -99,9 +89,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_a_command_loads_what_it_needs(
-    archive: Path, arguments: tuple[str, ...], allowed: set[str]
-) -> None:
+def test_a_command_loads_what_it_needs(archive, arguments, allowed):
     assert loaded(archive.parent, *arguments) <= allowed
 
 
@@ -124,9 +112,7 @@ except SystemExit:
     [("check", "study.toml"), ("show", "archive.nc"), ("report", "archive.nc")],
     ids=lambda arguments: arguments[0],
 )
-def test_a_command_does_not_look_for_garbage_among_its_modules(
-    archive: Path, arguments: tuple[str, ...]
-) -> None:
+def test_a_command_does_not_look_for_garbage_among_its_modules(archive, arguments):
     done = subprocess.run(
         [sys.executable, "-c", GARBAGE, *arguments],
         cwd=archive.parent,
@@ -139,7 +125,7 @@ def test_a_command_does_not_look_for_garbage_among_its_modules(
     assert kept > 50_000
 
 
-def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path: Path) -> None:
+def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path):
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     uqpen.run(uqpen.load_study(tmp_path / "study.toml"))  # compiles it where nothing has done so
     assert loaded(tmp_path, "check", "study.toml") <= {"rich", "scipy.special"}

@@ -1,11 +1,7 @@
 """Statistics that a study leaves out."""
 
-from collections.abc import Mapping
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.core.errors import StudyError
@@ -16,11 +12,11 @@ from uqpen.verification.verify import verify
 LEFT_OUT = {"sensitivity": False, "convergence": False}
 
 
-def sums(a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+def sums(a, b):
     return {"y": np.exp(a) + b, "curve": np.exp(a)[:, None] * np.arange(1.0, 4.0)}
 
 
-def study(**left_out: object) -> uqpen.Study:
+def study(**left_out):
     curve = uqpen.OutputSpec("1", along={"place": {"unit": "m", "values": [1, 2, 3]}})
     return uqpen.Study(
         model=uqpen.PythonModel(
@@ -43,20 +39,20 @@ def study(**left_out: object) -> uqpen.Study:
 
 
 @pytest.fixture(scope="module")
-def whole() -> uqpen.Archive:
+def whole():
     return uqpen.run(study())
 
 
 @pytest.fixture(scope="module")
-def shorter() -> uqpen.Archive:
+def shorter():
     return uqpen.run(study(**LEFT_OUT))
 
 
-def statistics(tree: xr.DataTree) -> Mapping[str, xr.Dataset]:
+def statistics(tree):
     return {node.path: node.to_dataset() for node in tree["statistics"].subtree if node.level == 3}
 
 
-def test_nothing_else_changes(whole: uqpen.Archive, shorter: uqpen.Archive) -> None:
+def test_nothing_else_changes(whole, shorter):
     assert statistics(whole).keys() == statistics(shorter).keys()
     for path, found in statistics(shorter).items():
         assert found.data_vars
@@ -64,9 +60,7 @@ def test_nothing_else_changes(whole: uqpen.Archive, shorter: uqpen.Archive) -> N
             np.testing.assert_array_equal(array.values, statistics(whole)[path][name].values)
 
 
-def test_no_index_and_no_growing_part_is_estimated(
-    whole: uqpen.Archive, shorter: uqpen.Archive
-) -> None:
+def test_no_index_and_no_growing_part_is_estimated(whole, shorter):
     gone = {
         name
         for path, found in statistics(whole).items()
@@ -79,19 +73,19 @@ def test_no_index_and_no_growing_part_is_estimated(
     )
 
 
-def test_the_page_says_what_is_left_out(whole: uqpen.Archive, shorter: uqpen.Archive) -> None:
+def test_the_page_says_what_is_left_out(whole, shorter):
     said = "without sensitivity, convergence, as the study says"
     assert said in report_page(shorter)
     assert said not in report_page(whole)
 
 
-def test_verification_leaves_the_same_out(tmp_path: Path) -> None:
+def test_verification_leaves_the_same_out(tmp_path):
     path = tmp_path / "study.nc"
     uqpen.make_archive(study(**LEFT_OUT), path)
     verdicts = {each.name: each.verdict for each in verify(path, objects={("model",): sums})}
     assert verdicts["statistics"] is CheckOutcome.EQUAL
 
 
-def test_other_values_are_refused() -> None:
+def test_other_values_are_refused():
     with pytest.raises(StudyError, match=r'sensitivity[\s\S]*"no"[\s\S]*true or false'):
         study(sensitivity="no")

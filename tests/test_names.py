@@ -1,7 +1,5 @@
 """Names are the field's words: see ``docs/glossary.md``."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re
@@ -61,31 +59,31 @@ RETIRED_IN_DOCSTRINGS = {
 }
 
 
-def parts_of(name: str) -> list[str]:
+def parts_of(name):
     words = name.split("_")
     found = (re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+", word) for word in words)
     return [part.lower() for word in found for part in word]
 
 
 @cache
-def parsed(module: Path) -> ast.Module:
+def parsed(module):
     return ast.parse(module.read_text(encoding="utf-8"))
 
 
 @cache
-def definitions(module: Path) -> list[ast.FunctionDef | ast.ClassDef]:
+def definitions(module):
     nodes = ast.walk(parsed(module))
     return [node for node in nodes if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
 
 
 @cache
-def instead_of(part: str) -> tuple[str, ...]:
+def instead_of(part):
     """What to say for a part of a name, which many names share."""
     found = (instead for words, instead in RETIRED.items() if re.fullmatch(words, part))
     return () if part in ALLOWED else tuple(found)
 
 
-def retired_in(name: str) -> list[str]:
+def retired_in(name):
     return [
         f"{name}: {part} (say: {instead})"
         for part in parts_of(name)
@@ -93,7 +91,7 @@ def retired_in(name: str) -> list[str]:
     ]
 
 
-def test_names_are_the_fields_words() -> None:
+def test_names_are_the_fields_words():
     found = []
     for module in MODULES:
         names = [module.stem, *(node.name for node in definitions(module))]
@@ -102,7 +100,7 @@ def test_names_are_the_fields_words() -> None:
     assert found == []
 
 
-def test_docstrings_use_the_fields_words() -> None:
+def test_docstrings_use_the_fields_words():
     found = []
     for module in MODULES:
         for node in [parsed(module), *definitions(module)]:
@@ -114,30 +112,30 @@ def test_docstrings_use_the_fields_words() -> None:
     assert found == []
 
 
-def test_a_public_class_has_a_name_of_its_own() -> None:
+def test_a_public_class_has_a_name_of_its_own():
     classes = [node for module in MODULES for node in definitions(module)]
     names = Counter(node.name for node in classes if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1 and not name.startswith("_")] == []
 
 
-def test_a_file_name_stands_for_two_modules_at_most() -> None:
+def test_a_file_name_stands_for_two_modules_at_most():
     names = Counter(module.name for module in MODULES if module.name != "__init__.py")
     assert [name for name, count in names.items() if count > 2] == []
 
 
-def glossary_references() -> list[str]:
+def glossary_references():
     text = (PACKAGE.parent / "docs" / "glossary.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in text.splitlines() if line.count(" | ") >= 4]
     found = (re.findall(r"`([a-z_]+(?:\.\w+)+)`", row[3]) for row in rows)
     return sorted({reference for references in found for reference in references})
 
 
-def resolved(reference: str) -> object:
+def resolved(reference):
     """What a reference of the glossary stands for: a module, or something in one."""
     words = f"uqpen.{reference}".split(".")
     for end in range(len(words), 0, -1):
         try:
-            found: object = importlib.import_module(".".join(words[:end]))
+            found = importlib.import_module(".".join(words[:end]))
         except ModuleNotFoundError:
             continue
         for name in words[end:]:
@@ -147,7 +145,7 @@ def resolved(reference: str) -> object:
     raise ModuleNotFoundError(reference)
 
 
-def test_the_glossary_names_what_there_is() -> None:
+def test_the_glossary_names_what_there_is():
     missing = []
     for reference in glossary_references():
         try:

@@ -1,14 +1,11 @@
 """A study in a notebook, in a real kernel: without a file, on processes, interrupted."""
 
-from __future__ import annotations
-
 import re
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from notebook_cells import PATIENCE, Notebook, open_notebook, shown
+from notebook_cells import PATIENCE, open_notebook, shown
+from study_text import study_text
 
 import uqpen
 
@@ -35,25 +32,13 @@ def study():
     )
 """
 
-FILE = """
-seed = 5
-
-[model]
-python = "area.py:area"
-inputs = { length = "m", width = "m" }
-outputs = { area = "m2" }
-
-[inputs]
-length = { normal = { mean = "2 m", std = "0.1 m" } }
-width = "(3 ± 0.1) m"
-
-[outputs.area]
-unit = "m2"
-
-[designs.mc]
-kind = "monte-carlo"
-runs = 40
-"""
+FILE = study_text(
+    {"python": "area.py:area", "inputs": {"length": "m", "width": "m"}, "outputs": {"area": "m2"}},
+    seed=5,
+    inputs={"length": {"normal": {"mean": "2 m", "std": "0.1 m"}}, "width": "(3 ± 0.1) m"},
+    outputs={"area": {"unit": "m2"}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 40}},
+)
 
 MODEL = """
 def area(length, width):
@@ -62,12 +47,12 @@ def area(length, width):
 
 
 @pytest.fixture
-def notebook(tmp_path: Path) -> Iterator[Notebook]:
+def notebook(tmp_path):
     with open_notebook(tmp_path) as notebook:
         yield notebook
 
 
-def test_its_archive_is_that_of_a_file(notebook: Notebook, tmp_path: Path) -> None:
+def test_its_archive_is_that_of_a_file(notebook, tmp_path):
     notebook.run(STUDY)
     assert "<td>normal: mean 2 m, std 0.1 m</td>" in shown(notebook.run("study()"))
     outputs = notebook.run('uqpen.make_archive(study(), "notebook.nc", workers=2)')
@@ -81,7 +66,7 @@ def test_its_archive_is_that_of_a_file(notebook: Notebook, tmp_path: Path) -> No
         assert archive[group].to_dataset().identical(of_file[group].to_dataset()), group
 
 
-def test_an_interrupted_study_goes_on_where_it_was(notebook: Notebook, tmp_path: Path) -> None:
+def test_an_interrupted_study_goes_on_where_it_was(notebook, tmp_path):
     notebook.run(STUDY)
     notebook.run(
         """

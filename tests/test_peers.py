@@ -1,7 +1,5 @@
 """The benchmark beside other packages: its table, and what it says of one that is missing."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from uqpen.models.known_functions import Ishigami
 peers = pytest.importorskip("peers", reason="the folder of benchmarks is not here")
 
 
-def rows(seconds: float) -> dict[str, object]:
+def rows(seconds):
     figures = {"mean": peers.shared.MEAN}
     return {
         "uqpen": (100, [peers.Measured(1.0, figures)] * 3),

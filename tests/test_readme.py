@@ -1,10 +1,7 @@
 """What the README prints works as printed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,11 +12,11 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
+def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
 
 
-def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
+def test_the_example_of_a_beam_runs_and_is_right(tmp_path):
     model, study = blocks("python")[0], blocks("toml")[0]
     (tmp_path / "beam.py").write_text(model, encoding="utf-8")
     (tmp_path / "beam.toml").write_text(study, encoding="utf-8")
@@ -32,7 +29,7 @@ def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_lines_from_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lines_from_python_run(tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     rods = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8")
     design = '[designs.monte_carlo]\nkind = "monte-carlo"\nruns = 60\n'
@@ -42,14 +39,14 @@ def test_the_lines_from_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert lines.count("archives/concrete.nc") == 1
     lines = lines.replace("archives/concrete.nc", str(tmp_path / "concrete.nc"))
     monkeypatch.setattr(uqpen, "load_study", lambda path: study)
-    found: dict[str, Any] = {}
+    found = {}
     exec(lines, found)
     mean = found["tree"]["statistics/monte_carlo/penetration_depth"]["mean"]
     assert lines.count('["statistics/monte_carlo/penetration_depth"]["mean"]') == 1
     assert mean["bound"].values.tolist() == ["estimate", "lower", "upper"]
 
 
-def test_continuous_integration_runs_what_is_printed() -> None:
+def test_continuous_integration_runs_what_is_printed():
     line = next(block for block in blocks("sh") if "pytest" in block).strip()
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -1,15 +1,11 @@
 """The shipped study of a rod's course, against other integrations and what is known of its law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.core.arrays import FloatArray
 from uqpen.models.rod_course import make_rod, trajectory
 
 pytestmark = pytest.mark.slow
@@ -30,7 +26,7 @@ CURVES = ("nose_velocity", "tail_velocity", "length", "plastic_extent", "time")
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     """The study with fewer places and runs."""
     text = STUDY.read_text(encoding="utf-8")
     for old, new in (("= 41\n", "= 3\n"), ("= 51\n", "= 6\n"), ("2_000", "400")):
@@ -39,14 +35,12 @@ def tree() -> xr.DataTree:
     return uqpen.run(uqpen.parse_study(text, folder=STUDY.parent))
 
 
-def runs(tree: xr.DataTree, model: str) -> xr.Dataset:
+def runs(tree, model):
     return tree[f"models/{model}/runs/monte_carlo"].to_dataset()
 
 
 @pytest.mark.parametrize(("model", "smoothing"), [("original", 0.0), ("smoothed", 1.0)])
-def test_runs_are_those_of_another_integration(
-    tree: xr.DataTree, model: str, smoothing: float
-) -> None:
+def test_runs_are_those_of_another_integration(tree, model, smoothing):
     made = runs(tree, model)
     for run in (0, 1):
         constants = {
@@ -64,7 +58,7 @@ def test_runs_are_those_of_another_integration(
             assert np.abs(curve[is_reached] - expected).max() <= 1e-4 * np.ptp(expected) + 1e-12
 
 
-def test_a_rigid_rod_slows_down_as_its_closed_form_says(tree: xr.DataTree) -> None:
+def test_a_rigid_rod_slows_down_as_its_closed_form_says(tree):
     made = runs(tree, "rigid")
     depths = made["target_depth"].values
     R, S, Yt, density = (
@@ -76,12 +70,12 @@ def test_a_rigid_rod_slows_down_as_its_closed_form_says(tree: xr.DataTree) -> No
         inertia = 17_500 / density * 0.16 + R * (S - R) / (S + R)
         # K d(u²)/dz = -(u² + B), from u = v0.
         square = (1400**2 + resistance) * np.exp(-depths / inertia) - resistance
-        expected: FloatArray = np.where(square >= 0, np.sqrt(square), np.nan)
+        expected = np.where(square >= 0, np.sqrt(square), np.nan)
     expected[made["status"].values != 0] = np.nan
     np.testing.assert_allclose(made["nose_velocity_at_depth"].values, expected, rtol=1e-7)
 
 
-def test_as_many_rods_get_to_a_depth_as_are_known_to(tree: xr.DataTree) -> None:
+def test_as_many_rods_get_to_a_depth_as_are_known_to(tree):
     statistics = tree["models/original/statistics/monte_carlo"]
     reached = (
         statistics["nose_velocity_at_depth/reached"].sel(target_depth=0.6, method="nearest").values

@@ -1,11 +1,5 @@
 """Fields over UM-Bridge: offered by uqpen as vectors, and read from vectors of a server."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from model_servers import offering
@@ -37,7 +31,7 @@ class Fields(Model):
         Output("sheet", "m", dims=(TIME, PLACE)),
     )
 
-    def evaluate(self, inputs: Any) -> Results:
+    def evaluate(self, inputs):
         x = inputs["x"]
         curve = x[:, np.newaxis] + np.arange(3)
         curve[x > 1.5, 2] = np.nan
@@ -68,35 +62,35 @@ SHEET = 'sheet = { unit = "cm", along = ["time", "place"] }'
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
+def address():
     with offering(ServedModel("fields", Evaluator(Fields()), ("x",))) as address:
         yield address
 
 
-def study(address: str, outputs: str) -> uqpen.Study:
+def study(address, outputs):
     text = STUDY.format(address=address, outputs=outputs)
     return uqpen.parse_study(text)  # type: ignore[return-value]
 
 
-def problems(address: str, outputs: str) -> list[str]:
+def problems(address, outputs):
     with pytest.raises(StudyError) as refused:
         study(address, outputs)
     return [str(problem) for problem in refused.value.problems]
 
 
-def test_a_field_is_a_vector_and_numbers_share_one() -> None:
+def test_a_field_is_a_vector_and_numbers_share_one():
     offer = ServedModel("fields", Evaluator(Fields()), ("x",))
     assert offer.output_sizes == [3, 2, 6]
     assert offer.run([2.0]) == [[2.0, 3.0, None], [4.0, 7.0], [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]]
 
 
-def test_the_built_in_trajectory_is_offered() -> None:
+def test_the_built_in_trajectory_is_offered():
     (offer,) = make_offers("walker-anderson-trajectory")
     fields = [output for output in offer.outputs if output.dims]
     assert offer.output_sizes[: len(fields)] == [output.shape[0] for output in fields]
 
 
-def test_what_is_served_is_read_back(address: str) -> None:
+def test_what_is_served_is_read_back(address):
     runs = uqpen.run(study(address, CURVE + NUMBERS + SHEET))["runs/few"].to_dataset()
     assert not runs["status"].values.any()
     own = Fields().evaluate({"x": runs["x"].values}).outputs
@@ -107,7 +101,7 @@ def test_what_is_served_is_read_back(address: str) -> None:
     assert runs["sheet"].dims == ("run", "time", "place")
 
 
-def test_a_curve_that_ends_must_be_declared_so(address: str) -> None:
+def test_a_curve_that_ends_must_be_declared_so(address):
     runs = uqpen.run(study(address, CURVE.replace(", may_end = true", "") + NUMBERS + SHEET))
     few = runs["runs/few"]
     is_long = few["x"].values > 1.5
@@ -116,28 +110,28 @@ def test_a_curve_that_ends_must_be_declared_so(address: str) -> None:
     assert {*few["lost_reason"].values} == {"curve is nan at time = 2 s"}
 
 
-def test_workers_give_the_same_bytes(address: str) -> None:
+def test_workers_give_the_same_bytes(address):
     served = study(address, CURVE + NUMBERS + SHEET)
     with processes(2) as pool:
         together = uqpen.run(served, map=pool)
     assert uqpen.run(served).identical(together)
 
 
-def test_sizes_are_checked_when_the_study_is_read(address: str) -> None:
+def test_sizes_are_checked_when_the_study_is_read(address):
     assert problems(address, CURVE + NUMBERS) == [
         'model.outputs: found 3 outputs of 5 numbers; expected as many as "fields" gives numbers: '
         "11 (3 + 2 + 6)"
     ]
 
 
-def test_a_field_across_vectors_is_another_order(address: str) -> None:
+def test_a_field_across_vectors_is_another_order(address):
     assert problems(address, NUMBERS + CURVE + SHEET) == [
         "model.outputs.curve: found 3 values from number 2 of what the server gives; expected all "
         'of them in one vector; "fields" gives 3 + 2 + 6 numbers'
     ]
 
 
-def test_a_server_has_no_grid_of_its_own(address: str) -> None:
+def test_a_server_has_no_grid_of_its_own(address):
     own = CURVE.replace("may_end = true", 'on = { time = "t" }')
     assert problems(address, own + NUMBERS + SHEET) == [
         "model.outputs.curve.on: found coordinates of the run's own; expected none: a server's "
@@ -145,7 +139,7 @@ def test_a_server_has_no_grid_of_its_own(address: str) -> None:
     ]
 
 
-def test_coordinates_of_a_file_belong_to_the_study(address: str, tmp_path: Path) -> None:
+def test_coordinates_of_a_file_belong_to_the_study(address, tmp_path):
     (tmp_path / "times.csv").write_text("time [s]\n0\n1\n2\n")
     text = STUDY.replace('unit = "s", values = [0, 1, 2]', 'file = "times.csv"')
     text = text.format(address=address, outputs=CURVE + NUMBERS + SHEET)

@@ -1,16 +1,11 @@
 """uqpen's own models as a UM-Bridge server: by its class, and as the command."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json
 import re
 import signal
 import socket
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,13 +46,13 @@ BUILT_IN = STUDY.format(model='use = "ishigami"')
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
+def address():
     with offering(ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))) as address:
         yield address
 
 
 class TestUMBridgeClient:
-    def test_runs_a_model(self, address: str) -> None:
+    def test_runs_a_model(self, address):
         assert umbridge.supported_models(address) == ["ishigami"]
         model = umbridge.HTTPModel(address, "ishigami")
         assert (model.get_input_sizes(), model.get_output_sizes()) == ([3], [1])
@@ -80,9 +75,7 @@ class TestUMBridgeClient:
             ([[0.0, 0.0, 0.0]], {"a": 1}, "InvalidInput: ishigami takes no config"),
         ],
     )
-    def test_is_told_why_a_run_was_not_made(
-        self, address: str, parameters: Any, config: Any, message: str
-    ) -> None:
+    def test_a_caller_learns_why_a_run_was_not_made(self, address, parameters, config, message):
         model = umbridge.HTTPModel(address, "ishigami")
         with pytest.raises(Exception, match=re.escape(f"error of type {message}") + r"\Z"):
             model(parameters, config)
@@ -115,11 +108,9 @@ class TestUMBridgeClient:
         ("Evaluate", b"x" * 1_048_577, 413, "TooLarge", "a request has at most 1048576 bytes"),
     ],
 )
-def test_what_is_no_run_gets_an_error_of_the_protocol(
-    address: str, path: str, content: bytes | None, code: int, kind: str, message: str
-) -> None:
-    told = {"error": {"type": kind, "message": message}}
-    assert asked(address, path, content) == (code, told)
+def test_what_is_no_run_gets_an_error_of_the_protocol(address, path, content, code, kind, message):
+    reported = {"error": {"type": kind, "message": message}}
+    assert asked(address, path, content) == (code, reported)
 
 
 RUN = b'{"name": "ishigami", "input": [[0, 0, 0]]}'
@@ -147,9 +138,7 @@ RUN = b'{"name": "ishigami", "input": [[0, 0, 0]]}'
         ),
     ],
 )
-def test_only_programs_that_mean_this_server_have_runs_made(
-    address: str, headers: dict[str, str], code: int, message: str | None
-) -> None:
+def test_only_programs_that_mean_this_server_have_runs_made(address, headers, code, message):
     found, answer = asked(address, "Evaluate", RUN, **headers)
     assert found == code
     if message is None:
@@ -160,7 +149,7 @@ def test_only_programs_that_mean_this_server_have_runs_made(
         assert asked(address, "Info", None, **headers)[0] == code
 
 
-def test_a_host_name_that_was_given_is_known() -> None:
+def test_a_host_name_that_was_given_is_known():
     offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
     with ModelServer([offer], "localhost", 0) as server:
         server._name = "models.example.org"  # as if that name were known to this machine
@@ -170,25 +159,25 @@ def test_a_host_name_that_was_given_is_known() -> None:
         assert server.is_named("whatever.it.is.called")
 
 
-def test_a_large_request_gets_its_answer(address: str) -> None:
-    told = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
-    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, told)
+def test_a_large_request_gets_its_answer(address):
+    reported = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
+    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, reported)
 
 
-def test_connections_beyond_a_number_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connections_beyond_a_number_are_reported(monkeypatch):
     monkeypatch.setattr(model_server, "_MOST_CONNECTIONS", 2)
     busy = {"type": "ServiceUnavailable", "message": "all 2 connections are in use"}
     offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
     with offering(offer) as address, contextlib.ExitStack() as idle:
         port = int(address.rpartition(":")[2])
 
-        def connect() -> http.client.HTTPConnection:
+        def connect():
             client = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
             idle.callback(client.close)
             client.connect()
             return client
 
-        def ask(client: http.client.HTTPConnection) -> tuple[int, Any]:
+        def ask(client):
             client.request("GET", "/Info")
             answer = client.getresponse()
             return answer.status, json.load(answer)
@@ -197,9 +186,9 @@ def test_connections_beyond_a_number_are_told(monkeypatch: pytest.MonkeyPatch) -
         assert [ask(client)[0] for client in served] == [200, 200]
         more = [connect(), connect()]
         assert ask(more[0]) == (503, {"error": busy})
-        # One that is not even told is closed before it is answered. It may be the first of two, as
-        # the one that was told leaves its place at some moment; the last is asked first, so that
-        # the server has met both.
+        # A connection beyond these is closed without a word. It may be the first of two, as the one
+        # that got its answer leaves its place at some moment; the last is asked first, so that the
+        # server has met both.
         more += [connect(), connect()]
         closed = 0
         for client in reversed(more[2:]):
@@ -226,7 +215,7 @@ def test_connections_beyond_a_number_are_told(monkeypatch: pytest.MonkeyPatch) -
         (b"nonsense nonsense nonsense\r\n\r\n", b"HTTP/1.1 400 Bad Request"),
     ],
 )
-def test_what_is_hardly_http_is_refused(address: str, request_: bytes, line: bytes) -> None:
+def test_what_is_hardly_http_is_refused(address, request_, line):
     with socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2]))) as connection:
         connection.sendall(request_)
         connection.settimeout(60)
@@ -239,7 +228,7 @@ def test_what_is_hardly_http_is_refused(address: str, request_: bytes, line: byt
     assert "error" in json.loads(content or answer)
 
 
-def test_a_model_served_gives_the_bits_of_the_model_here(address: str) -> None:
+def test_a_model_served_gives_the_bits_of_the_model_here(address):
     here = uqpen.run(uqpen.parse_study(BUILT_IN))["runs/some"].to_dataset()
     study = uqpen.parse_study(STUDY.format(model=SERVED.format(address)))
     with processes(2) as pool:
@@ -259,7 +248,7 @@ def test_a_model_served_gives_the_bits_of_the_model_here(address: str) -> None:
 
 
 class TestOffers:
-    def test_an_input_can_be_held(self) -> None:
+    def test_an_input_can_be_held(self):
         offer = ServedModel("a", Evaluator(Ishigami()), ("x3", "x1"), {"x2": 0.5})
         x = {"x1": np.array([2.0]), "x2": np.array([0.5]), "x3": np.array([1.0])}
         assert offer.run([1.0, 2.0]) == [Ishigami().evaluate(x).outputs["y"].tolist()]
@@ -272,16 +261,14 @@ class TestOffers:
             (("x4",), {}, 'ishigami has no input "x4"; known: x1, x2, x3'),
         ],
     )
-    def test_what_does_not_fit_is_told(
-        self, varied: tuple[str, ...], held: dict[str, float], message: str
-    ) -> None:
+    def test_what_does_not_fit_is_reported(self, varied, held, message):
         with pytest.raises(UqpenError) as refused:
             ServedModel("a", Evaluator(Ishigami()), varied, held)
         assert str(refused.value) == message
 
 
 class TestCommand:
-    def test_serves_until_it_is_interrupted(self, tmp_path: Path) -> None:
+    def test_serves_until_it_is_interrupted(self, tmp_path):
         (tmp_path / "study.toml").write_text(BUILT_IN)
         with serving(tmp_path, "study.toml", "--inputs", "x2, x1") as (said, address, process):
             assert [line.split() for line in said.splitlines() if line[:1] in tuple("xyl")] == [
@@ -296,14 +283,14 @@ class TestCommand:
             out, err = process.communicate(timeout=60)
         assert (process.returncode, out, err) == (0, "", "stopped\n")
 
-    def test_a_built_in_model_takes_what_must_be_given(self) -> None:
+    def test_a_built_in_model_takes_what_must_be_given(self):
         (offer,) = make_offers("walker-anderson")
         assert offer.fixed_inputs == {"smoothing": 0.0}
         assert len(offer.varied_inputs) == 9
         assert "projectile_sound_speed" in offer.varied_inputs
         assert "projectile_young_modulus" not in offer.varied_inputs
 
-    def test_a_study_takes_what_it_draws(self, tmp_path: Path) -> None:
+    def test_a_study_takes_what_it_draws(self, tmp_path):
         (tmp_path / "study.toml").write_text(BUILT_IN)
         (offer,) = make_offers(str(tmp_path / "study.toml"))
         assert (offer.name, offer.varied_inputs, offer.fixed_inputs) == (
@@ -321,7 +308,7 @@ class TestCommand:
             ("b", {"x3": 2}),
         ]
 
-    def test_an_archive_gives_its_surrogates(self, tmp_path: Path) -> None:
+    def test_an_archive_gives_its_surrogates(self, tmp_path):
         text = BUILT_IN.replace("120", "60") + CHAOS
         tree = uqpen.run(uqpen.parse_study(text))
         uqpen.write(tree, tmp_path / "study.nc")
@@ -354,28 +341,24 @@ class TestCommand:
             ),
         ],
     )
-    def test_mistakes(
-        self, command_line: Callable[..., Any], arguments: list[str], message: str
-    ) -> None:
+    def test_mistakes(self, command_line, arguments, message):
         done = command_line("serve", *arguments)
         assert done.code == 2
         assert message in done.err
 
-    def test_a_port_that_is_taken(self, command_line: Callable[..., Any]) -> None:
+    def test_a_port_that_is_taken(self, command_line):
         with socket.create_server(("127.0.0.1", 0)) as other:
             port = other.getsockname()[1]
             done = command_line("serve", "ishigami", "--port", str(port))
         assert done.code == 2
         assert f"cannot listen at 127.0.0.1, port {port}: Address already in use" in done.err
 
-    def test_an_archive_without_that_surrogate(
-        self, command_line: Callable[..., Any], tmp_path: Path
-    ) -> None:
+    def test_an_archive_without_that_surrogate(self, command_line, tmp_path):
         text = BUILT_IN.replace("120", "10")
         uqpen.write(uqpen.run(uqpen.parse_study(text)), tmp_path / "study.nc")
         done = command_line("serve", "study.nc:chaos")
         assert done.code == 2
         assert done.err == 'study.nc: no surrogate "chaos"; none is known\n'
         done = command_line("serve", "study.nc")
-        told = "study.nc: holds no surrogate, and nothing else of it can be served\n"
-        assert (done.code, done.err) == (2, told)
+        reported = "study.nc: holds no surrogate, and nothing else of it can be served\n"
+        assert (done.code, done.err) == (2, reported)

@@ -1,9 +1,6 @@
 """What a study file must not say, a constructor refuses in the same words."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -41,7 +38,7 @@ Y = Output("y", "m")
         (lambda: Publication(""), "source", "where the figures stand"),
     ],
 )
-def test_a_wrong_value_is_refused(make: Callable[[], object], key: str, expected: str) -> None:
+def test_a_wrong_value_is_refused(make, key, expected):
     with pytest.raises(SettingsError) as caught:
         make()
     (problem,) = caught.value.problems
@@ -49,7 +46,7 @@ def test_a_wrong_value_is_refused(make: Callable[[], object], key: str, expected
     assert expected in problem.expected
 
 
-def test_right_values_are_kept() -> None:
+def test_right_values_are_kept():
     assert Limits(seconds=2.5, bytes=10**6).seconds == 2.5
     assert not Limits()
     assert FolderPolicy().which == "failed"

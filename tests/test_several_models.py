@@ -1,12 +1,8 @@
 """Several models in one study: the same points, a tree for each, and paired differences."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -29,69 +25,65 @@ def picky(x, shift):
     return {"y": np.where(x > 0.9, np.nan, x**2 + 2 * x + shift)}
 """
 
-STUDY = """
-seed = 3
-[models.first]
-python = "models.py:square"
-vectorized = true
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m", z = "1" }
-[models.shifted]
-python = "models.py:square"
-vectorized = true
-with = { shift = 1.5 }
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m", z = "1" }
-[models.picky]
-python = "models.py:picky"
-vectorized = true
-inputs = { x = "1", shift = "1" }
-outputs = { y = "m" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-shift = 0
-[outputs.y]
-exceeds = ["0.5 m"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 1000
-[designs.lhs]
-kind = "latin-hypercube"
-runs = 1000
-"""
+STUDY = study_text(
+    seed=3,
+    models={
+        "first": {
+            "python": "models.py:square",
+            "vectorized": True,
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m", "z": "1"},
+        },
+        "shifted": {
+            "python": "models.py:square",
+            "vectorized": True,
+            "with": {"shift": 1.5},
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m", "z": "1"},
+        },
+        "picky": {
+            "python": "models.py:picky",
+            "vectorized": True,
+            "inputs": {"x": "1", "shift": "1"},
+            "outputs": {"y": "m"},
+        },
+    },
+    inputs={"x": (0, 1), "shift": 0},
+    outputs={"y": {"exceeds": ["0.5 m"]}},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 1_000},
+        "lhs": {"kind": "latin-hypercube", "runs": 1_000},
+    },
+)
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def tree(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
     (folder / "models.py").write_text(MODELS)
     return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_all_models_run_at_the_same_points(tree: xr.DataTree) -> None:
+def test_all_models_run_at_the_same_points(tree):
     points = [tree[f"models/{name}/runs/mc"]["x"].values for name in ("first", "shifted", "picky")]
     assert (points[0] == points[1]).all()
     assert (points[0] == points[2]).all()
 
 
-def test_a_model_takes_what_it_is_given_in_place_of_the_studys(tree: xr.DataTree) -> None:
+def test_a_model_takes_what_it_is_given_in_place_of_the_studys(tree):
     assert float(tree["models/first/runs/mc"]["shift"]) == 0.0
     assert float(tree["models/shifted/runs/mc"]["shift"]) == 1.5
 
 
 @pytest.mark.parametrize("design", ["mc", "lhs"])
-def test_a_difference_that_does_not_depend_on_the_draw_has_no_error(
-    tree: xr.DataTree, design: str
-) -> None:
+def test_a_difference_that_does_not_depend_on_the_draw_has_no_error(tree, design):
     mean = tree[f"differences/shifted/{design}/y"]["mean"]
     # Differences of squares of up to 1 are exact to rounding.
     assert mean.values == pytest.approx([1.5] * 3, abs=1e-12)
 
 
 @pytest.mark.parametrize("design", ["mc", "lhs"])
-def test_differences_are_of_the_runs_that_came_back_from_both(
-    tree: xr.DataTree, design: str
-) -> None:
+def test_differences_are_of_the_runs_that_came_back_from_both(tree, design):
     difference = tree[f"differences/picky/{design}/y"]
     lost = int((tree[f"models/first/runs/{design}"]["x"] > 0.9).sum())
     assert difference["mean"].attrs["runs_used"] == 1000 - lost
@@ -101,13 +93,13 @@ def test_differences_are_of_the_runs_that_came_back_from_both(
     assert estimate == pytest.approx(0.9, abs=0.06)
 
 
-def test_an_output_that_only_one_model_has_has_no_difference(tree: xr.DataTree) -> None:
+def test_an_output_that_only_one_model_has_has_no_difference(tree):
     assert "z" not in tree["differences/picky/mc"].children
     assert "mean" in tree["differences/shifted/mc/z"]
 
 
-def test_a_difference_is_better_known_than_either(tree: xr.DataTree) -> None:
-    def width(path: str) -> float:
+def test_a_difference_is_better_known_than_either(tree):
+    def width(path):
         mean = tree[path]["mean"].values
         return float(mean[2] - mean[1])
 
@@ -115,20 +107,20 @@ def test_a_difference_is_better_known_than_either(tree: xr.DataTree) -> None:
     assert width("differences/shifted/mc/y") < 1e-9 * width("models/first/statistics/mc/y")
 
 
-def test_the_archive_of_several_models_reads_back(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_the_archive_of_several_models_reads_back(tree, tmp_path):
     write(tree, tmp_path / "models.nc")
     read = open_archive(tmp_path / "models.nc")
-    told = archive_json(read)
-    assert list(told["models"]) == ["first", "shifted", "picky"]
-    assert told["models"]["first"]["designs"]["mc"]["runs"] == 1000
-    mean = told["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
+    reported = archive_json(read)
+    assert list(reported["models"]) == ["first", "shifted", "picky"]
+    assert reported["models"]["first"]["designs"]["mc"]["runs"] == 1000
+    mean = reported["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
     assert mean["estimate"] == pytest.approx(1.5)
     titles = [table.title for table in output_tables(read)]
     assert titles[0] == "first: y [m]"
     assert "picky minus first: y [m]" in titles
 
 
-def test_an_adaptive_study_is_told_the_gravest_status(tree: xr.DataTree) -> None:
+def test_an_adaptive_study_gets_the_gravest_status(tree):
     from uqpen.execution import worst_status_runs
 
     first, picky = (tree[f"models/{name}/runs/mc"].to_dataset() for name in ("first", "picky"))
@@ -151,45 +143,40 @@ SHIFT = "with = { shift = 1.5 }"
         ("[models.first]", '[model]\nuse = "ishigami"\n[models.first]', "models", "[model] and"),
     ],
 )
-def test_mistakes_are_met_at_their_place(
-    tmp_path: Path, old: str, new: str, key: str, found: str
-) -> None:
+def test_mistakes_are_met_at_their_place(tmp_path, old, new, key, found):
     (tmp_path / "models.py").write_text(MODELS)
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(old, new, 1), folder=tmp_path)
     assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value
 
 
-LACKING = """
-seed = 3
-[models.both]
-python = "models.py:both"
-vectorized = true
-inputs = { a = "1", b = "1" }
-outputs = { y = "1" }
-[models.one]
-python = "models.py:one"
-vectorized = true
-inputs = { a = "1" }
-outputs = { y = "1" }
-[inputs]
-a = { uniform = { lower = 0, upper = 1 } }
-b = { uniform = { lower = 0, upper = 1 } }
-[designs.blocks]
-kind = "saltelli"
-base = 256
-[designs.steps]
-kind = "one-at-a-time"
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "spread"
-"""
+LACKING = study_text(
+    seed=3,
+    models={
+        "both": {
+            "python": "models.py:both",
+            "vectorized": True,
+            "inputs": {"a": "1", "b": "1"},
+            "outputs": {"y": "1"},
+        },
+        "one": {
+            "python": "models.py:one",
+            "vectorized": True,
+            "inputs": {"a": "1"},
+            "outputs": {"y": "1"},
+        },
+    },
+    inputs={"a": (0, 1), "b": (0, 1)},
+    designs={
+        "blocks": {"kind": "saltelli", "base": 256},
+        "steps": {"kind": "one-at-a-time"},
+        "spread": {"kind": "latin-hypercube", "runs": 200},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread"}},
+)
 
 
-def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -> None:
+def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path):
     source = "def both(a, b): return {'y': a + b}\ndef one(a): return {'y': a**2}\n"
     (tmp_path / "models.py").write_text(source)
     tree = uqpen.run(uqpen.parse_study(LACKING, folder=tmp_path))
@@ -209,7 +196,7 @@ def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -
     assert list(archive_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]
 
 
-def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path: Path) -> None:
+def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path):
     source = "def both(a, b): return {'y': a + b}\ndef one(a): return {'y': a**2}\n"
     (tmp_path / "models.py").write_text(source)
     old = "b = { uniform = { lower = 0, upper = 1 } }"
@@ -221,34 +208,34 @@ def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path: Pa
     assert float(means.sel(bound="estimate")) == pytest.approx(1 / 3)
 
 
-OWN_INPUTS = """
-seed = 3
-[models.first]
-python = "models.py:first"
-vectorized = true
-inputs = { x = "m" }
-outputs = { y = "m" }
-[models.second]
-python = "models.py:second"
-vectorized = true
-inputs = { slope = "1", x = "m" }
-outputs = { y = "m" }
-[models.third]
-python = "models.py:third"
-vectorized = true
-inputs = { offset = "mm" }
-outputs = { y = "m" }
-[inputs]
-x      = "(1 ± 0.1) m"
-slope  = "2 ± 0.1"
-offset = "(3 ± 1) mm"
-[designs.mc]
-kind = "monte-carlo"
-runs = 200
-[designs.indices]
-kind = "saltelli"
-base = 64
-"""
+OWN_INPUTS = study_text(
+    seed=3,
+    models={
+        "first": {
+            "python": "models.py:first",
+            "vectorized": True,
+            "inputs": {"x": "m"},
+            "outputs": {"y": "m"},
+        },
+        "second": {
+            "python": "models.py:second",
+            "vectorized": True,
+            "inputs": {"slope": "1", "x": "m"},
+            "outputs": {"y": "m"},
+        },
+        "third": {
+            "python": "models.py:third",
+            "vectorized": True,
+            "inputs": {"offset": "mm"},
+            "outputs": {"y": "m"},
+        },
+    },
+    inputs={"x": "(1 ± 0.1) m", "slope": "2 ± 0.1", "offset": "(3 ± 1) mm"},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 200},
+        "indices": {"kind": "saltelli", "base": 64},
+    },
+)
 
 OWN_FUNCTIONS = """
 def first(x):
@@ -263,13 +250,13 @@ def third(offset):
 
 
 @pytest.fixture(scope="module")
-def folder_of_functions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder_of_functions(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own_inputs")
     (folder / "models.py").write_text(OWN_FUNCTIONS)
     return folder
 
 
-def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions: Path) -> None:
+def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions):
     tree = uqpen.run(uqpen.parse_study(OWN_INPUTS, folder=folder_of_functions))
     runs = {name: tree[f"models/{name}/runs/mc"] for name in ("first", "second", "third")}
     assert (runs["first"]["y"] == runs["first"]["x"]).all()
@@ -279,20 +266,20 @@ def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions: Path) -
     assert (runs["third"]["x"] == runs["first"]["x"]).all()  # one draw, whoever takes it
 
 
-def test_an_input_has_no_effect_on_a_model_that_does_not_take_it(folder_of_functions: Path) -> None:
+def test_an_input_has_no_effect_on_a_model_that_does_not_take_it(folder_of_functions):
     tree = uqpen.run(uqpen.parse_study(OWN_INPUTS, folder=folder_of_functions))
     total = tree["models/first/statistics/indices/y"]["total_order"].sel(bound="estimate")
     assert total.sel(input=["slope", "offset"]).values.tolist() == [0.0, 0.0]
     assert total.sel(input="x").item() == pytest.approx(1.0, abs=0.3)  # of 64 rows
 
 
-def test_an_input_of_any_model_has_to_be_given(folder_of_functions: Path) -> None:
+def test_an_input_of_any_model_has_to_be_given(folder_of_functions):
     text = OWN_INPUTS.replace('slope  = "2 ± 0.1"\n', "")
     with pytest.raises(StudyError, match=r"inputs\.slope\n +found +nothing"):
         uqpen.parse_study(text, folder=folder_of_functions)
 
 
-def test_an_input_of_two_models_is_one_quantity(folder_of_functions: Path) -> None:
+def test_an_input_of_two_models_is_one_quantity(folder_of_functions):
     text = OWN_INPUTS.replace('slope = "1", x = "m"', 'slope = "1", x = "kg"')
     expected = (
         r'models\.second\n +found +an input "x" \[kg\]\n'

@@ -1,12 +1,8 @@
 """A study whose cheap models stand for a dear one: its keys, its runs, its statistics."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -17,50 +13,34 @@ from uqpen.results.output_tables import statistics_tables
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
-STUDY = """
-seed = 5
-[models.dear]
-use = "ishigami"
-a = 5.0
-[models.close]
-use = "ishigami"
-a = 4.75
-stands_for = "dear"
-cost = 0.05
-[models.rough]
-use = "ishigami"
-a = 3.0
-stands_for = "close"
-cost = 0.2
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [5]
-below = [0]
-[designs.budgeted]
-kind = "multifidelity"
-budget = 150
-pilot = 40
-"""
+STUDY = study_text(
+    seed=5,
+    models={
+        "dear": {"use": "ishigami", "a": 5.0},
+        "close": {"use": "ishigami", "a": 4.75, "stands_for": "dear", "cost": 0.05},
+        "rough": {"use": "ishigami", "a": 3.0, "stands_for": "close", "cost": 0.2},
+    },
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [5], "below": [0]}},
+    designs={"budgeted": {"kind": "multifidelity", "budget": 150, "pilot": 40}},
+)
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(uqpen.parse_study(STUDY))
 
 
-def runs(tree: xr.DataTree, model: str) -> xr.Dataset:
+def runs(tree, model):
     return tree[f"models/{model}/runs/budgeted"].to_dataset()
 
 
-def cost_of_runs(tree: xr.DataTree) -> float:
+def cost_of_runs(tree):
     costs = {"dear": 1.0, "close": 0.05, "rough": 0.01}
     return sum(cost * runs(tree, name).sizes["run"] for name, cost in costs.items())
 
 
-def test_cheap_models_run_more_points_and_all_share_the_pilot(tree: xr.DataTree) -> None:
+def test_cheap_models_run_more_points_and_all_share_the_pilot(tree):
     dear, close, rough = (runs(tree, name) for name in ("dear", "close", "rough"))
     assert dear.sizes["run"] < close.sizes["run"] < rough.sizes["run"]
     for each in (dear, close, rough):
@@ -68,13 +48,13 @@ def test_cheap_models_run_more_points_and_all_share_the_pilot(tree: xr.DataTree)
         assert (each["x1"].values[:40] == dear["x1"].values[:40]).all()
 
 
-def test_no_more_is_spent_than_the_budget_and_nearly_all_of_it(tree: xr.DataTree) -> None:
+def test_no_more_is_spent_than_the_budget_and_nearly_all_of_it(tree):
     spent = cost_of_runs(tree)
     assert 147 < spent <= 150
     assert tree["models/dear/statistics/budgeted"].attrs["cost_spent"] == pytest.approx(spent)
 
 
-def test_the_dear_models_statistics_are_worth_many_more_runs(tree: xr.DataTree) -> None:
+def test_the_dear_models_statistics_are_worth_many_more_runs(tree):
     estimates = tree["models/dear/statistics/budgeted/y"]
     mean = estimates["mean"]
     # The mean over x3 of the term with x1 is 0, as sin is odd.
@@ -90,14 +70,14 @@ def test_the_dear_models_statistics_are_worth_many_more_runs(tree: xr.DataTree) 
         assert ((values[..., 0] <= values[..., 2]) | np.isnan(values[..., 2])).all()
 
 
-def test_a_stand_ins_statistics_are_its_own(tree: xr.DataTree) -> None:
+def test_a_stand_ins_statistics_are_its_own(tree):
     estimates = tree["models/rough/statistics/budgeted/y"]
     mean = estimates["mean"]
     assert mean.values[0] == pytest.approx(runs(tree, "rough")["y"].values.mean())
     assert "mean_equivalent_runs" not in estimates
 
 
-def test_what_it_cost_and_what_it_is_worth_are_shown(tree: xr.DataTree) -> None:
+def test_what_it_cost_and_what_it_is_worth_are_shown(tree):
     dear, close = (
         archive_json(tree)["models"][name]["designs"]["budgeted"] for name in ("dear", "close")
     )
@@ -109,26 +89,26 @@ def test_what_it_cost_and_what_it_is_worth_are_shown(tree: xr.DataTree) -> None:
     assert f"with the runs of the stand-ins, the cost of {cost:.4g} runs" in table.notes
 
 
-def test_differences_are_of_common_points(tree: xr.DataTree) -> None:
+def test_differences_are_of_common_points(tree):
     common = runs(tree, "dear").sizes["run"]
     assert tree["differences/rough/budgeted/y"]["mean"].attrs["runs_used"] == common
 
 
 @pytest.mark.slow
-def test_its_archive_is_verified(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_its_archive_is_verified(tree, tmp_path):
     write(tree, tmp_path / "a.nc")
     assert {result.verdict for result in verify(tmp_path / "a.nc")} == {CheckOutcome.EQUAL}
     assert open_archive(tmp_path / "a.nc")["models/dear/runs/budgeted"].sizes["run"] < 150
 
 
-def test_a_larger_budget_keeps_the_points(tree: xr.DataTree) -> None:
+def test_a_larger_budget_keeps_the_points(tree):
     more = uqpen.run(uqpen.parse_study(STUDY.replace("150", "220")))
     for name in ("dear", "close", "rough"):
         assert set(runs(tree, name)["x1"].values) <= set(runs(more, name)["x1"].values)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ('"close"\ncost', '"closer"\ncost', ["models.rough.stands_for", "did you mean"]),
         ('"close"\ncost', '"rough"\ncost', ["models.rough.stands_for", "another model"]),
@@ -140,15 +120,15 @@ def test_a_larger_budget_keeps_the_points(tree: xr.DataTree) -> None:
         ('stands_for = "close"\ncost = 0.2\n', "", ["designs.budgeted.kind", "rough"]),
     ],
 )
-def test_a_mistake_is_told_with_its_key(old: str, new: str, told: list[str]) -> None:
+def test_a_mistake_is_reported_with_its_key(old, new, reported):
     assert old in STUDY
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(old, new))
-    for text in told:
+    for text in reported:
         assert text in str(caught.value)
 
 
-def test_a_study_without_stand_ins_has_no_such_design() -> None:
+def test_a_study_without_stand_ins_has_no_such_design():
     study = STUDY.replace('stands_for = "close"\ncost = 0.2\n', "")
     with pytest.raises(StudyError, match="no model stands for another"):
         uqpen.parse_study(study.replace('stands_for = "dear"\ncost = 0.05\n', ""))

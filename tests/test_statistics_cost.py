@@ -5,7 +5,7 @@ import pytest
 costs = pytest.importorskip("statistics_cost", reason="the folder of benchmarks is not here")
 
 
-def test_a_row_has_medians_and_the_range_of_ratios() -> None:
+def test_a_row_has_medians_and_the_range_of_ratios():
     measured = [
         costs.Measured("million", repeat, commit, seconds, 4e8)
         for repeat, times in enumerate([(10.0, 5.0), (12.0, 9.0), (8.0, 2.0)])
@@ -15,7 +15,7 @@ def test_a_row_has_medians_and_the_range_of_ratios() -> None:
     assert lines[2] == "| 4 | 3 | 1_000_000 | 10 | 5 | 0.50 (0.25 to 0.75) | 400 | 400 |"
 
 
-def test_what_is_not_measured_on_both_sides_is_said() -> None:
+def test_what_is_not_measured_on_both_sides_is_said():
     alone = [costs.Measured("million", 0, "base", 10.0, 4e8)]
     assert "not measured" in list(costs._lines(alone))[2]
     other = [*alone, costs.Measured("million", 0, "here", 5.0, 4e8)]

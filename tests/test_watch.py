@@ -1,7 +1,5 @@
 """A running study on a page: what it shows, over real HTTP, and in a browser."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json
@@ -12,18 +10,15 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from browsers import chromium
+from study_text import study_text
 
 import uqpen
 from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
-from uqpen.server.watch_server import WatchServer, serve_watch_page, watch_state
-from uqpen.study.study import ValidatedStudy
+from uqpen.server.watch_server import serve_watch_page, watch_state
 from uqpen.workflow.running_results import RunningResults
 
 # Long enough for a machine that is busy with other work; nothing waits for it to pass.
@@ -39,7 +34,7 @@ runs = 3000
 kind = "saltelli"
 base = 1024
 """
-STATE: dict[str, Any] = {
+STATE = {
     "title": "Beam <b>1</b>",
     "step": "design 1 of 2: draws",
     "runs": "50 of 100 runs",
@@ -64,31 +59,31 @@ class Seen(Progress):
     Its clock goes on before each of them, so that an update is always due.
     """
 
-    def __init__(self, study: ValidatedStudy) -> None:
+    def __init__(self, study):
         self.time = 0.0
         self.running = RunningResults(study, lambda: self.time)
-        self.states: list[dict[str, Any]] = []
+        self.states = []
 
-    def start_design(self, name: str, runs: int) -> None:
+    def start_design(self, name, runs):
         self.time += 5
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.states.append(watch_state(self.running))
         self.time += 5
 
 
-def watched(study: ValidatedStudy) -> tuple[Any, Seen]:
+def watched(study):
     """The archive of a study, and what its page showed."""
     seen = Seen(study)
     archive = uqpen.run(study, progress=ProgressBroadcast(seen.running, seen))
     return archive, seen
 
 
-def cells(state: dict[str, Any], row: str) -> list[str]:
+def cells(state, row):
     return next(cells for label, *cells in state["tables"][0]["rows"] if label == row)
 
 
-def test_estimates_are_those_of_the_first_runs(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_estimates_are_those_of_the_first_runs(study_of):
     archive, seen = watched(study_of("x", DESIGNS, x=(0, 1)))
     state = seen.states[1]  # after two batches of 1 024
     assert cells(state, "runs") == ["2\u202f048"]
@@ -106,7 +101,7 @@ def test_estimates_are_those_of_the_first_runs(study_of: Callable[..., Validated
     )
 
 
-def test_failures_are_counted_by_cause(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_failures_are_counted_by_cause(study_of):
     text = '[designs.draws]\nkind = "monte-carlo"\nruns = 64\n'
     study = study_of("np.where(x > 0.5, np.nan, x)", text, x=(0, 1))
     _, seen = watched(study)
@@ -116,9 +111,7 @@ def test_failures_are_counted_by_cause(study_of: Callable[..., ValidatedStudy]) 
     assert f"{cause['runs']} failed" in seen.states[-1]["runs"]
 
 
-def test_the_archive_is_the_same_with_and_without(
-    study_of: Callable[..., ValidatedStudy], tmp_path: Path
-) -> None:
+def test_the_archive_is_the_same_with_and_without(study_of, tmp_path):
     study = study_of("np.exp(x) * z", DESIGNS, x=(0, 1), z=(1, 2))
     uqpen.make_archive(study, tmp_path / "without.nc")
     seen = Seen(study)
@@ -128,7 +121,7 @@ def test_the_archive_is_the_same_with_and_without(
     assert (tmp_path / "with.nc").read_bytes() == (tmp_path / "without.nc").read_bytes()
 
 
-def test_rounds_and_several_models_are_told_apart() -> None:
+def test_rounds_and_several_models_are_distinguished():
     study = uqpen.Study(
         models={
             name: uqpen.PythonModel(
@@ -153,10 +146,8 @@ def test_rounds_and_several_models_are_told_apart() -> None:
         assert (label, int(re.sub(r"\D", "", count.split(" ")[0]))) == ("runs", size)
 
 
-def test_a_failing_estimate_ends_no_study(
-    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object, **__: object) -> object:
+def test_a_failing_estimate_ends_no_study(study_of, monkeypatch):
+    def fail(*_, **__):
         raise ZeroDivisionError("by nought")
 
     monkeypatch.setattr("uqpen.workflow.running_results.analyze", fail)
@@ -167,9 +158,7 @@ def test_a_failing_estimate_ends_no_study(
 class TestServer:
     """The page over real HTTP."""
 
-    def ask(
-        self, server: WatchServer, path: str, method: str = "GET", host: str | None = None
-    ) -> tuple[int, Any, bytes]:
+    def ask(self, server, path, method="GET", host=None):
         connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)
         headers = {} if host is None else {"Host": host}
         connection.request(method, path, headers=headers)
@@ -186,7 +175,7 @@ class TestServer:
             ("/watch.js", "text/javascript; charset=utf-8", b"state.json"),
         ],
     )
-    def test_its_files_load_nothing_from_elsewhere(self, path: str, kind: str, part: bytes) -> None:
+    def test_its_files_load_nothing_from_elsewhere(self, path, kind, part):
         with serve_watch_page(lambda: STATE) as server:
             status, headers, content = self.ask(server, path)
         assert status == 200
@@ -197,7 +186,7 @@ class TestServer:
         assert "unsafe" not in headers["Content-Security-Policy"]
         assert headers["Cache-Control"] == "no-store"
 
-    def test_the_state_is_that_of_now(self) -> None:
+    def test_the_state_is_that_of_now(self):
         state = dict(STATE)
         with serve_watch_page(lambda: state) as server:
             assert json.loads(self.ask(server, "/state.json")[2]) == STATE
@@ -205,7 +194,7 @@ class TestServer:
             assert json.loads(self.ask(server, "/state.json")[2])["done"] == 99
 
     @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:{port}", ""])
-    def test_a_request_for_another_host_is_refused(self, host: str) -> None:
+    def test_a_request_for_another_host_is_refused(self, host):
         """The name of a foreign page may be made to stand for this machine."""
         with serve_watch_page(lambda: STATE) as server:
             host = host.format(port=server.port)
@@ -214,7 +203,7 @@ class TestServer:
             assert b"Beam" not in content
             assert self.ask(server, "/", host=f"localhost:{server.port}")[0] == 200
 
-    def test_nothing_can_be_changed_or_found(self) -> None:
+    def test_nothing_can_be_changed_or_found(self):
         with serve_watch_page(lambda: STATE) as server:
             for method in ("POST", "PUT", "DELETE", "OPTIONS"):
                 assert self.ask(server, "/state.json", method)[0] == 501
@@ -224,7 +213,7 @@ class TestServer:
             assert (status, content) == (200, b"")
             assert int(headers["Content-Length"]) > 1000
 
-    def test_clients_that_say_nothing_take_a_limited_number_of_connections(self) -> None:
+    def test_clients_that_say_nothing_take_a_limited_number_of_connections(self):
         with serve_watch_page(lambda: STATE) as server, contextlib.ExitStack() as idle:
             address = ("127.0.0.1", server.port)
             clients = [
@@ -243,7 +232,7 @@ class TestServer:
                 with contextlib.suppress(ConnectionError, http.client.HTTPException):
                     code = self.ask(server, "/")[0]
 
-    def test_it_ends_with_its_context(self) -> None:
+    def test_it_ends_with_its_context(self):
         with serve_watch_page(lambda: STATE) as server:
             port = server.port
             assert server.server_address[0] == "127.0.0.1", "no other machine reaches it"
@@ -266,39 +255,29 @@ def f(x):
         time.sleep(0.01)
     return {"y": x}
 """
-STUDY = """\
-title = "Slow"
-seed = 1
-[model]
-python = "model.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-[designs.draws]
-kind = "monte-carlo"
-runs = 200
-"""
+STUDY = study_text(
+    {"python": "model.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    title="Slow",
+    inputs={"x": (0, 1)},
+    designs={"draws": {"kind": "monte-carlo", "runs": 200}},
+)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("interrupted", [False, True])
-def test_the_command_serves_its_page_until_the_study_ends(
-    tmp_path: Path, interrupted: bool
-) -> None:
+def test_the_command_serves_its_page_until_the_study_ends(tmp_path, interrupted):
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     line = [sys.executable, "-m", "uqpen", "study", "--watch", "study.toml"]
     with subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
-        told = process.stderr.readline()
+        reported = process.stderr.readline()
         match = re.fullmatch(
             r"watch: http://127\.0\.0\.1:(\d+)/ shows the results so far, until the study ends\n",
-            told,
+            reported,
         )
-        assert match, told
+        assert match, reported
         state = _state(int(match[1]))
         deadline = time.monotonic() + PATIENCE
         while not state["done"] > 20:
@@ -318,7 +297,7 @@ def test_the_command_serves_its_page_until_the_study_ends(
         _state(int(match[1]))
 
 
-def _state(port: int) -> Any:
+def _state(port):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.request("GET", "/state.json")
     state = json.loads(connection.getresponse().read())
@@ -326,7 +305,7 @@ def _state(port: int) -> Any:
     return state
 
 
-def test_a_port_in_use_is_a_mistake(command_line: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_port_in_use_is_a_mistake(command_line, tmp_path):
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     with serve_watch_page(lambda: STATE) as server:
@@ -337,11 +316,11 @@ def test_a_port_in_use_is_a_mistake(command_line: Callable[..., Any], tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_browser_follows_the_study() -> None:
+def test_a_browser_follows_the_study():
     state = dict(STATE)
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 390, "height": 800})
-        said: list[str] = []
+        said = []
         page.on("console", lambda message: said.append(message.text))
         with serve_watch_page(lambda: state) as server:
             page.goto(server.url)

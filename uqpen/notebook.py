@@ -10,7 +10,7 @@ from html import escape
 from typing import Any
 
 from uqpen.core.progress import Progress, ProgressRecord
-from uqpen.results.progress_texts import runs_text, step_text
+from uqpen.results.texts import runs_text, step_text
 
 __all__ = ["NotebookProgress", "notebook_progress"]
 

@@ -1,11 +1,8 @@
 """An archive is whole or absent, plain NetCDF, and refused in words where it is neither."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import netCDF4
@@ -37,19 +34,19 @@ runs = 200
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(uqpen.parse_study(STUDY))
 
 
 @pytest.fixture(scope="module")
-def archive(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tree, tmp_path_factory):
     path = tmp_path_factory.mktemp("archive") / "study.nc"
     write(tree, path)
     return path
 
 
 @pytest.mark.processor
-def test_what_is_read_is_what_was_written(tree: xr.DataTree, archive: Path) -> None:
+def test_what_is_read_is_what_was_written(tree, archive):
     read = open_archive(archive)
     assert {node.path for node in read.subtree} == {node.path for node in tree.subtree}
     for node in tree.subtree:
@@ -60,7 +57,7 @@ def test_what_is_read_is_what_was_written(tree: xr.DataTree, archive: Path) -> N
     assert read.attrs["seed"] == "12345678901234567890123"
 
 
-def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
+def test_every_group_opens_in_plain_xarray(archive):
     with xr.open_dataset(archive, group="runs/monte_carlo") as runs:
         assert runs["penetration_depth"].dims == ("run",)
         assert runs["target_density"].attrs["units"] == "kg m-3"
@@ -70,7 +67,7 @@ def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
 
 @pytest.mark.processor
 @pytest.mark.slow
-def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> None:
+def test_the_same_study_writes_the_same_bytes(archive, tmp_path):
     again = tmp_path / "again.nc"
     # In a process of its own, whose hashes and addresses differ.
     code = (
@@ -82,17 +79,17 @@ def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> 
     assert again.read_bytes() == archive.read_bytes()
 
 
-def test_nothing_of_the_machine_stands_in_it(archive: Path) -> None:
+def test_nothing_of_the_machine_stands_in_it(archive):
     content = archive.read_bytes()
     assert str(archive.parent).encode() not in content
     assert str(Path.home()).encode() not in content
     assert str(Path(sys.executable).parent).encode() not in content
 
 
-def test_units_are_udunits_and_no_coordinate_has_a_fill_value(archive: Path) -> None:
+def test_units_are_udunits_and_no_coordinate_has_a_fill_value(archive):
     import cf_units
 
-    def visit(dataset: netCDF4.Dataset) -> None:
+    def visit(dataset):
         for variable in dataset.variables.values():
             assert "_FillValue" not in variable.ncattrs(), variable.name
             if "units" in variable.ncattrs():
@@ -104,34 +101,34 @@ def test_units_are_udunits_and_no_coordinate_has_a_fill_value(archive: Path) -> 
         visit(dataset)
 
 
-def test_nothing_but_the_archive_is_left_behind(archive: Path) -> None:
+def test_nothing_but_the_archive_is_left_behind(archive):
     assert [path.name for path in archive.parent.iterdir()] == ["study.nc"]
 
 
 class TestDestination:
-    def test_folders_are_made(self, tmp_path: Path) -> None:
+    def test_folders_are_made(self, tmp_path):
         prepare_destination(tmp_path / "new" / "folder" / "a.nc")
         assert (tmp_path / "new" / "folder").is_dir()
         assert not list((tmp_path / "new" / "folder").iterdir())
 
-    def test_an_archive_may_be_replaced(self, archive: Path) -> None:
+    def test_an_archive_may_be_replaced(self, archive):
         prepare_destination(archive)
 
-    def test_a_file_of_another_kind_is_not_overwritten(self, tmp_path: Path) -> None:
+    def test_a_file_of_another_kind_is_not_overwritten(self, tmp_path):
         (tmp_path / "thesis.nc").write_text("years of work")
         with pytest.raises(ArchiveError, match="not overwritten"):
             prepare_destination(tmp_path / "thesis.nc")
 
-    def test_a_folder_is_no_file(self, tmp_path: Path) -> None:
+    def test_a_folder_is_no_file(self, tmp_path):
         with pytest.raises(ArchiveError, match="is a folder"):
             prepare_destination(tmp_path)
 
-    def test_a_place_that_cannot_be_written_is_told(self, tmp_path: Path) -> None:
+    def test_a_place_that_cannot_be_written_is_reported(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(ArchiveError, match="cannot be written"):
             prepare_destination(tmp_path / "file" / "a.nc")
 
-    def test_what_a_killed_process_left_is_removed(self, tmp_path: Path) -> None:
+    def test_what_a_killed_process_left_is_removed(self, tmp_path):
         with subprocess.Popen([sys.executable, "-c", ""]) as ended:
             pass
         left = tmp_path / f".a.nc.{ended.pid}.part"
@@ -144,14 +141,12 @@ class TestDestination:
 
 
 class TestInterruption:
-    def test_a_failed_write_leaves_what_stood_there(
-        self, tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_failed_write_leaves_what_stood_there(self, tree, tmp_path, monkeypatch):
         path = tmp_path / "a.nc"
         write(tree, path)
         before = path.read_bytes()
 
-        def full_disk(tree: xr.DataTree, where: Path, root_attributes: dict[str, str]) -> None:
+        def full_disk(tree, where, root_attributes):
             where.write_bytes(b"half of it")
             raise RuntimeError("NetCDF: HDF error")
 
@@ -166,13 +161,13 @@ class TestDamage:
     """A file that claims to be an archive and is not whole."""
 
     @pytest.fixture
-    def dataset(self, archive: Path, tmp_path: Path) -> Iterator[netCDF4.Dataset]:
+    def dataset(self, archive, tmp_path):
         (tmp_path / "a.nc").write_bytes(archive.read_bytes())
         with netCDF4.Dataset(tmp_path / "a.nc", "a") as dataset:
             yield dataset
 
     @pytest.mark.parametrize(
-        ("damage", "told"),
+        ("damage", "reported"),
         [
             (lambda d: d.delncattr("title"), 'no text "title"'),
             (lambda d: d.setncattr("title", 3), 'no text "title"'),
@@ -208,61 +203,63 @@ class TestDamage:
             ),
         ],
     )
-    def test_it_is_told(
+    def test_it_is_reported(
         self,
-        dataset: netCDF4.Dataset,
-        damage: Callable[[netCDF4.Dataset], object],
-        told: str,
-    ) -> None:
+        dataset,
+        damage,
+        reported,
+    ):
         path = dataset.filepath()
         damage(dataset)
         dataset.sync()
-        with pytest.raises(ArchiveError, match=f"is damaged: .*{told}"):
+        with pytest.raises(ArchiveError, match=f"is damaged: .*{reported}"):
             open_archive(path)
 
 
 class TestForeignFiles:
-    def test_an_absent_file_is_told(self, tmp_path: Path) -> None:
+    def test_an_absent_file_is_reported(self, tmp_path):
         with pytest.raises(ArchiveError, match="there is no such file"):
             open_archive(tmp_path / "absent.nc")
 
-    def test_text_is_no_archive(self, tmp_path: Path) -> None:
+    def test_text_is_no_archive(self, tmp_path):
         (tmp_path / "a.nc").write_text("not NetCDF")
         with pytest.raises(ArchiveError, match="is not an archive"):
             open_archive(tmp_path / "a.nc")
         assert not is_archive(tmp_path / "a.nc")
 
-    def test_another_netcdf_file_is_no_archive(self, tmp_path: Path) -> None:
+    def test_another_netcdf_file_is_no_archive(self, tmp_path):
         xr.Dataset({"a": 1}).to_netcdf(tmp_path / "a.nc")
         with pytest.raises(ArchiveError, match="but not an archive"):
             open_archive(tmp_path / "a.nc")
 
     @pytest.mark.parametrize("schema", [0, SCHEMA + 1, 999])
-    def test_another_schema_is_told(self, tmp_path: Path, schema: int) -> None:
+    def test_another_schema_is_reported(self, tmp_path, schema):
         xr.Dataset(attrs={"uqpen_schema": schema}).to_netcdf(tmp_path / "a.nc")
-        told = f"a.nc: has schema {schema}, and this uqpen reads schema {SCHEMA}; take the version"
-        with pytest.raises(ArchiveError, match=told):
+        reported = (
+            f"a.nc: has schema {schema}, and this uqpen reads schema {SCHEMA}; take the version"
+        )
+        with pytest.raises(ArchiveError, match=reported):
             open_archive(tmp_path / "a.nc")
 
-    def test_a_schema_that_is_no_number_is_told(self, tmp_path: Path) -> None:
+    def test_a_schema_that_is_no_number_is_reported(self, tmp_path):
         xr.Dataset(attrs={"uqpen_schema": [1, 2]}).to_netcdf(tmp_path / "a.nc")
         with pytest.raises(ArchiveError, match="is not an archive"):
             open_archive(tmp_path / "a.nc")
 
     @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
-    def test_a_truncated_archive_is_told(self, archive: Path, tmp_path: Path, share: float) -> None:
+    def test_a_truncated_archive_is_reported(self, archive, tmp_path, share):
         content = archive.read_bytes()
         (tmp_path / "a.nc").write_bytes(content[: int(share * len(content))])
         with pytest.raises(ArchiveError):
             open_archive(tmp_path / "a.nc")
 
 
-def test_a_group_that_is_not_there_is_empty(tree: xr.DataTree) -> None:
+def test_a_group_that_is_not_there_is_empty(tree):
     assert not read_group(tree, "statistics", "elsewhere", "penetration_depth")
     assert group_names(tree, "surrogates") == []
 
 
-def test_lost_runs_are_nan_and_flagged_in_the_file(archive: Path) -> None:
+def test_lost_runs_are_nan_and_flagged_in_the_file(archive):
     with netCDF4.Dataset(archive) as dataset:
         runs = dataset["runs/monte_carlo"]
         status = np.asarray(runs["status"][:])
@@ -271,9 +268,7 @@ def test_lost_runs_are_nan_and_flagged_in_the_file(archive: Path) -> None:
         assert runs["status"].flag_meanings.split()[1] == "inadmissible"
 
 
-def test_a_folder_in_the_place_of_the_earlier_archive_loses_none(
-    archive: Path, tmp_path: Path
-) -> None:
+def test_a_folder_in_the_place_of_the_earlier_archive_loses_none(archive, tmp_path):
     path = tmp_path / "study.nc"
     path.write_bytes(archive.read_bytes())
     tree = open_archive(archive)

@@ -1,7 +1,5 @@
 """Archives follow the CF conventions, as the checker of the conventions sees it."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -10,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import read_group
@@ -36,62 +35,35 @@ runs = 300
 """
 
 # What every kind of design and a surrogate of it have.
-DESIGNS = """
-title = "Every design"
-seed = 4
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [10]
-[designs.blocks]
-kind = "saltelli"
-base = 128
-second_order = true
-[designs.rule]
-kind = "quadrature"
-order = 3
-[designs.trajectories]
-kind = "morris"
-trajectories = 12
-[designs.steps]
-kind = "one-at-a-time"
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "spread"
-[published.elsewhere]
-source = "a report"
-[published.elsewhere.y]
-mean = 3.5
-response = { x1 = 0.1 }
-"""
+DESIGNS = study_text(
+    "ishigami",
+    title="Every design",
+    seed=4,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [10]}},
+    designs={
+        "blocks": {"kind": "saltelli", "base": 128, "second_order": True},
+        "rule": {"kind": "quadrature", "order": 3},
+        "trajectories": {"kind": "morris", "trajectories": 12},
+        "steps": {"kind": "one-at-a-time"},
+        "spread": {"kind": "latin-hypercube", "runs": 200},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread"}},
+    published={"elsewhere": {"source": "a report", "y": {"mean": 3.5, "response": {"x1": 0.1}}}},
+)
 
-MODELS = """
-title = "Two models"
-seed = 4
-[models.one]
-use = "ishigami"
-[models.other]
-use = "ishigami"
-with = { x3 = 0.5 }
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[dependence]
-copula = "gaussian"
-of = "ranks"
-pairs = [{ inputs = ["x1", "x2"], correlation = 0.5 }]
-[designs.spread]
-kind = "latin-hypercube"
-runs = 200
-"""
+MODELS = study_text(
+    title="Two models",
+    seed=4,
+    models={"one": {"use": "ishigami"}, "other": {"use": "ishigami", "with": {"x3": 0.5}}},
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    dependence={
+        "copula": "gaussian",
+        "of": "ranks",
+        "pairs": [{"inputs": ["x1", "x2"], "correlation": 0.5}],
+    },
+    designs={"spread": {"kind": "latin-hypercube", "runs": 200}},
+)
 
 # Outputs with dimensions, and curves that end, with all that stands beside them: bands and indices.
 FIELDS = f"""
@@ -104,28 +76,20 @@ runs = 60
 """
 
 # Methods of which one is replicated, head to head.
-COMPARED = """
-title = "Small"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+COMPARED = study_text(
+    "ishigami",
+    title="Small",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 
 
 @pytest.fixture(scope="module")
-def trees() -> list[xr.DataTree]:
+def trees():
     """Archives that hold every kind of group."""
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
@@ -136,16 +100,14 @@ def trees() -> list[xr.DataTree]:
 
 
 @pytest.fixture(scope="module")
-def report(
-    trees: list[xr.DataTree], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, dict[str, list[dict[str, str]]]]:
+def report(trees, tmp_path_factory):
     """What the checker says of every kind of variable, beside what belongs to it.
 
     It does not look inside groups, so each is written as a file of its own. It takes its time, and
     more than that with many variables: of those that are built alike, one is looked at.
     """
     folder = tmp_path_factory.mktemp("groups")
-    seen: set[object] = set()
+    seen = set()
     files = []
     for number, tree in enumerate(trees):
         uqpen.write(tree, folder / "whole.nc")
@@ -176,7 +138,7 @@ def report(
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 
-def unlike(dataset: xr.Dataset, seen: set[object]) -> xr.Dataset:
+def unlike(dataset, seen):
     """The variables that are built as none before, with all that they refer to."""
     variables = dataset.variables
     kinds = {kind(each, name in dataset.coords): name for name, each in variables.items()}
@@ -191,27 +153,27 @@ def unlike(dataset: xr.Dataset, seen: set[object]) -> xr.Dataset:
     return dataset.drop_vars(variables.keys() - chosen)
 
 
-def kind(variable: xr.Variable, is_coordinate: bool) -> object:
+def kind(variable, is_coordinate):
     """What the checker goes by but for names, which are looked at by themselves: not values."""
     said = tuple(variable.attrs.get(name) for name in ("cell_methods", "standard_name"))
     built = (is_coordinate, variable.dims, str(variable.dtype), frozenset(variable.attrs))
     return built, said
 
 
-def texts(variable: xr.Variable) -> list[str]:
+def texts(variable):
     said = [*variable.attrs.values(), variable.encoding.get("coordinates")]
     return [text for text in said if isinstance(text, str)]
 
 
-def test_names_are_letters_digits_and_underscores(trees: list[xr.DataTree]) -> None:
+def test_names_are_letters_digits_and_underscores(trees):
     for tree in trees:
         for node in tree.subtree:
             names = {*map(str, node.variables), *node.dims, node.name or "root"}
             assert all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) for name in names), names
-            assert len({name.lower() for name in names}) == len(names), "not told apart by case"
+            assert len({name.lower() for name in names}) == len(names), "not distinguished by case"
 
 
-def test_no_group_has_an_error(report: dict[str, dict[str, list[dict[str, str]]]]) -> None:
+def test_no_group_has_an_error(report):
     errors = {
         name: check["msgs"]
         for name, checks in report.items()
@@ -222,8 +184,8 @@ def test_no_group_has_an_error(report: dict[str, dict[str, list[dict[str, str]]]
 
 
 def test_all_that_is_advised_and_not_done_is_a_history(
-    report: dict[str, dict[str, list[dict[str, str]]]],
-) -> None:
+    report,
+):
     # A history says when a file was written: two archives of one study would differ by it.
     advised = {
         message

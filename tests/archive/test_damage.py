@@ -1,11 +1,7 @@
-"""What is damaged is told in words: by its bytes, and by what figures have to lie along."""
-
-from __future__ import annotations
+"""What is damaged is reported in words: by its bytes, and by what figures have to lie along."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -57,28 +53,28 @@ use = "ishigami"
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory):
     return _made(SEVERAL, tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
-def single(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def single(tmp_path_factory):
     return _made(SINGLE, tmp_path_factory)
 
 
-def _made(study: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def _made(study, tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "whole.nc"
     uqpen.write(uqpen.run(uqpen.parse_study(study)), path)
     return path
 
 
 @pytest.fixture
-def copy(whole: Path, tmp_path: Path) -> Path:
+def copy(whole, tmp_path):
     return Path(shutil.copy(whole, tmp_path / "copy.nc"))
 
 
 @pytest.mark.parametrize("at", [0, 100, 0.5, 0.9, -1])
-def test_a_byte_that_has_changed_is_told_before_it_is_read(copy: Path, at: float) -> None:
+def test_a_byte_that_has_changed_is_reported_before_it_is_read(copy, at):
     data = bytearray(copy.read_bytes())
     position = int(at * len(data)) if isinstance(at, float) else at
     data[position] ^= 1
@@ -88,13 +84,13 @@ def test_a_byte_that_has_changed_is_told_before_it_is_read(copy: Path, at: float
     assert str(caught.value) == f"{copy}: is damaged: its bytes are not those that were written"
 
 
-def test_a_file_without_its_end_is_refused(copy: Path) -> None:
+def test_a_file_without_its_end_is_refused(copy):
     copy.write_bytes(copy.read_bytes()[:-5000])
     with pytest.raises(ArchiveError, match="is not an archive"):
         open_archive(copy)
 
 
-def test_what_others_have_edited_has_no_checksum_and_is_opened(copy: Path) -> None:
+def test_what_others_have_edited_has_no_checksum_and_is_opened(copy):
     with netCDF4.Dataset(copy, "a") as dataset:
         dataset.title = "another"
     assert not is_broken(copy)
@@ -102,22 +98,22 @@ def test_what_others_have_edited_has_no_checksum_and_is_opened(copy: Path) -> No
     assert open_archive(copy).attrs["title"] == "another"
 
 
-def drop(group: str, name: str) -> Callable[[Any], None]:
+def drop(group, name):
     return lambda root: root[group].renameVariable(name, "formerly")
 
 
-def told(path: str, name: str, value: Any) -> Callable[[Any], None]:
+def reported(path, name, value):
     return lambda root: (root[path] if path else root).setncattr(name, value)
 
 
-def filled(path: str, at: Any, value: Any) -> Callable[[Any], None]:
+def filled(path, at, value):
     return lambda root: root[path].__setitem__(at, value)
 
 
-def replaced(group: str, name: str, kind: Any, dims: tuple[str, ...]) -> Callable[[Any], None]:
+def replaced(group, name, kind, dims):
     """A variable of another type or along other dimensions in the place of one."""
 
-    def change(root: Any) -> None:
+    def change(root):
         old = root[group][name]
         attributes = {key: old.getncattr(key) for key in old.ncattrs()}
         root[group].renameVariable(name, "formerly")
@@ -189,11 +185,11 @@ OF_ONE_MODEL = {
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "a table of another length": (
-        told(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
+        reported(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "a table of numbers": (
-        told(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
+        reported(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "no table": (
@@ -201,18 +197,18 @@ OF_ONE_MODEL = {
         "/statistics/first/y: quantile: does not say how its interval was made",
     ),
     "unit": (
-        told("runs/first/y", "display_units", "m^^"),
+        reported("runs/first/y", "display_units", "m^^"),
         "/runs/first/y: display_units that are no unit",
     ),
     "note": (
-        told(f"{Y}/mean", "note", np.array([1, 2])),
+        reported(f"{Y}/mean", "note", np.array([1, 2])),
         "/statistics/first/y/mean: note is no text",
     ),
     "count": (
-        told(f"{Y}/first_order", "runs", "many"),
+        reported(f"{Y}/first_order", "runs", "many"),
         "/statistics/first/y/first_order: runs is no count",
     ),
-    "seed": (told("", "seed", "9" * 5000), "a seed that is no number"),
+    "seed": (reported("", "seed", "9" * 5000), "a seed that is no number"),
     "run numbers": (
         filled("runs/first/run", 3, 1),
         "/runs/first: run numbers that do not ascend",
@@ -235,7 +231,7 @@ OF_SEVERAL_MODELS = {
         "/models/one/failures/first: no status to tell its entries apart",
     ),
     "kind of a source": (
-        told(f"{ONE}/statistics/first", "kind", "guess"),
+        reported(f"{ONE}/statistics/first", "kind", "guess"),
         "/models/one/statistics/first: of no kind that is known",
     ),
     "what a surrogate is checked by": (
@@ -258,17 +254,17 @@ OF_SEVERAL_MODELS = {
 
 
 @pytest.mark.parametrize("how", list(OF_ONE_MODEL))
-def test_a_damaged_part_is_named(single: Path, tmp_path: Path, how: str) -> None:
+def test_a_damaged_part_is_named(single, tmp_path, how):
     _is_named(Path(shutil.copy(single, tmp_path / "copy.nc")), *OF_ONE_MODEL[how])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", list(OF_SEVERAL_MODELS))
-def test_a_damaged_part_of_several_models_is_named(copy: Path, how: str) -> None:
+def test_a_damaged_part_of_several_models_is_named(copy, how):
     _is_named(copy, *OF_SEVERAL_MODELS[how])
 
 
-def _is_named(copy: Path, change: Callable[[Any], None], message: str) -> None:
+def _is_named(copy, change, message):
     with netCDF4.Dataset(copy, "a") as root:
         change(root)
     with pytest.raises(ArchiveError) as caught:
@@ -280,7 +276,7 @@ class TestWhatUqpenDoesNotKnow:
     """Archives of others, which lack a statistic or have one of their own."""
 
     @pytest.mark.slow
-    def test_a_statistic_that_is_absent_is_no_damage(self, copy: Path) -> None:
+    def test_a_statistic_that_is_absent_is_no_damage(self, copy):
         tree = open_archive(copy)
         del tree[FIRST]["skewness"]
         del tree[f"{ONE}/statistics/second"]["y"]
@@ -294,7 +290,7 @@ class TestWhatUqpenDoesNotKnow:
         assert found.failures("first") == {}
 
     @pytest.mark.slow
-    def test_one_that_is_not_in_the_catalogue_is_kept_and_listed(self, copy: Path) -> None:
+    def test_one_that_is_not_in_the_catalogue_is_kept_and_listed(self, copy):
         expected = [0.25, 0.125, 0.5]
         with netCDF4.Dataset(copy, "a") as root:
             group = root[FIRST]
@@ -318,7 +314,7 @@ class TestWhatUqpenDoesNotKnow:
         assert (row["unit"], row["interval_label"]) == ("1", "nominal")
         assert listed[listed["statistic"] == "wavelet"]["estimate"].tolist() == [1, 2]
 
-    def test_one_along_bounds_says_how_they_were_made(self, copy: Path) -> None:
+    def test_one_along_bounds_says_how_they_were_made(self, copy):
         with netCDF4.Dataset(copy, "a") as root:
             root[FIRST].createVariable("trimmed_mean", "f8", ("bound",))[:] = 1
         with pytest.raises(ArchiveError, match="trimmed_mean: does not say how its interval was"):

@@ -28,7 +28,7 @@ COORDINATES = {
 }
 
 
-def example() -> xr.DataArray:
+def example():
     return labelled_array(
         np.arange(6.0).reshape(2, 3),
         ("input", BOUND),
@@ -38,7 +38,7 @@ def example() -> xr.DataArray:
     )
 
 
-def test_the_array_is_that_of_the_constructor() -> None:
+def test_the_array_is_that_of_the_constructor():
     expected = xr.DataArray(
         np.arange(6.0).reshape(2, 3),
         {BOUND: list(BOUNDS), **COORDINATES},
@@ -62,13 +62,13 @@ def test_the_array_is_that_of_the_constructor() -> None:
         xr.Variable("input", [1.0, 2.0], {"units": "m"}),
     ],
 )
-def test_coordinates_are_what_the_constructor_takes(labels: object) -> None:
+def test_coordinates_are_what_the_constructor_takes(labels):
     values = np.zeros(2)
     array = labelled_array(values, ("input",), {"input": labels}, {})
     xr.testing.assert_identical(array, xr.DataArray(values, {"input": labels}, ("input",)))
 
 
-def test_coordinates_keep_their_indexes() -> None:
+def test_coordinates_keep_their_indexes():
     array = example()
     again = labelled_array(array.values, array.dims, array.coords, array.attrs, "mean")
     xr.testing.assert_identical(again, array)
@@ -76,14 +76,14 @@ def test_coordinates_keep_their_indexes() -> None:
 
 
 @pytest.mark.parametrize("dims", [("input", BOUND), (BOUND, "input")])
-def test_entries_are_those_of_an_iteration(dims: tuple[str, ...]) -> None:
+def test_entries_are_those_of_an_iteration(dims):
     array = example().transpose(*dims)
     for entry, expected in zip(array_entries(array), array, strict=True):
         xr.testing.assert_identical(entry, expected)
         assert list(entry.xindexes) == list(expected.xindexes)
 
 
-def test_equal_labels_have_one_index() -> None:
+def test_equal_labels_have_one_index():
     assert example().xindexes["input"] is example().xindexes["input"]
     first, second = (
         labelled_array(np.zeros(2), ("at",), {"at": np.array(labels)}, {})
@@ -92,7 +92,7 @@ def test_equal_labels_have_one_index() -> None:
     assert np.signbit([first["at"].values[0], second["at"].values[0]]).tolist() == [False, True]
 
 
-def test_attributes_of_a_coordinate_are_those_of_one_array() -> None:
+def test_attributes_of_a_coordinate_are_those_of_one_array():
     one, other = example(), example()
     one[BOUND].attrs["units"] = "1"
     one["input"].attrs["units"] = "1"
@@ -100,15 +100,15 @@ def test_attributes_of_a_coordinate_are_those_of_one_array() -> None:
     assert "units" not in other["input"].attrs
 
 
-def test_no_text_is_copied(monkeypatch: pytest.MonkeyPatch) -> None:
-    copied: list[object] = []
+def test_no_text_is_copied(monkeypatch):
+    copied = []
     monkeypatch.setattr(copy, "deepcopy", lambda each, memo=None: copied.append(each))
     array = example()
     assert not copied
     assert np.shares_memory(array["interval_label"].values, INTERVAL_LABELS.values)
 
 
-def test_a_coordinate_of_another_size_is_an_error() -> None:
+def test_a_coordinate_of_another_size_is_an_error():
     with pytest.raises(ValueError, match="coordinate input has 2 values along input, but the arr"):
         labelled_array(np.zeros(3), ("input",), COORDINATES, {})
     with pytest.raises(ValueError, match="coordinate input has 2 values along input, but the arr"):
@@ -132,7 +132,7 @@ runs = 64
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> uqpen.Archive:
+def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("unpacked")
     source = "def simulate(a, b):\n    return {f'y{k}': a + k * b for k in range(4)}\n"
     (folder / "model.py").write_text(source, encoding="utf-8")
@@ -141,7 +141,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> uqpen.Archive:
     return uqpen.run(study, map=map)
 
 
-def test_they_are_those_of_the_group(archive: uqpen.Archive) -> None:
+def test_they_are_those_of_the_group(archive):
     dataset = archive["statistics/plain/y1"].to_dataset()
     found = UnpackedStatistics(dataset)
     assert list(found) == statistic_names(dataset)
@@ -153,10 +153,8 @@ def test_they_are_those_of_the_group(archive: uqpen.Archive) -> None:
         assert found[name] is array
 
 
-def test_tables_unpack_no_statistic_of_an_output_they_do_not_show(
-    archive: uqpen.Archive, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[str] = []
+def test_tables_unpack_no_statistic_of_an_output_they_do_not_show(archive, monkeypatch):
+    asked = []
 
     def counted(dataset, name):  # type: ignore[no-untyped-def]
         asked.append(name)

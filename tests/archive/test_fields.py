@@ -1,9 +1,6 @@
 """Fields in an archive: written, opened, checked, verified, compared."""
 
-from __future__ import annotations
-
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import netCDF4
@@ -12,6 +9,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -26,31 +24,28 @@ MODEL = """\
 def simulate(x):
     return {"curve": [x, x + 1, float("nan") if x > 1 else x + 2], "y": x}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", values = [0, 1, 4] } }, may_end = true }
-y = "1"
-[inputs]
-x = "0 ± 1"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-[designs.blocks]
-kind = "saltelli"
-base = 32
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "y": "1",
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}, "blocks": {"kind": "saltelli", "base": 32}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc"}},
+)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fields")
     (folder / "model.py").write_text(MODEL)
     study = uqpen.parse_study(STUDY, folder=folder)
@@ -59,11 +54,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def archive(folder: Path) -> xr.DataTree:
+def archive(folder):
     return open_archive(folder / "study.nc")
 
 
-def test_a_field_lies_along_its_coordinates(archive: xr.DataTree) -> None:
+def test_a_field_lies_along_its_coordinates(archive):
     runs = archive["runs/mc"].to_dataset()
     assert runs["curve"].dims == (RUN, "time")
     assert runs["curve"].attrs == {
@@ -78,7 +73,7 @@ def test_a_field_lies_along_its_coordinates(archive: xr.DataTree) -> None:
     assert np.array_equal(runs["curve"].values[:, 0], runs["x"].values * 0.01)
 
 
-def test_a_statistic_has_the_coordinates_of_its_field(archive: xr.DataTree) -> None:
+def test_a_statistic_has_the_coordinates_of_its_field(archive):
     runs = archive["runs/mc"].to_dataset()
     for design in ("mc", "blocks"):
         group = archive[f"statistics/{design}/curve"].to_dataset()
@@ -91,12 +86,12 @@ def test_a_statistic_has_the_coordinates_of_its_field(archive: xr.DataTree) -> N
     assert fit["curve"].attrs["not_fitted"].startswith("its curves may end")
 
 
-def test_verify_repeats_it(folder: Path) -> None:
+def test_verify_repeats_it(folder):
     results = uqpen.verify(folder / "study.nc", folder=folder, trust=True)
     assert {each.verdict for each in results} == {CheckOutcome.EQUAL}
 
 
-def test_an_archive_of_other_coordinates_is_not_of_its_study(folder: Path) -> None:
+def test_an_archive_of_other_coordinates_is_not_of_its_study(folder):
     tree = open_archive(folder / "study.nc")
     runs = tree["runs/mc"].to_dataset().assign_coords(time=[0.0, 86_400.0, 5 * 86_400.0])
     runs["time"].attrs = {"units": "s", "display_units": "day", "long_name": "time"}
@@ -106,7 +101,7 @@ def test_an_archive_of_other_coordinates_is_not_of_its_study(folder: Path) -> No
     assert "mc lacks time, which its text contains" in texts
 
 
-def test_a_difference_names_its_place(archive: xr.DataTree) -> None:
+def test_a_difference_names_its_place(archive):
     one = archive["runs/mc"].to_dataset()
     other = one.copy(deep=True)
     other["curve"].values[3, 1] += 1
@@ -116,25 +111,25 @@ def test_a_difference_names_its_place(archive: xr.DataTree) -> None:
     assert found[0].endswith("; 1 run differs")
 
 
-def _without_coordinates(runs: xr.Dataset) -> xr.Dataset:
+def _without_coordinates(runs):
     return runs.drop_vars("time")
 
 
-def _backwards(runs: xr.Dataset) -> xr.Dataset:
+def _backwards(runs):
     return runs.isel(time=slice(None, None, -1))
 
 
-def _transposed(runs: xr.Dataset) -> xr.Dataset:
+def _transposed(runs):
     return runs.assign(curve=runs["curve"].transpose("time", RUN))
 
 
-def _without_units(runs: xr.Dataset) -> xr.Dataset:
+def _without_units(runs):
     changed = runs.copy()
     changed["time"].attrs = {}
     return changed
 
 
-def _of_texts(runs: xr.Dataset) -> xr.Dataset:
+def _of_texts(runs):
     texts = runs["curve"].astype(str).astype(object)
     return runs.assign(curve=texts.assign_attrs(runs["curve"].attrs))
 
@@ -149,9 +144,7 @@ def _of_texts(runs: xr.Dataset) -> xr.Dataset:
         (_of_texts, "curve is not of numbers"),
     ],
 )
-def test_a_fault_is_named_on_opening(
-    folder: Path, tmp_path: Path, damage: Callable[[xr.Dataset], xr.Dataset], fault: str
-) -> None:
+def test_a_fault_is_named_on_opening(folder, tmp_path, damage, fault):
     tree = open_archive(folder / "study.nc")
     runs = tree["runs/mc"].to_dataset()
     assert list(find_field_faults(runs)) == []
@@ -163,7 +156,7 @@ def test_a_fault_is_named_on_opening(
 
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=3), st.data())
-def test_a_field_is_read_back_to_the_bit(shape: list[int], data: st.DataObject) -> None:
+def test_a_field_is_read_back_to_the_bit(shape, data):
     size = int(np.prod([2, *shape]))
     numbers = st.floats(allow_nan=True, allow_infinity=True)
     values = np.array(data.draw(st.lists(numbers, min_size=size, max_size=size)))

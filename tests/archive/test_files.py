@@ -1,7 +1,5 @@
 """Files in an archive: the same bytes come out, in one folder and nowhere else."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import os
@@ -37,13 +35,13 @@ CONTENTS = [
 ]
 
 
-def kept(name: str, content: bytes = b"content") -> ArchivedFile:
+def kept(name, content=b"content"):
     digest = hashlib.sha256(content).hexdigest()
     return ArchivedFile(name, digest, len(content), base64.b64encode(content).decode(), "base64")
 
 
 @pytest.mark.parametrize("content", CONTENTS, ids=range(len(CONTENTS)))
-def test_what_is_read_is_what_was_kept(content: bytes, tmp_path: Path) -> None:
+def test_what_is_read_is_what_was_kept(content, tmp_path):
     import xarray as xr
 
     file = FileSnapshot.from_content(tmp_path / "a", content)
@@ -58,14 +56,14 @@ def test_what_is_read_is_what_was_kept(content: bytes, tmp_path: Path) -> None:
     assert not place.folder.exists()
 
 
-def test_what_is_too_large_is_kept_by_its_hash(tmp_path: Path) -> None:
+def test_what_is_too_large_is_kept_by_its_hash(tmp_path):
     file = FileSnapshot.from_content(tmp_path / "a", b"x" * (LARGEST + 1))
     (read,) = archived_files(files_group([file], tmp_path))
     assert (read.content, read.encoding, read.size) == ("", "none", LARGEST + 1)
     assert not read.is_whole
 
 
-def test_no_name_tells_a_path_of_the_machine(tmp_path: Path) -> None:
+def test_no_name_tells_a_path_of_the_machine(tmp_path):
     folder = tmp_path / "study"
     names = [
         "a.csv",
@@ -80,7 +78,7 @@ def test_no_name_tells_a_path_of_the_machine(tmp_path: Path) -> None:
     assert found == ["a.csv", "sub/b.csv", "../c.csv", "a-2.csv", "d.csv", "a-3.csv"]
 
 
-def test_the_order_is_that_of_the_names(tmp_path: Path) -> None:
+def test_the_order_is_that_of_the_names(tmp_path):
     files = [FileSnapshot.from_content(tmp_path / name, b"") for name in ("b", "a/c", "B")]
     in_both = [
         files_group(order, tmp_path)["name"].values.tolist() for order in (files, files[::-1])
@@ -118,9 +116,7 @@ _NAMES = st.one_of(
 @pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(names=st.lists(_NAMES, max_size=4))
-def test_no_name_leads_out_of_the_folder(
-    names: list[str], tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_no_name_leads_out_of_the_folder(names, tmp_path_factory):
     outside = tmp_path_factory.getbasetemp() / "outside"
     inside = outside / "inside"
     inside.mkdir(parents=True, exist_ok=True)
@@ -144,7 +140,7 @@ def test_no_name_leads_out_of_the_folder(
 
 
 @pytest.mark.parametrize(
-    ("files", "told"),
+    ("files", "reported"),
     [
         ([kept("")], "'': is not the name of a file that a study could name"),
         ([kept("/etc/passwd")], "'/etc/passwd': is not the name of a file"),
@@ -157,26 +153,24 @@ def test_no_name_leads_out_of_the_folder(
         ([kept("a/b"), kept("a")], '"a": two files are to lie in the same place'),
     ],
 )
-def test_what_cannot_be_in_a_folder_is_told(
-    files: list[ArchivedFile], told: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_in_a_folder_is_reported(files, reported, tmp_path):
     with pytest.raises(ArchiveError) as raised, extract_files(files, tmp_path):
         pass
-    assert told in str(raised.value)
+    assert reported in str(raised.value)
 
 
-def test_the_same_file_twice_is_one_file(tmp_path: Path) -> None:
+def test_the_same_file_twice_is_one_file(tmp_path):
     with extract_files([kept("a"), kept("./a")], tmp_path) as place:
         assert [path.name for path in place.folder.iterdir()] == ["a"]
 
 
-def test_a_program_can_be_executed(tmp_path: Path) -> None:
+def test_a_program_can_be_executed(tmp_path):
     with extract_files([kept("a.sh", b"#!/bin/sh\necho done\n")], tmp_path) as place:
         done = subprocess.run([place.folder / "a.sh"], capture_output=True, check=True)
     assert done.stdout == b"done\n"
 
 
-def test_a_link_that_lies_around_is_not_followed(tmp_path: Path) -> None:
+def test_a_link_that_lies_around_is_not_followed(tmp_path):
     # Large files are looked for there; what is written is written elsewhere.
     (tmp_path / "a").symlink_to(tmp_path / "target")
     with extract_files([kept("a")], tmp_path) as place:

@@ -1,7 +1,5 @@
 """Each group of an archive is declared once, and all that handle groups read the declaration."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -36,21 +34,21 @@ order = 2
 
 
 @pytest.mark.parametrize("name", GROUPS)
-def test_a_declaration_names_what_there_is(name: str) -> None:
+def test_a_declaration_names_what_there_is(name):
     group = GROUPS[name]
     for reference in filter(None, (group.check, group.writer, group.tables, group.json)):
         assert callable(resolve(reference))
     assert f"`/{name}" in DOCS
 
 
-def test_groups_of_designs_have_records() -> None:
+def test_groups_of_designs_have_records():
     for group in DESIGN_GROUPS.values():
         assert group.is_of_model
         assert group.levels == ("design",)
         assert group.statistics
 
 
-def test_all_groups_of_an_archive_are_declared() -> None:
+def test_all_groups_of_an_archive_are_declared():
     tree = uqpen.run(uqpen.parse_study(STUDY))
     found = {group_place(node.path)[0] for node in tree.subtree}
     assert found == GROUPS.keys() - {"trajectory", "files"} | {""}
@@ -64,7 +62,7 @@ def test_all_groups_of_an_archive_are_declared() -> None:
                 assert path == "".join(f"/{each}" for each in names.values())
 
 
-def test_the_place_of_a_group_is_that_of_its_levels() -> None:
+def test_the_place_of_a_group_is_that_of_its_levels():
     assert group_place("/") == ("", {})
     assert group_place("/models/fine") == ("", {})
     assert group_place("/runs/mc") == ("runs", {"design": "mc"})

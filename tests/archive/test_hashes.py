@@ -1,10 +1,5 @@
 """Hashes of groups: the same wherever they are computed, another for every change."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -15,7 +10,7 @@ from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import read_tree
 
 
-def tree_of(order: str = "<") -> xr.DataTree:
+def tree_of(order="<"):
     values = np.array([1.5, np.nan, -0.0], dtype=f"{order}f8")
     group = xr.Dataset(
         {"a": ("run", values, {"units": "m"}), "kind": ("run", np.array([1, 2, 3], np.int8))},
@@ -26,7 +21,7 @@ def tree_of(order: str = "<") -> xr.DataTree:
     return xr.DataTree.from_dict({"/": root, "/outer/inner": group})
 
 
-def test_they_are_those_of_the_file(tmp_path: Path) -> None:
+def test_they_are_those_of_the_file(tmp_path):
     tree = tree_of()
     write_tree(with_hashes(tree), tmp_path / "a.nc")
     read = read_tree(tmp_path / "a.nc")
@@ -35,11 +30,11 @@ def test_they_are_those_of_the_file(tmp_path: Path) -> None:
     assert recorded_hashes(tree) == {}, "what is written is not touched"
 
 
-def test_they_do_not_depend_on_the_order_of_bytes() -> None:
+def test_they_do_not_depend_on_the_order_of_bytes():
     assert group_hashes(tree_of("<")) == group_hashes(tree_of(">"))
 
 
-def test_they_stay_what_they_are() -> None:
+def test_they_stay_what_they_are():
     # Those of archives that have been written must be found by every later version.
     assert {path: digest[:8] for path, digest in group_hashes(tree_of()).items()} == {
         "/": "ce2c0ad6",
@@ -48,8 +43,8 @@ def test_they_stay_what_they_are() -> None:
     }
 
 
-def _set(path: str, name: str, position: int, value: object) -> Callable[[xr.DataTree], None]:
-    def change(tree: xr.DataTree) -> None:
+def _set(path, name, position, value):
+    def change(tree):
         tree[path][name].values[position] = value
 
     return change
@@ -69,8 +64,8 @@ def _set(path: str, name: str, position: int, value: object) -> Callable[[xr.Dat
     ],
 )
 def test_every_change_of_a_group_changes_its_own_only(
-    change: Callable[[xr.DataTree], None],
-) -> None:
+    change,
+):
     tree = tree_of()
     before = group_hashes(tree)
     change(tree)
@@ -78,7 +73,7 @@ def test_every_change_of_a_group_changes_its_own_only(
     assert [path for path in before if before[path] != after[path]] == ["/outer/inner"]
 
 
-def test_that_of_the_root_covers_the_study() -> None:
+def test_that_of_the_root_covers_the_study():
     tree = tree_of()
     before = group_hashes(tree)
     tree.attrs["study_text"] += " "

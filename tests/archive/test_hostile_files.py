@@ -3,8 +3,6 @@
 Those of tests/data/hostile were made by the script beside them.
 """
 
-from __future__ import annotations
-
 import gzip
 import os
 from dataclasses import replace
@@ -18,7 +16,7 @@ import uqpen
 from uqpen.archive.hashes import append_checksum, is_broken
 from uqpen.archive.read import is_archive, open_archive
 from uqpen.core.errors import ArchiveError
-from uqpen.core.netcdf.hdf5 import ARCHIVE_LIMITS, ContentLimits, RefusedContentError
+from uqpen.core.netcdf.hdf5 import ARCHIVE_LIMITS, RefusedContentError
 from uqpen.core.netcdf.opening import check_netcdf
 
 HOSTILE = Path(__file__).parents[1] / "data" / "hostile"
@@ -48,7 +46,7 @@ REASONS = {
 }
 
 
-def find_refusal(path: Path, limits: ContentLimits = ARCHIVE_LIMITS) -> str | None:
+def find_refusal(path, limits=ARCHIVE_LIMITS):
     try:
         check_netcdf(path.read_bytes(), limits)
     except RefusedContentError as error:
@@ -57,19 +55,19 @@ def find_refusal(path: Path, limits: ContentLimits = ARCHIVE_LIMITS) -> str | No
 
 
 @pytest.fixture
-def hostile(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+def hostile(request, tmp_path):
     path = tmp_path / f"{request.param}.nc"
     path.write_bytes(gzip.decompress((HOSTILE / f"{request.param}.nc.gz").read_bytes()))
     return path
 
 
-def test_every_hostile_file_is_tried() -> None:
+def test_every_hostile_file_is_tried():
     assert {file.name.removesuffix(".nc.gz") for file in HOSTILE.glob("*.gz")} == set(REASONS)
 
 
 @pytest.mark.parametrize("hostile", REASONS, indirect=True)
 @pytest.mark.parametrize("is_signed", [False, True])
-def test_it_is_refused_in_words(hostile: Path, is_signed: bool) -> None:
+def test_it_is_refused_in_words(hostile, is_signed):
     """A right checksum proves nothing about who wrote the bytes before it."""
     if is_signed:
         append_checksum(hostile)
@@ -81,7 +79,7 @@ def test_it_is_refused_in_words(hostile: Path, is_signed: bool) -> None:
     assert not is_archive(hostile)
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
     with pytest.raises(ArchiveError, match=r"is not an archive of uqpen's: it is not a file\Z"):
         open_archive(tmp_path / "pipe.nc")
@@ -97,7 +95,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
         ("depth", "it has groups more than 3 deep"),
     ],
 )
-def test_numbers_of_objects_are_limited(limit: str, what: str, tmp_path: Path) -> None:
+def test_numbers_of_objects_are_limited(limit, what, tmp_path):
     """The limits are made small here, since files beyond them take long to make."""
     path = tmp_path / "many.nc"
     with netCDF4.Dataset(path, "w") as root:
@@ -110,7 +108,7 @@ def test_numbers_of_objects_are_limited(limit: str, what: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("compression", [None, "zlib"])
-def test_what_netcdf_software_writes_is_read(compression: str | None, tmp_path: Path) -> None:
+def test_what_netcdf_software_writes_is_read(compression, tmp_path):
     """Enough groups and attributes for indexes of several levels, and attributes of any length."""
     path = tmp_path / "large.nc"
     with netCDF4.Dataset(path, "w") as root:
@@ -126,7 +124,7 @@ def test_what_netcdf_software_writes_is_read(compression: str | None, tmp_path: 
     assert find_refusal(path) is None
 
 
-def test_a_cut_file_is_refused_at_any_length(tmp_path: Path) -> None:
+def test_a_cut_file_is_refused_at_any_length(tmp_path):
     path = tmp_path / "whole.nc"
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("n", 5)
@@ -139,7 +137,7 @@ def test_a_cut_file_is_refused_at_any_length(tmp_path: Path) -> None:
             open_archive(path)
 
 
-def test_any_changed_byte_is_read_or_refused(tmp_path: Path) -> None:
+def test_any_changed_byte_is_read_or_refused(tmp_path):
     """The inspection raises nothing but what it says; the library is not asked."""
     path = tmp_path / "whole.nc"
     with netCDF4.Dataset(path, "w") as root:
@@ -158,7 +156,7 @@ def test_any_changed_byte_is_read_or_refused(tmp_path: Path) -> None:
     assert refused > 100
 
 
-def test_what_uqpen_writes_is_not_refused(tmp_path: Path) -> None:
+def test_what_uqpen_writes_is_not_refused(tmp_path):
     study = """
     seed = 1
     [model]

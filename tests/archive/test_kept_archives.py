@@ -65,26 +65,26 @@ class Kept(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=NAMES)
-def kept(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Kept:
+def kept(request, tmp_path_factory):
     """Each archive in turn."""
     path = tmp_path_factory.mktemp("kept") / f"{request.param}.nc"
     path.write_bytes(gzip.decompress((FOLDER / f"{request.param}.nc.gz").read_bytes()))
     return Kept(request.param, path, open_archive(path))
 
 
-def test_there_is_one_of_this_schema() -> None:
+def test_there_is_one_of_this_schema():
     assert f"schema_{SCHEMA}" in NAMES
     assert set(FIGURES) == set(NAMES)
 
 
-def test_it_is_of_its_schema_and_study(kept: Kept) -> None:
+def test_it_is_of_its_schema_and_study(kept):
     assert kept.tree.attrs["uqpen_schema"] == int(kept.name.split("_")[1])
     text = (FOLDER / f"{kept.name}.toml").read_text()
     assert kept.tree.attrs["study_text"] == text
     assert kept.tree.attrs["study_sha256"] == hashlib.sha256(text.encode()).hexdigest()
 
 
-def test_it_opens_with_the_same_figures(kept: Kept) -> None:
+def test_it_opens_with_the_same_figures(kept):
     for path, figures in FIGURES[kept.name].items():
         group, _, variable = path.rpartition("/")
         for position, expected in figures.items():
@@ -92,25 +92,25 @@ def test_it_opens_with_the_same_figures(kept: Kept) -> None:
             np.testing.assert_array_equal(found, expected, path)
 
 
-def test_it_is_shown(kept: Kept) -> None:
+def test_it_is_shown(kept):
     rows = [row for table in output_tables(kept.tree) for row in dict(table.rows)]
     assert "mean" in rows
     assert archive_json(kept.tree)["schema"] == SCHEMA
 
 
-def test_its_hashes_are_those_of_what_was_written(kept: Kept) -> None:
+def test_its_hashes_are_those_of_what_was_written(kept):
     assert group_hashes(kept.tree) == recorded_hashes(kept.tree)
 
 
 @pytest.mark.processor
-def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_verified(kept, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     parts = list(verify(kept.path, runs=None, trust=True))
     assert {"hashes", "study", "runs", "statistics"} <= {part.name for part in parts}
     assert {part.verdict for part in parts} <= {CheckOutcome.EQUAL, CheckOutcome.CLOSE}
 
 
-def have_close_runs(one: xr.DataTree, other: xr.DataTree) -> bool:
+def have_close_runs(one, other):
     """Return whether the runs differ by no more than another processor's last bits."""
     groups = [node.path for node in one.subtree if "status" in node.data_vars]
     pairs = [(one[path].to_dataset(), other[path].to_dataset()) for path in groups]
@@ -118,18 +118,18 @@ def have_close_runs(one: xr.DataTree, other: xr.DataTree) -> bool:
 
 
 @pytest.mark.processor
-def test_its_differences_from_a_new_one_are_explained(kept: Kept) -> None:
+def test_its_differences_from_a_new_one_are_explained(kept):
     now = uqpen.run(uqpen.load_study(FOLDER / f"{kept.name}.toml"))
-    told = {section.name: section.lines for section in diff_archives(kept.tree, now)}
+    reported = {section.name: section.lines for section in diff_archives(kept.tree, now)}
     # What another version or processor brings along, but no other run or estimate.
-    is_close = "made with" in told and have_close_runs(kept.tree, now)
+    is_close = "made with" in reported and have_close_runs(kept.tree, now)
     last_bits = {"points", "outputs"} if is_close else set()
-    assert set(told) <= {"root", "groups", "made with", "equal", "other groups", *last_bits}
-    groups = told.get("groups", ())
+    assert set(reported) <= {"root", "groups", "made with", "equal", "other groups", *last_bits}
+    groups = reported.get("groups", ())
     assert all(line.endswith("is in the second only") for line in groups)
 
 
-def test_what_is_read_can_be_written_again(kept: Kept, tmp_path: Path) -> None:
+def test_what_is_read_can_be_written_again(kept, tmp_path):
     uqpen.write(kept.tree, tmp_path / "again.nc")
     again = read_tree(tmp_path / "again.nc")
     assert group_hashes(again) == recorded_hashes(again) == group_hashes(kept.tree)

@@ -1,13 +1,9 @@
-"""What one part of an archive says of another holds, or is told; hashes do not show it."""
-
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
+"""What one part of an archive says of another holds, or is reported; hashes do not show it."""
 
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive, read_tree
@@ -15,49 +11,37 @@ from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[designs.first]
-kind = "monte-carlo"
-runs = 30
-[designs.second]
-kind = "saltelli"
-base = 32
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
-
-Change = Callable[[xr.DataTree], None]
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    designs={
+        "first": {"kind": "monte-carlo", "runs": 30},
+        "second": {"kind": "saltelli", "base": 32},
+    },
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
 
 
 @pytest.fixture(scope="module")
-def whole() -> xr.DataTree:
+def whole():
     return uqpen.run(uqpen.parse_study(STUDY))
 
 
 @pytest.fixture
-def tree(whole: xr.DataTree) -> xr.DataTree:
+def tree(whole):
     return whole.copy(deep=True)
 
 
-def without(group: str, name: str) -> Change:
+def without(group, name):
     return lambda tree: tree[group].__delitem__(name)
 
 
-def told(group: str, name: str, value: object) -> Change:
+def reported(group, name, value):
     return lambda tree: tree[group].attrs.__setitem__(name, value)
 
 
-def entry(group: str, position: int, name: str) -> Change:
-    def change(tree: xr.DataTree) -> None:
+def entry(group, position, name):
+    def change(tree):
         names = tree[group]["input"].values.tolist()
         names[position] = name
         tree[group].dataset = tree[group].to_dataset().assign_coords(input=names)
@@ -65,19 +49,19 @@ def entry(group: str, position: int, name: str) -> Change:
     return change
 
 
-def values(group: str, name: str, value: float) -> Change:
+def values(group, name, value):
     return lambda tree: tree[group][name].values.fill(value)
 
 
-FAULTS: dict[str, tuple[Change, str]] = {
+FAULTS = {
     "input": (without("runs/second", "x1"), "/runs/second: other inputs or outputs than elsewhere"),
     "output": (without("runs/second", "y"), "/runs/second: other inputs or outputs than elsewhere"),
     "design": (
-        told("surrogates/chaos", "design", "third"),
+        reported("surrogates/chaos", "design", "third"),
         "/surrogates/chaos: fitted to runs of no design",
     ),
     "check": (
-        told("surrogates/chaos", "check", "x"),
+        reported("surrogates/chaos", "check", "x"),
         "/surrogates/chaos: checked by runs of no design",
     ),
     "statistics": (without("statistics", "first"), "/runs/first: without a group of statistics"),
@@ -104,18 +88,18 @@ FAULTS: dict[str, tuple[Change, str]] = {
 }
 
 
-def test_a_whole_archive_has_no_faults(whole: xr.DataTree) -> None:
+def test_a_whole_archive_has_no_faults(whole):
     assert list(find_faults(whole)) == []
 
 
 @pytest.mark.parametrize("how", FAULTS)
-def test_a_broken_reference_is_named(tree: xr.DataTree, how: str) -> None:
+def test_a_broken_reference_is_named(tree, how):
     change, message = FAULTS[how]
     change(tree)
     assert next(find_faults(tree), None) == message
 
 
-def test_right_hashes_do_not_hide_it(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_right_hashes_do_not_hide_it(tree, tmp_path):
     FAULTS["design"][0](tree)
     uqpen.write(tree, tmp_path / "study.nc")
     read_tree(tmp_path / "study.nc")
@@ -124,7 +108,7 @@ def test_right_hashes_do_not_hide_it(tree: xr.DataTree, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("degree", [-1, 10**9])
-def test_degrees_beyond_the_polynomials_are_refused(tree: xr.DataTree, degree: int) -> None:
+def test_degrees_beyond_the_polynomials_are_refused(tree, degree):
     node = tree["surrogates/chaos/y"]
     degrees = np.full(node["degree"].shape, degree, dtype=np.int64)
     node.dataset = node.to_dataset().assign(degree=(node["degree"].dims, degrees))
@@ -132,16 +116,14 @@ def test_degrees_beyond_the_polynomials_are_refused(tree: xr.DataTree, degree: i
         restore_surrogate(tree["surrogates/chaos"], "chaos")
 
 
-def test_time_grows_with_the_number_of_variables_and_not_with_its_square(
-    tree: xr.DataTree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_time_grows_with_the_number_of_variables_and_not_with_its_square(tree, monkeypatch):
     """Building a DataArray looks at every variable, so no check builds one for each."""
     many = {f"v{number}": ((), 0.0) for number in range(300)}
     tree["statistics/first/y"].dataset = tree["statistics/first/y"].to_dataset().assign(many)
     built = []
     construct = xr.Dataset._construct_dataarray
 
-    def counted(dataset: xr.Dataset, name: object) -> xr.DataArray:
+    def counted(dataset, name):
         built.append(name)
         return construct(dataset, name)
 

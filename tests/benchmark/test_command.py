@@ -1,57 +1,43 @@
 """``uqpen compare`` as its user meets it, and its archive."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import pandas as pd
 import pytest
+from study_text import study_text
 
 from uqpen.checkpoints.folder import lock_archive
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 # The group of the reference.
 TRUTH = "statistics/reference"
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
 
 
-Command = Callable[..., Any]
-
-
 @pytest.fixture
-def uqpen(command_line: Command, tmp_path: Path) -> Command:
+def uqpen(command_line, tmp_path):
     """The command line beside a small study."""
     (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
     return command_line
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     """An archive made by a process of its own."""
     folder = tmp_path_factory.mktemp("compared")
     (folder / "small.toml").write_text(STUDY, encoding="utf-8")
@@ -62,7 +48,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 class TestCompare:
     @pytest.mark.processor
-    def test_it_writes_an_archive_and_shows_it(self, uqpen: Command, archive: Path) -> None:
+    def test_it_writes_an_archive_and_shows_it(self, uqpen, archive):
         done = uqpen("compare", "small.toml", *SHORT)
         assert done.code == 0
         for word in ("Small [bold]study[/bold]", "slope", "replicated", "y, P(> 5)", "at 16"):
@@ -73,12 +59,12 @@ class TestCompare:
         # Another process wrote the same bytes.
         assert Path("archives/small_compare.nc").read_bytes() == archive.read_bytes()
 
-    def test_it_tells_what_is_to_come(self, uqpen: Command) -> None:
+    def test_it_tells_what_is_to_come(self, uqpen):
         # Two budgets for three methods, ten times.
-        told = uqpen("compare", "small.toml", *SHORT).err
-        assert "1\u202f952 runs, 512 of them for the reference" in told
-        assert "repeat 1 of 10: about" in told
-        assert "repeat 10 of 10: done" in told
+        reported = uqpen("compare", "small.toml", *SHORT).err
+        assert "1\u202f952 runs, 512 of them for the reference" in reported
+        assert "repeat 1 of 10: about" in reported
+        assert "repeat 10 of 10: done" in reported
 
     @pytest.mark.parametrize(
         ("options", "complaint"),
@@ -89,22 +75,20 @@ class TestCompare:
             (("-o", "small.toml"), "is not an archive"),
         ],
     )
-    def test_a_mistake_leaves_with_2_before_any_run(
-        self, uqpen: Command, options: tuple[str, ...], complaint: str
-    ) -> None:
+    def test_a_mistake_leaves_with_2_before_any_run(self, uqpen, options, complaint):
         done = uqpen("compare", "small.toml", *options)
         assert (done.code, done.out) == (2, "")
         assert complaint in done.err
         assert "Traceback" not in done.err
         assert "runs, of which" not in done.err
 
-    def test_two_at_once_do_not_make_the_same_archive(self, uqpen: Command) -> None:
+    def test_two_at_once_do_not_make_the_same_archive(self, uqpen):
         with lock_archive(Path("one.nc").absolute()):
             done = uqpen("compare", "small.toml", *SHORT, "-o", "one.nc")
         assert done.code == 2
         assert "another process is making it right now" in done.err
 
-    def test_several_models_are_refused(self, uqpen: Command) -> None:
+    def test_several_models_are_refused(self, uqpen):
         models = '[models.one]\nuse = "ishigami"\n[models.two]\nuse = "ishigami"'
         text = STUDY.replace('[model]\nuse = "ishigami"', models)
         Path("two.toml").write_text(text, encoding="utf-8")
@@ -114,7 +98,7 @@ class TestCompare:
 
 
 class TestExport:
-    def test_statistics_of_all_sources_are_listed(self, uqpen: Command, archive: Path) -> None:
+    def test_statistics_of_all_sources_are_listed(self, uqpen, archive):
         assert uqpen("export", str(archive), "-o", "table.csv").code == 0
         table = pd.read_csv("table.csv")
         sources = ["reference", "monte_carlo", "latin_hypercube", "latin_hypercube_replicated"]
@@ -126,14 +110,14 @@ class TestExport:
         assert (error.estimate, error.lower) == (shown["estimate"], shown["lower"])
         assert len(own[own["statistic"] == "mean"]) == 20, "two budgets, ten repeats"
 
-    def test_it_has_no_runs_to_export(self, uqpen: Command, archive: Path) -> None:
+    def test_it_has_no_runs_to_export(self, uqpen, archive):
         done = uqpen("export", str(archive), "--runs")
         assert (done.code, done.out) == (2, "")
         assert "is a benchmark of methods, which keeps no runs" in done.err
 
 
 class TestNames:
-    def test_a_design_may_have_the_name_of_the_reference(self, uqpen: Command) -> None:
+    def test_a_design_may_have_the_name_of_the_reference(self, uqpen):
         text = STUDY.replace("monte_carlo", "reference").replace(
             "[designs.latin_hypercube]", "[designs.reference_]"
         )
@@ -155,7 +139,7 @@ class TestNames:
 
 
 class TestShow:
-    def test_json_is_for_scripts(self, uqpen: Command, archive: Path) -> None:
+    def test_json_is_for_scripts(self, uqpen, archive):
         found = json.loads(uqpen("show", str(archive), "--json").out)
         assert found["kind"] == "head-to-head"
         assert found["methods"]["latin_hypercube replicated"]["replicates"]["16"] == 8
@@ -221,11 +205,11 @@ class TestShow:
     )
     def test_a_damaged_archive_leaves_with_2_and_says_where(
         self,
-        uqpen: Command,
-        archive: Path,
-        damage: Callable[[netCDF4.Dataset], None],
-        complaint: str,
-    ) -> None:
+        uqpen,
+        archive,
+        damage,
+        complaint,
+    ):
         Path("damaged.nc").write_bytes(archive.read_bytes())
         with netCDF4.Dataset("damaged.nc", "a") as dataset:
             damage(dataset)

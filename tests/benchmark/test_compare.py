@@ -1,7 +1,5 @@
 """Verdicts on functions of which it is known who wins; and the same bits every time."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path
@@ -15,7 +13,6 @@ from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.core.errors import ArchiveError, SettingsError
 from uqpen.execution.runs_in_file import runs_in_file
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -52,26 +49,24 @@ order = 3
 """
 
 
-def study(function: str, more: str = "") -> ValidatedStudy:
+def study(function, more=""):
     return uqpen.parse_study(STUDY.format(function=function) + more, folder=HERE)
 
 
 @cache
-def comparison(function: str, budgets: tuple[int, ...], more: str = "") -> xr.DataTree:
+def comparison(function, budgets, more=""):
     # Errors fall below those of so large a reference from some thousand runs only.
     return compare(study(function, more), BenchmarkSettings(budgets, repeats=12, reference=32_768))
 
 
-def statistic(
-    function: str, budgets: tuple[int, ...], more: str = "", *, name: str = "mean"
-) -> xr.Dataset:
+def statistic(function, budgets, more="", *, name="mean"):
     """What is said of a statistic of all methods, by what it is."""
     found = comparison(function, budgets, more)["/comparison/y"].to_dataset()
     own = [each for each in found.data_vars if str(each).startswith(f"{name}_")]
     return found[own].rename({each: str(each).removeprefix(f"{name}_") for each in own})
 
 
-def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path: Path) -> None:
+def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path):
     settings = BenchmarkSettings((64, 128), repeats=10, reference=512)
     with runs_in_file(tmp_path / "runs", runs_in_memory=100) as checkpoint:
         found = compare(study("additive"), settings, checkpoint=checkpoint)
@@ -80,7 +75,7 @@ def test_a_comparison_by_way_of_a_file_is_that_in_memory(tmp_path: Path) -> None
     assert found.identical(compare(study("additive"), settings))
 
 
-def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
     path = tmp_path / "missing" / "runs"
     with (
         pytest.raises(ArchiveError, match=f"^{re.escape(str(path))}: runs cannot be kept: [A-Z]"),
@@ -94,24 +89,24 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 class TestWinners:
     """As they were measured with other programs before this one was written."""
 
-    def test_on_an_additive_function_a_broken_sequence_loses(self) -> None:
+    def test_on_an_additive_function_a_broken_sequence_loses(self):
         found = statistic("additive", (128, 1000, 1024))
         assert found["level"].values[0, 1] == "latin_hypercube"
         assert found["lead"].values[0, 1, 1] > 2
 
     @pytest.mark.parametrize("position", [0, 2])
-    def test_and_at_powers_of_two_nobody_is_sure_to_win(self, position: int) -> None:
+    def test_and_at_powers_of_two_nobody_is_sure_to_win(self, position):
         found = statistic("additive", (128, 1000, 1024))
         # Level, or ahead by errors that few of the scrambles decide.
         is_level = " " in found["level"].values[0, position]
         assert is_level or np.isnan(found["lead"].values[0, position, 1])
 
-    def test_on_steps_along_the_axes_a_sequence_wins(self) -> None:
+    def test_on_steps_along_the_axes_a_sequence_wins(self):
         found = statistic("step", (256, 1024))
         assert (found["level"].values[0] == "sobol_sequence").all()
         assert 2 < found["lead"].values[0, 1, 0] < 20
 
-    def test_polynomial_chaos_is_exact_on_polynomials(self) -> None:
+    def test_polynomial_chaos_is_exact_on_polynomials(self):
         for name in ("mean", "std"):
             found = statistic("polynomial", (64,), PCE, name=name)
             assert (found["winner"].values[0] == "pce").all()
@@ -127,7 +122,7 @@ class TestNumbers:
         )
     )
 
-    def test_another_method_or_budget_or_repeat_changes_no_estimate(self) -> None:
+    def test_another_method_or_budget_or_repeat_changes_no_estimate(self):
         more = '[designs.halton]\nkind = "halton"\nruns = 64\n'
         many = compare(study("step", more), BenchmarkSettings((32, 64), 11, 1024))
         for method in ("latin_hypercube", "sobol_sequence", "sobol_sequence_replicated"):
@@ -135,19 +130,19 @@ class TestNumbers:
             all_estimates = many[f"/statistics/{method}/y"]["mean"].sel(budget=[64])
             xr.testing.assert_identical(few, all_estimates.isel(repeat=slice(10)))
 
-    def test_repeats_differ(self) -> None:
+    def test_repeats_differ(self):
         for method in ("latin_hypercube", "sobol_sequence", "sobol_sequence_replicated"):
             found = self.TREE()[f"/statistics/{method}/y"]["mean"]
             assert (np.ptp(found.values, axis=-1) > 0).all()
 
-    def test_runs_and_replicates_are_told(self) -> None:
+    def test_runs_and_replicates_are_reported(self):
         found = self.TREE()["/statistics/sobol_sequence_replicated/y"].to_dataset()
         assert found["replicates"].values.tolist() == [16, 20]
         assert found["runs"].values.tolist() == [64, 100]
 
 
 class TestRefusals:
-    def test_a_single_method(self) -> None:
+    def test_a_single_method(self):
         text = STUDY.format(function="step").partition("[designs.sobol")[0]
         alone = uqpen.parse_study(text, folder=HERE)
         complaint = "designs: found only latin_hypercube that can be scaled .* at least two"

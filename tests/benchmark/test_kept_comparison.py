@@ -4,8 +4,6 @@ It stands in ``tests/data/comparisons``, packed, beside its study and what ``uqp
 said of it when it was written.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import re
@@ -18,26 +16,25 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import ArchiveError
 from uqpen.report.page import report_page
-from uqpen.results.benchmark_tables import benchmark_json
-from uqpen.results.method_comparison import MethodComparison
+from uqpen.results.method_comparison import MethodComparison, benchmark_json
 
 FOLDER = Path(__file__).parents[1] / "data" / "comparisons"
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     """The archive, unpacked."""
     path = tmp_path / "schema_1.nc"
     path.write_bytes(gzip.decompress((FOLDER / "schema_1.nc.gz").read_bytes()))
     return path
 
 
-def test_scripts_are_told_the_same(path: Path) -> None:
-    told = json.loads(gzip.decompress((FOLDER / "schema_1.json.gz").read_bytes()))
-    assert json.loads(json.dumps(benchmark_json(open_archive(path)))) == told
+def test_scripts_get_the_same(path):
+    reported = json.loads(gzip.decompress((FOLDER / "schema_1.json.gz").read_bytes()))
+    assert json.loads(json.dumps(benchmark_json(open_archive(path)))) == reported
 
 
-def test_the_reference_keeps_how_each_interval_was_made(path: Path) -> None:
+def test_the_reference_keeps_how_each_interval_was_made(path):
     (least, *others) = (
         entry.reference
         for entry in MethodComparison.of(open_archive(path)).entries
@@ -49,7 +46,7 @@ def test_the_reference_keeps_how_each_interval_was_made(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_has_a_page_and_can_be_written_again(path: Path, tmp_path: Path) -> None:
+def test_it_has_a_page_and_can_be_written_again(path, tmp_path):
     tree = open_archive(path)
     write(tree, tmp_path / "again.nc")
     pages = [report_page(each) for each in (open_archive(tmp_path / "again.nc"), tree)]
@@ -69,7 +66,7 @@ def test_it_has_a_page_and_can_be_written_again(path: Path, tmp_path: Path) -> N
         ("statistics/reference/y", "std"),
     ],
 )
-def test_one_that_is_damaged_is_told_as_such(path: Path, group: str, variable: str) -> None:
+def test_one_that_is_damaged_is_reported_as_such(path, group, variable):
     with netCDF4.Dataset(path, "a") as dataset:
         dataset[group].renameVariable(variable, "lost")
     with pytest.raises(ArchiveError, match="is damaged"):

@@ -1,13 +1,9 @@
 """Charts of curves: what a page and a figure have of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Chart
 from uqpen.charts.curves import driver_charts, fan_charts, median_charts, ordered_curves
 from uqpen.charts.marks import Band, Line
 from uqpen.results.archive_view import ArchiveView
@@ -16,7 +12,7 @@ TIMES = np.linspace(0.0, 1.0, 201)
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     along = {"time": {"unit": "s", "from": 0, "to": 1, "size": TIMES.size}}
     return uqpen.run(
         uqpen.Study(
@@ -31,19 +27,19 @@ def tree() -> xr.DataTree:
     )
 
 
-def line(chart: Chart, name: str) -> Line:
+def line(chart, name):
     (found,) = [each for each in chart.marks if isinstance(each, Line) and each.name == name]
     return found
 
 
-def test_a_figure_has_each_place_with_all_digits(tree: xr.DataTree) -> None:
+def test_a_figure_has_each_place_with_all_digits(tree):
     fan = next(fan_charts(ArchiveView(tree, ""))).charts[0]
     mean = tree["statistics/mc/y"]["mean"].values[:, 0]
     np.testing.assert_array_equal(line(fan, "mean").y, mean)
     assert (fan.of, fan.source) == ("y", "mc")
 
 
-def test_a_page_has_some_places_with_the_digits_that_are_seen(tree: xr.DataTree) -> None:
+def test_a_page_has_some_places_with_the_digits_that_are_seen(tree):
     view = ArchiveView(tree, "")
     (chart,) = median_charts(view, ordered_curves(view, 51)).charts
     drawn = np.asarray(line(chart, "median").y)
@@ -51,7 +47,7 @@ def test_a_page_has_some_places_with_the_digits_that_are_seen(tree: xr.DataTree)
     np.testing.assert_array_equal(drawn, drawn.round(3))
 
 
-def test_a_shade_lies_between_quantiles_on_both_sides_of_the_median(tree: xr.DataTree) -> None:
+def test_a_shade_lies_between_quantiles_on_both_sides_of_the_median(tree):
     view = ArchiveView(tree, "")
     found = median_charts(view, ordered_curves(view))
     known = tree["statistics/mc/y"]["quantile"]
@@ -65,6 +61,6 @@ def test_a_shade_lies_between_quantiles_on_both_sides_of_the_median(tree: xr.Dat
     )
 
 
-def test_a_selected_source_is_the_only_one(tree: xr.DataTree) -> None:
+def test_a_selected_source_is_the_only_one(tree):
     assert not list(fan_charts(ArchiveView(tree, "", source="other")))
     assert not list(driver_charts(ArchiveView(tree, "", source="other")))

@@ -1,7 +1,5 @@
 """Distribution functions, read off archived runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ from uqpen.statistics.sample import Sample
 
 
 @pytest.mark.parametrize("size", [2, 7, 400, 3000])
-def test_it_is_the_archives_function_at_the_archives_values(size: int) -> None:
+def test_it_is_the_archives_function_at_the_archives_values(size):
     values = np.random.default_rng(size).normal(size=size)
     none = np.empty(0, dtype=np.int64)
     used = np.arange(size)
@@ -30,7 +28,7 @@ def test_it_is_the_archives_function_at_the_archives_values(size: int) -> None:
     np.testing.assert_allclose(found, band.values, rtol=0, atol=1e-15)
 
 
-def test_it_steps_up_at_each_run() -> None:
+def test_it_steps_up_at_each_run():
     share = empirical_cdf(np.array([3.0, 1.0, 2.0, 2.0]), np.array([0.9, 1.0, 1.9, 2.0, 3.0]))
     assert share.tolist() == [0, 0.25, 0.25, 0.75, 1]
     found = SimultaneousBand(0.2).around(share)
@@ -38,13 +36,13 @@ def test_it_steps_up_at_each_run() -> None:
     np.testing.assert_allclose(found[:, 2], [0.2, 0.45, 0.45, 0.95, 1])
 
 
-def test_without_a_band_there_are_no_bounds() -> None:
+def test_without_a_band_there_are_no_bounds():
     found = SimultaneousBand(np.nan).around(np.array([0.5]))
     assert found[0, 0] == 0.5
     assert np.isnan(found[0, 1:]).all()
 
 
-def test_a_failed_run_may_have_had_any_result() -> None:
+def test_a_failed_run_may_have_had_any_result():
     band = SimultaneousBand(dkw_half_width(90, 0.95), missing_share=0.1)
     half = dkw_half_width(100, 0.95)
     (middle,) = band.around(np.array([0.5]))
@@ -54,7 +52,7 @@ def test_a_failed_run_may_have_had_any_result() -> None:
     np.testing.assert_allclose(most, [1.0, 90 / 100 - half, 1.0], rtol=1e-12)
 
 
-def test_the_band_covers_a_distribution_whose_large_values_fail() -> None:
+def test_the_band_covers_a_distribution_whose_large_values_fail():
     rng = np.random.default_rng(15)
     grid = np.linspace(0, 1, 201)
     covered = []

@@ -1,12 +1,7 @@
 """Charts of one run at the nominal inputs."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 from uqpen.charts.marks import Line
 from uqpen.charts.trajectory import axial_velocity, trajectory_charts, velocity_profile_chart
@@ -14,7 +9,7 @@ from uqpen.results.archive_view import ArchiveView
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.5, 1.0])
-def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
+def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing):
     u, v, s, R, S = 900.0, 1300.0, 0.003, 0.017, 0.1
     places, velocities = axial_velocity((u, v), s, (R, S, smoothing))
     at = dict(zip(places.round(12).tolist(), velocities.tolist(), strict=True))
@@ -24,8 +19,8 @@ def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
     assert (np.diff(velocities) <= 1e-9).all()
 
 
-def test_a_velocity_profile_begins_at_the_velocity_of_the_tail(archives: Any) -> None:
-    tree: xr.DataTree = archives["rods"]
+def test_a_velocity_profile_begins_at_the_velocity_of_the_tail(archives):
+    tree = archives["rods"]
     (chart,) = velocity_profile_chart(ArchiveView(tree, "smoothed"))
     lines = [mark for mark in chart.marks if isinstance(mark, Line)]
     assert [key.text for key in chart.keys] == [line.name for line in lines]
@@ -38,11 +33,11 @@ def test_a_velocity_profile_begins_at_the_velocity_of_the_tail(archives: Any) ->
     assert chart.notes == ("At the nominal inputs.",)
 
 
-def test_a_rigid_rod_has_no_velocity_profile(archives: Any) -> None:
+def test_a_rigid_rod_has_no_velocity_profile(archives):
     assert not list(velocity_profile_chart(ArchiveView(archives["rods"], "rigid")))
 
 
-def test_a_page_has_some_points_and_a_figure_all(archives: Any) -> None:
+def test_a_page_has_some_points_and_a_figure_all(archives):
     view = ArchiveView(archives["rods"], "original")
     (every,), (some,) = trajectory_charts(view), trajectory_charts(view, 10)
     (whole, thinned) = (each.charts[0].marks[0] for each in (every, some))

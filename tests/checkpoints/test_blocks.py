@@ -1,20 +1,15 @@
 """Archives of studies of several blocks: with any workers, interrupted in a block or at its end."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
 from uqpen.execution import Progress
-from uqpen.execution.batch import Batch, BatchResult
 from uqpen.execution.processes import processes
 
 pytestmark = [pytest.mark.processor, pytest.mark.slow]
@@ -25,28 +20,25 @@ import numpy as np
 def simulate(x, y):
     return {"z": np.where(x > 2.2, np.nan, x * y)}
 """
-STUDY = """\
-title = "Blocks"
-seed = 11
-[model]
-python = "model.py:simulate"
-vectorized = true
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 4_500
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "vectorized": True,
+        "inputs": {"x": "1", "y": "m"},
+        "outputs": {"z": "m"},
+    },
+    title="Blocks",
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 4_500}},
+)
 
 
 @pytest.fixture
-def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+def blocks_of(monkeypatch):
     """Makes blocks small, where they are no matter of random streams; runs are kept at once."""
 
-    def shrink(size: int) -> None:
+    def shrink(size):
         for module in (
             "core.blocks",
             "execution.open_blocks",
@@ -60,23 +52,23 @@ def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     return written(tmp_path)
 
 
-def written(folder: Path) -> Path:
+def written(folder):
     (folder / "model.py").write_text(MODEL)
     (folder / "study.toml").write_text(STUDY)
     return folder
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def whole(tmp_path_factory):
     """The archive of the study where one block holds all runs."""
     return make(written(tmp_path_factory.mktemp("whole")))
 
 
-def make(folder: Path, **options: Any) -> bytes:
+def make(folder, **options):
     uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / "study.nc", **options)
     return (folder / "study.nc").read_bytes()
 
@@ -84,35 +76,33 @@ def make(folder: Path, **options: Any) -> bytes:
 class Interrupted(Progress):
     """Stops, as Ctrl-C would, after a number of batches; notes the runs of an earlier start."""
 
-    def __init__(self, batches: int = 0) -> None:
+    def __init__(self, batches=0):
         self.left = batches
-        self.before: list[int] = []
+        self.before = []
         self.runs = 0
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.before.append(runs)
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.runs += runs
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
 
 
-def parts(folder: Path) -> list[FinishedRuns]:
+def parts(folder):
     return [read_runs(file) for file in sorted(folder.glob("study.nc.parts/runs/one/*.npz"))]
 
 
-def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+def backwards(work, batches):
     coming = iter(batches)
     while some := list(islice(coming, 3)):
         yield from (work(batch) for batch in reversed(some))
 
 
 @pytest.mark.parametrize(("workers", "size"), [(1, 1_500), (2, 1_500), (3, 2_048)])
-def test_any_workers_write_the_same_bytes(
-    folder: Path, whole: bytes, blocks_of: Callable[[int], None], workers: int, size: int
-) -> None:
+def test_any_workers_write_the_same_bytes(folder, whole, blocks_of, workers, size):
     blocks_of(size)
     with processes(workers) as pool:
         assert make(folder, map=pool) == whole
@@ -123,9 +113,7 @@ def test_any_workers_write_the_same_bytes(
     [(1, 1_500, map), (2, 2_048, map), (4, 1_500, backwards)],
     ids=["within a block", "at the end of a block", "out of order"],
 )
-def test_an_interruption_changes_no_byte(
-    folder: Path, whole: bytes, blocks_of: Callable[[int], None], batches: int, size: int, map: Any
-) -> None:
+def test_an_interruption_changes_no_byte(folder, whole, blocks_of, batches, size, map):
     blocks_of(size)
     stopped = Interrupted(batches)
     with pytest.raises(KeyboardInterrupt) as interrupted:
@@ -133,28 +121,24 @@ def test_an_interruption_changes_no_byte(
     assert str(interrupted.value).startswith(f"{stopped.runs} runs are kept")
     for part in parts(folder):
         assert part.runs[0] // size == part.runs[-1] // size, "a file has runs of one block"
-    told = Interrupted()
-    assert make(folder, progress=told) == whole
-    assert told.before == [stopped.runs]
-    assert told.runs == 4_500 - stopped.runs
+    reported = Interrupted()
+    assert make(folder, progress=reported) == whole
+    assert reported.before == [stopped.runs]
+    assert reported.runs == 4_500 - stopped.runs
 
 
-def test_runs_that_were_kept_without_blocks_are_restored(
-    folder: Path, whole: bytes, blocks_of: Callable[[int], None]
-) -> None:
+def test_runs_that_were_kept_without_blocks_are_restored(folder, whole, blocks_of):
     with pytest.raises(KeyboardInterrupt):
         make(folder, progress=Interrupted(4))
     blocks_of(1_500)
     (part,) = parts(folder)
     assert (part.runs[0], part.runs[-1]) == (0, 4_095)
-    told = Interrupted()
-    assert make(folder, progress=told) == whole
-    assert told.before == [4_096]
+    reported = Interrupted()
+    assert make(folder, progress=reported) == whole
+    assert reported.before == [4_096]
 
 
-def test_other_points_of_a_later_block_are_refused(
-    folder: Path, blocks_of: Callable[[int], None]
-) -> None:
+def test_other_points_of_a_later_block_are_refused(folder, blocks_of):
     blocks_of(1_500)
     with pytest.raises(KeyboardInterrupt):
         make(folder, progress=Interrupted(4))
@@ -171,16 +155,14 @@ def test_other_points_of_a_later_block_are_refused(
         make(folder)
 
 
-def test_runs_in_memory_are_written_after_a_few_blocks(
-    folder: Path, whole: bytes, blocks_of: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_in_memory_are_written_after_a_few_blocks(folder, whole, blocks_of, monkeypatch):
     blocks_of(1_500)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 1e9)
     monkeypatch.setattr("uqpen.checkpoints.folder._MOST_UNWRITTEN", 3_000)
-    seen: list[int] = []
+    seen = []
 
     class Watching(Interrupted):
-        def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        def advance(self, runs, failed, in_progress):
             seen.append(sum(len(part.runs) for part in parts(folder)))
 
     assert make(folder, progress=Watching()) == whole

@@ -1,12 +1,7 @@
 """Choice of the runs that are made again, and what it meets of a change in a part of the inputs."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from uqpen.checkpoints.recheck import choose_runs, order_runs
 from uqpen.checkpoints.sources import RunSource
@@ -16,10 +11,9 @@ from uqpen.core.status import Status
 from uqpen.models.known_functions import Ishigami
 
 RUNS, SEEDS = 4000, 200
-Points = dict[str, NDArray[np.float64]]
 
 
-def points(seed: int, runs: int = RUNS) -> Points:
+def points(seed, runs=RUNS):
     """Return independent standard uniform inputs."""
     drawn = np.random.default_rng(seed).random((3, runs))
     return dict(zip("abc", drawn, strict=True))
@@ -27,7 +21,7 @@ def points(seed: int, runs: int = RUNS) -> Points:
 
 # Where a model has changed: the runs that meet it, its share of the inputs' space, and whether it
 # lies at an end of an input.
-CHANGES: dict[str, tuple[Callable[[Points], NDArray[np.bool_]], float, bool]] = {
+CHANGES = {
     "an input above its 99 % quantile": (lambda x: x["a"] > 0.99, 0.01, True),
     "an input below its 1 % quantile": (lambda x: x["c"] < 0.01, 0.01, True),
     "a band of an input": (lambda x: abs(x["b"] - 0.5) < 0.005, 0.01, False),
@@ -44,9 +38,7 @@ CHANGES: dict[str, tuple[Callable[[Points], NDArray[np.bool_]], float, bool]] = 
 
 
 @pytest.mark.parametrize(("meets", "share", "is_at_an_end"), CHANGES.values(), ids=CHANGES)
-def test_a_change_of_a_part_of_the_inputs_is_met_as_often_as_stated(
-    meets: Callable[[Points], NDArray[np.bool_]], share: float, is_at_an_end: bool
-) -> None:
+def test_a_change_of_a_part_of_the_inputs_is_met_as_often_as_stated(meets, share, is_at_an_end):
     met = np.zeros(SEEDS)
     possible = np.zeros(SEEDS)
     for seed in range(SEEDS):
@@ -65,7 +57,7 @@ def test_a_change_of_a_part_of_the_inputs_is_met_as_often_as_stated(
     assert met.mean() >= expected - 4 * np.sqrt(expected * (1 - expected) / SEEDS)
 
 
-def test_ends_and_random_runs_take_turns_and_none_stands_twice() -> None:
+def test_ends_and_random_runs_take_turns_and_none_stands_twice():
     columns = points(1)
     order = order_runs(columns, np.random.default_rng(2))
     assert len(order) == len(set(order.tolist())) == 1024
@@ -77,19 +69,19 @@ def test_ends_and_random_runs_take_turns_and_none_stands_twice() -> None:
     assert sorted(few.tolist()) == [0, 1, 2, 3, 4]
 
 
-def test_a_constant_input_has_no_ends() -> None:
+def test_a_constant_input_has_no_ends():
     constant = {"a": np.ones(100), "b": np.zeros(100)}
     assert len(order_runs(constant, np.random.default_rng(1))) == 100
 
 
-def test_the_lowest_of_very_many_are_found() -> None:
+def test_the_lowest_of_very_many_are_found():
     values = np.random.default_rng(3).random(300_000)
     order = order_runs({"a": values}, np.random.default_rng(4))
     ends = np.argsort(values)
     assert {*ends[:200].tolist(), *ends[-200:].tolist()} <= set(order.tolist())
 
 
-def source(statuses: list[Status]) -> RunSource:
+def source(statuses):
     """Return runs of the Ishigami function with some statuses."""
     runs = len(statuses)
     inputs = {name: np.arange(runs, dtype=float) for name in ("x1", "x2", "x3")}
@@ -99,11 +91,11 @@ def source(statuses: list[Status]) -> RunSource:
     return RunSource("place", FinishedRuns(np.arange(runs), inputs, results), is_complete=True)
 
 
-def test_only_runs_that_are_ok_are_made_again_or_one_that_failed() -> None:
+def test_only_runs_that_are_ok_are_made_again_or_one_that_failed():
     ok, failed, late, crashed = Status.OK, Status.FAILED, Status.TIMED_OUT, Status.CRASHED
     inadmissible = Status.INADMISSIBLE
 
-    def chosen(*statuses: Status) -> list[int] | None:
+    def chosen(*statuses):
         found = choose_runs(Ishigami(), [source([*statuses])], np.random.default_rng(1))
         return None if found is None else sorted(found.runs.runs.tolist())
 
@@ -113,7 +105,7 @@ def test_only_runs_that_are_ok_are_made_again_or_one_that_failed() -> None:
     assert choose_runs(Ishigami(), [], np.random.default_rng(1)) is None
 
 
-def test_runs_of_several_sources_keep_their_numbers_and_values() -> None:
+def test_runs_of_several_sources_keep_their_numbers_and_values():
     sources = [source([Status.OK] * 5), source([Status.FAILED, Status.OK])]
     found = choose_runs(Ishigami(), sources, np.random.default_rng(1))
     assert found is not None

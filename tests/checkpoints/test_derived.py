@@ -1,11 +1,8 @@
 """A derived output costs no run, however often a study is made again."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 
@@ -22,42 +19,38 @@ def simulate(x):
         raise KeyboardInterrupt
     return {"curve": [x, 2 * x, 0.0]}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "1", along = { time = { unit = "s", values = [0, 1, 4] } } }
-[inputs]
-x = { uniform = { lower = "0", upper = "1" } }
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {"curve": {"unit": "1", "along": {"time": {"unit": "s", "values": [0, 1, 4]}}}},
+    },
+    seed=11,
+    inputs={"x": ("0", "1")},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 PEAK = '[outputs.peak]\nof = "curve"\ntake = "max"\n'
 CROSSING = '[outputs.crossing]\nof = "curve"\ntake = "first_above"\nthreshold = 1\n'
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     (tmp_path / "model.py").write_text(MODEL)
     return tmp_path
 
 
-def calls(folder: Path, text: str, name: str = "study.nc", *, fresh: bool = False) -> int:
+def calls(folder, text, name="study.nc", *, fresh=False):
     """Return the number of runs that the archive of a study takes."""
     (folder / "calls").write_text("")
     (folder / "study.toml").write_text(text)
-    study, told = uqpen.load_study(folder / "study.toml"), StudyCalls(folder / "calls")
-    uqpen.make_archive(study, folder / name, fresh=fresh, progress=told)
+    study, reported = uqpen.load_study(folder / "study.toml"), StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, fresh=fresh, progress=reported)
     return len((folder / "calls").read_text().split())
 
 
-def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder: Path) -> None:
+def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder):
     assert calls(folder, STUDY) == 30
     assert calls(folder, STUDY + PEAK) == 0
     text = STUDY + PEAK.replace("max", "min") + CROSSING
@@ -66,7 +59,7 @@ def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder: Path) -> Non
     assert (folder / "afresh.nc").read_bytes() == (folder / "study.nc").read_bytes()
 
 
-def test_one_that_is_new_after_an_interruption(folder: Path) -> None:
+def test_one_that_is_new_after_an_interruption(folder):
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt):
         calls(folder, STUDY)
@@ -76,7 +69,7 @@ def test_one_that_is_new_after_an_interruption(folder: Path) -> None:
     assert tree["runs/mc/peak"].values == pytest.approx(2 * tree["runs/mc/x"].values)
 
 
-def test_the_archive_verifies_and_repeats_itself(folder: Path) -> None:
+def test_the_archive_verifies_and_repeats_itself(folder):
     calls(folder, STUDY + PEAK + CROSSING)
     verified = uqpen.verify(folder / "study.nc", trust=True)
     verdicts = {check.name: str(check.verdict) for check in verified}

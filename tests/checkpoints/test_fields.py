@@ -1,12 +1,9 @@
 """A study of fields is interrupted, killed, and made on two processes: the same archive."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
@@ -27,49 +24,51 @@ def simulate(x):
     curve = [x, x + 1, float("nan") if x > 1 else x + 2]
     return {"curve": curve, "sheet": [[x, 0], [1, float("inf") if x < -1 else 2]]}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "s", values = [0, 1, 4] } }, may_end = true }
-sheet = { unit = "1", along = { a = { values = [1, 2] }, b = { values = [3, 4] } } }
-[inputs]
-x = "0 ± 1"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "s", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "sheet": {"unit": "1", "along": {"a": {"values": [1, 2]}, "b": {"values": [3, 4]}}},
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 
 
 @pytest.fixture(autouse=True)
-def _each_run_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def _each_run_is_kept(monkeypatch):
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
 
 
-def make(folder: Path, name: str = "study.nc", workers: int = 1) -> bytes:
+def make(folder, name="study.nc", workers=1):
     study = uqpen.load_study(folder / "study.toml")
-    told = StudyCalls(folder / "calls")
-    uqpen.make_archive(study, folder / name, workers=workers, progress=told)
+    reported = StudyCalls(folder / "calls")
+    uqpen.make_archive(study, folder / name, workers=workers, progress=reported)
     return (folder / name).read_bytes()
 
 
-def calls(folder: Path) -> int:
+def calls(folder):
     return len((folder / "calls").read_text().split())
 
 
 @pytest.mark.processor
-def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> None:
+def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder):
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
         make(folder)
@@ -82,9 +81,7 @@ def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> 
     assert 0 < (status == 3).sum() < 30
 
 
-def test_large_parts_are_written_as_they_come(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_parts_are_written_as_they_come(folder, monkeypatch):
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
     monkeypatch.setattr("uqpen.checkpoints.stored_runs._MOST_BYTES", 5 * bytes_of_a_run)
@@ -97,7 +94,7 @@ def test_large_parts_are_written_as_they_come(
     assert make(folder) == make(folder, "whole.nc")
 
 
-def test_runs_of_other_coordinates_are_refused(folder: Path) -> None:
+def test_runs_of_other_coordinates_are_refused(folder):
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt):
         make(folder)
@@ -106,7 +103,7 @@ def test_runs_of_other_coordinates_are_refused(folder: Path) -> None:
         make(folder)
 
 
-def test_a_file_of_runs_keeps_fields_to_the_bit(tmp_path: Path) -> None:
+def test_a_file_of_runs_keeps_fields_to_the_bit(tmp_path):
     outputs = {"y": np.array([1.0, -0.0]), "v": np.array([[1.0, np.nan], [np.inf, -0.0]])}
     results = Results(outputs, np.zeros(2, dtype=np.int8))
     runs = FinishedRuns.from_batch_results([({"x": np.arange(2.0)}, BatchResult(1, results))])

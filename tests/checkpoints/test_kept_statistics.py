@@ -1,13 +1,7 @@
 """Designs that keep statistics alone: the archive has no run of them, and says so where it must."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 import xarray as xr
-from click import Command
 from click.testing import CliRunner
 
 import uqpen
@@ -61,7 +55,7 @@ ALL_KEPT = STUDY.replace('keep = "statistics"\n', "")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """Return a folder with the study, and its archive `study.nc`."""
     folder = tmp_path_factory.mktemp("kept_statistics")
     (folder / "model.py").write_text(MODEL)
@@ -70,23 +64,23 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make(
-    folder: Path,
-    text: str,
-    name: str = "study.nc",
-    resume: ResumeOptions | None = None,
-    **options: Any,
-) -> bytes:
+    folder,
+    text,
+    name="study.nc",
+    resume=None,
+    **options,
+):
     study = parse_study(text, folder=folder)
     make_archive(study, folder / name, resume or ResumeOptions(reuse=None), **options)
     return (folder / name).read_bytes()
 
 
-def by_command(command: Command, *words: str | Path) -> str:
+def by_command(command, *words):
     return CliRunner().invoke(command, [str(each) for each in words]).output
 
 
 class TestArchive:
-    def test_statistics_are_those_of_the_runs(self, made: Path) -> None:
+    def test_statistics_are_those_of_the_runs(self, made):
         make(made, ALL_KEPT, "kept.nc")
         found, kept = (uqpen.open_archive(made / name) for name in ("study.nc", "kept.nc"))
         for node in kept.subtree:
@@ -103,29 +97,27 @@ class TestArchive:
         assert diff_runs(one, runs).points == ["the runs are only in the second archive"]
 
     @pytest.mark.parametrize("limit", [1_000, 10_000])
-    def test_bytes_are_the_same_through_files_and_after_an_interruption(
-        self, made: Path, limit: int
-    ) -> None:
+    def test_bytes_are_the_same_through_files_and_after_an_interruption(self, made, limit):
         with pytest.raises(KeyboardInterrupt):
             make(made, STUDY, "again.nc", runs_in_memory=limit, progress=_Interrupted())
         assert (
             make(made, STUDY, "again.nc", runs_in_memory=limit) == (made / "study.nc").read_bytes()
         )
 
-    def test_runs_of_an_interrupted_start_serve_either_setting(self, made: Path) -> None:
+    def test_runs_of_an_interrupted_start_serve_either_setting(self, made):
         with pytest.raises(KeyboardInterrupt):
             make(made, ALL_KEPT, "changed.nc", progress=_Interrupted())
         assert make(made, STUDY, "changed.nc") == (made / "study.nc").read_bytes()
 
 
 class TestVerification:
-    def test_batches_are_made_again(self, made: Path) -> None:
+    def test_batches_are_made_again(self, made):
         results = {each.name: each for each in verify(made / "study.nc", runs=None, trust=True)}
         assert results["batches"].verdict is CheckOutcome.EQUAL
         assert "3 of 3 batches" in results["batches"].text
         assert results["runs"].verdict is CheckOutcome.EQUAL
 
-    def test_another_run_is_found(self, made: Path) -> None:
+    def test_another_run_is_found(self, made):
         tree = uqpen.open_archive(made / "study.nc")
         hashes = tree["runs/one"][BATCH_HASH].values.copy()
         hashes[1] = hashes[0]
@@ -143,17 +135,17 @@ class TestVerification:
 
 
 class TestReaders:
-    def test_the_page_and_the_screen_show_what_there_is(self, made: Path) -> None:
+    def test_the_page_and_the_screen_show_what_there_is(self, made):
         assert "34 not finite   z is nan" in by_command(show, made / "study.nc")
         assert "report: " in by_command(report, made / "study.nc", "-o", made / "page.html")
         assert "The runs of one are not in the archive" in (made / "page.html").read_text()
 
-    def test_a_table_of_runs_names_the_design_that_it_lacks(self, made: Path) -> None:
+    def test_a_table_of_runs_names_the_design_that_it_lacks(self, made):
         found = by_command(export, made / "study.nc", "--runs", "-o", made / "runs.csv")
         assert "the runs of one are not in it, only their statistics" in found
         assert "60 rows" in found
 
-    def test_named_archives_say_why_no_run_is_taken(self, made: Path) -> None:
+    def test_named_archives_say_why_no_run_is_taken(self, made):
         text = STUDY.partition("[designs.other]")[0]
         make(made, text, "one.nc")
         with pytest.raises(CheckpointError, match="one: the archive has only their statistics"):
@@ -161,7 +153,7 @@ class TestReaders:
 
 
 class TestMistakes:
-    def test_a_surrogate_needs_runs(self, made: Path) -> None:
+    def test_a_surrogate_needs_runs(self, made):
         text = STUDY + '[surrogates.fit]\nkind = "polynomial-chaos"\ndesign = "one"\n'
         with pytest.raises(StudyError) as error:
             parse_study(text, folder=made)
@@ -169,7 +161,7 @@ class TestMistakes:
         assert problem.path == ("surrogates", "fit", "design")
         assert "keeps statistics alone" in problem.found
 
-    def test_runs_that_decide_their_number_are_kept(self, made: Path) -> None:
+    def test_runs_that_decide_their_number_are_kept(self, made):
         rule = "runs = 2_500\nkeep"
         text = STUDY.replace(rule, 'accept = "P(z > 1 m) < 0.5"\nat_most = 2_000\nkeep')
         with pytest.raises(StudyError, match='"runs" beside accept'):
@@ -179,5 +171,5 @@ class TestMistakes:
 class _Interrupted(Progress):
     """Stops, as Ctrl-C would, after the first batch."""
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         raise KeyboardInterrupt

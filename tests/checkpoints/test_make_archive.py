@@ -1,7 +1,5 @@
 """A study made into an archive: interrupted, started again, changed, damaged, made twice."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform
@@ -10,13 +8,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from study_calls import StudyCalls
+from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.folder import lock_archive
@@ -29,13 +26,12 @@ from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 
-# Stops, as Ctrl-C would, at the run that it is told to: by the name of a file, as a file that a run
+# Stops, as Ctrl-C would, at the run that a file names: by the name of a file, as a file that a run
 # opens would belong to the model.
 MODEL = """\
 import pathlib, signal
@@ -50,20 +46,13 @@ def simulate(x, y):
         raise ValueError("x is too large")
     return {"z": x * y}
 """
-STUDY = """\
-title = "Interrupted"
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    title="Interrupted",
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 OTHER = """\
 [designs.other]
 kind = "latin-hypercube"
@@ -76,7 +65,7 @@ VECTORIZED = MODEL.replace(
 
 
 @pytest.fixture(autouse=True)
-def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
+def _slow(monkeypatch):
     """Runs are sent and kept one by one, as those are that take a second each."""
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
@@ -85,33 +74,33 @@ def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
 
 
 @pytest.fixture
-def of_two(folder: Path) -> Path:
+def of_two(folder):
     """A folder whose study has two designs."""
     (folder / "study.toml").write_text(STUDY + OTHER)
     return folder
 
 
-def calls(folder: Path) -> int:
+def calls(folder):
     return len((folder / "calls").read_text().split())
 
 
-def make(folder: Path, **options: Any) -> bytes:
+def make(folder, **options):
     """The bytes of the archive of the study in a folder."""
-    told = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
+    reported = ProgressBroadcast(options.pop("progress", Progress()), StudyCalls(folder / "calls"))
     study = uqpen.load_study(folder / "study.toml")
-    uqpen.make_archive(study, folder / "study.nc", progress=told, **options)
+    uqpen.make_archive(study, folder / "study.nc", progress=reported, **options)
     return (folder / "study.nc").read_bytes()
 
 
-def interrupt(folder: Path, after: int) -> str:
-    """Make an archive that is interrupted at a run, and what is told of it."""
+def interrupt(folder, after):
+    """Make an archive that is interrupted at a run, and what is reported of it."""
     stop = folder / f"stop_{after}"
     stop.touch()
     with pytest.raises(KeyboardInterrupt) as interrupted:
@@ -120,45 +109,45 @@ def interrupt(folder: Path, after: int) -> str:
     return str(interrupted.value)
 
 
-def change(folder: Path, old: str, new: str, file: str = "study.toml") -> None:
+def change(folder, old, new, file="study.toml"):
     text = (folder / file).read_text()
     assert old in text
     (folder / file).write_text(text.replace(old, new))
 
 
-class Told(Progress):
-    """Progress as it was told."""
+class Recorded(Progress):
+    """Progress as it was reported."""
 
-    def __init__(self) -> None:
-        self.before: list[int] = []
-        self.warnings: list[str] = []
+    def __init__(self):
+        self.before = []
+        self.warnings = []
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.before.append(runs)
 
-    def warn(self, text: str) -> None:
+    def warn(self, text):
         self.warnings.append(text)
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def whole(tmp_path_factory):
     """The archive of the study when nothing interrupts it."""
     return _whole(tmp_path_factory.mktemp("whole"), STUDY)
 
 
 @pytest.fixture(scope="module")
-def whole_of_two(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def whole_of_two(tmp_path_factory):
     """The same of two designs."""
     return _whole(tmp_path_factory.mktemp("whole"), STUDY + OTHER)
 
 
-def _whole(folder: Path, study: str) -> bytes:
+def _whole(folder, study):
     (folder / "model.py").write_text(MODEL)
     (folder / "study.toml").write_text(study)
     return make(folder)
 
 
-def test_what_is_left_in_the_end_is_the_archive_and_its_log(folder: Path) -> None:
+def test_what_is_left_in_the_end_is_the_archive_and_its_log(folder):
     make(folder)
     assert {file.name for file in folder.iterdir() if file.name.startswith((".", "study"))} == {
         "study.toml",
@@ -169,34 +158,32 @@ def test_what_is_left_in_the_end_is_the_archive_and_its_log(folder: Path) -> Non
 
 @pytest.mark.processor
 @pytest.mark.parametrize("after", [1, 2, 29, 31, 69])
-def test_an_interrupted_study_goes_on_where_it_was(
-    of_two: Path, whole_of_two: bytes, after: int
-) -> None:
+def test_an_interrupted_study_goes_on_where_it_was(of_two, whole_of_two, after):
     message = interrupt(of_two, after)
     kept = after - 1  # the last call was not finished
     assert message.startswith(f"{kept} runs are kept" if kept else "nothing was written")
     assert not (of_two / "study.nc").exists()
-    progress = Told()
+    progress = Recorded()
     assert make(of_two, progress=progress) == whole_of_two
     assert sum(progress.before) == kept
     assert calls(of_two) == 71, "only the run that was interrupted is made twice"
 
 
-def test_it_may_be_interrupted_more_than_once(of_two: Path, whole_of_two: bytes) -> None:
+def test_it_may_be_interrupted_more_than_once(of_two, whole_of_two):
     for after in (10, 11, 40, 41, 60):
         interrupt(of_two, after)
     assert make(of_two) == whole_of_two
     assert calls(of_two) == 70 + 5
 
 
-def test_a_fresh_start_makes_all_runs_again(of_two: Path, whole_of_two: bytes) -> None:
+def test_a_fresh_start_makes_all_runs_again(of_two, whole_of_two):
     interrupt(of_two, 50)
     assert make(of_two, fresh=True) == whole_of_two
     assert calls(of_two) == 50 + 70
 
 
 @pytest.mark.filterwarnings("ignore:other. 40 of its 40 earlier runs are not used")
-def test_an_archive_stays_until_the_next_one_is_complete(of_two: Path, whole_of_two: bytes) -> None:
+def test_an_archive_stays_until_the_next_one_is_complete(of_two, whole_of_two):
     make(of_two)
     change(of_two, "seed = 11", "seed = 12")
     (of_two / "calls").unlink()
@@ -215,10 +202,10 @@ def test_an_archive_stays_until_the_next_one_is_complete(of_two: Path, whole_of_
         ('x = "0 ± 1"', 'x    =   "0 ± 1"'),
     ],
 )
-def test_what_decides_no_run_keeps_those_that_are_done(of_two: Path, old: str, new: str) -> None:
+def test_what_decides_no_run_keeps_those_that_are_done(of_two, old, new):
     interrupt(of_two, 21)
     change(of_two, old, new)
-    progress = Told()
+    progress = Recorded()
     changed = make(of_two, progress=progress)
     assert progress.before == [20]
     shutil.rmtree(of_two / "study.nc.parts", ignore_errors=True)
@@ -226,7 +213,7 @@ def test_what_decides_no_run_keeps_those_that_are_done(of_two: Path, old: str, n
 
 
 @pytest.mark.parametrize(
-    ("file", "old", "new", "told"),
+    ("file", "old", "new", "reported"),
     [
         ("study.toml", "seed = 11", "seed = 12", "seed was 11, is 12"),
         ("study.toml", 'x = "0 ± 1"', 'x = "0 ± 2"', 'inputs.x was "0 ± 1", is "0 ± 2"'),
@@ -240,25 +227,23 @@ def test_what_decides_no_run_keeps_those_that_are_done(of_two: Path, old: str, n
         ("model.py", "x * y", "y * x", "file model.py has changed"),
     ],
 )
-def test_runs_that_the_study_would_not_make_are_refused(
-    folder: Path, file: str, old: str, new: str, told: str
-) -> None:
+def test_runs_that_the_study_would_not_make_are_refused(folder, file, old, new, reported):
     interrupt(folder, 21)
     change(folder, old, new, file)
     with pytest.raises(CheckpointError) as refused:
         make(folder)
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
     assert "study.nc.parts: contains runs of one that were made with other settings" in str(
         refused.value
     )
     assert str(refused.value).endswith("or start over with --fresh")
     assert calls(folder) == 21, "no model has run"
-    progress = Told()
+    progress = Recorded()
     make(folder, fresh=True, progress=progress)
     assert progress.before == []
 
 
-def test_another_time_limit_makes_only_late_runs_again(folder: Path) -> None:
+def test_another_time_limit_makes_only_late_runs_again(folder):
     # Late until there is a file, so that no run depends on the pace of the machine.
     wait = "while x > 1.3 and not (here / 'open').exists(): time.sleep(0.01)"
     pause = f"    import time\n    {wait}"
@@ -272,14 +257,14 @@ def test_another_time_limit_makes_only_late_runs_again(folder: Path) -> None:
     change(folder, '"2 s"', '"60 s"')
     change(folder, '"10 %"', '"100 %"')
     assert calls(folder) == 4
-    progress = Told()
+    progress = Recorded()
     made = make(folder, progress=progress)
     assert progress.before == [2], "without those that were late"
     (folder / "study.nc").unlink()
     assert make(folder) == made
 
 
-def test_another_environment_is_refused(folder: Path) -> None:
+def test_another_environment_is_refused(folder):
     interrupt(folder, 21)
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     made_of = json.loads(record.read_text())
@@ -290,7 +275,7 @@ def test_another_environment_is_refused(folder: Path) -> None:
         make(folder)
 
 
-def test_points_that_have_changed_are_refused_to_the_bit(folder: Path) -> None:
+def test_points_that_have_changed_are_refused_to_the_bit(folder):
     interrupt(folder, 21)
     file = folder / "study.nc.parts" / "runs" / "one" / "0_000000.npz"
     part = read_runs(file)
@@ -302,7 +287,7 @@ def test_points_that_have_changed_are_refused_to_the_bit(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["cut", "bit", "empty", "text", "record"])
-def test_a_damaged_part_is_made_again_and_said(folder: Path, whole: bytes, damage: str) -> None:
+def test_a_damaged_part_is_made_again_and_said(folder, whole, damage):
     interrupt(folder, 21)
     design = folder / "study.nc.parts" / "runs" / "one"
     file = design / ("made_of.json" if damage == "record" else "0_000000.npz")
@@ -317,14 +302,14 @@ def test_a_damaged_part_is_made_again_and_said(folder: Path, whole: bytes, damag
             "record": b"{",
         }[damage]
     )
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == []
     assert [text.partition(": ")[2][:10] for text in progress.warnings] == ["is damaged"]
     assert "is damaged" in (folder / "study.nc.log").read_text()
 
 
-def test_any_bit_of_a_part_may_be_damaged(tmp_path: Path) -> None:
+def test_any_bit_of_a_part_may_be_damaged(tmp_path):
     part = tmp_path / "0_000000.npz"
     results = Results({"y": np.arange(3.0)}, np.zeros(3, dtype=np.int8), {}, frozenset({"a"}))
     write_runs(part, FinishedRuns(np.arange(3), {"x": np.arange(3.0)}, results))
@@ -350,16 +335,16 @@ def test_any_bit_of_a_part_may_be_damaged(tmp_path: Path) -> None:
     assert read < len(bits) / 2
 
 
-def test_a_compressed_part_is_damaged(tmp_path: Path) -> None:
+def test_a_compressed_part_is_damaged(tmp_path):
     # A megabyte that would take a gigabyte.
     np.savez_compressed(tmp_path / "part.npz", x=np.zeros(10_000_000))
     with pytest.raises(DamagedRunsError):
         read_runs(tmp_path / "part.npz")
 
 
-def test_nothing_in_a_part_is_executed(tmp_path: Path) -> None:
+def test_nothing_in_a_part_is_executed(tmp_path):
     class Hostile:
-        def __reduce__(self) -> Any:
+        def __reduce__(self):
             return os.mkdir, (str(tmp_path / "executed"),)
 
     np.savez(tmp_path / "part.npz", allow_pickle=True, run=np.array([Hostile()], dtype=object))
@@ -368,10 +353,10 @@ def test_nothing_in_a_part_is_executed(tmp_path: Path) -> None:
     assert not (tmp_path / "executed").exists()
 
 
-def test_a_part_gives_back_what_it_was_given(tmp_path: Path) -> None:
+def test_a_part_gives_back_what_it_was_given(tmp_path):
     points = {"x": np.arange(10) / 3, "y": np.full(10, -0.0)}
 
-    def piece(start: int, runs: int, reasons: dict[int, str]) -> BatchResult:
+    def piece(start, runs, reasons):
         status = np.array([2 * (run in reasons) for run in range(runs)], dtype=np.int8)
         outputs = {"z": np.where(status, np.nan, points["x"][start : start + runs] ** 2)}
         return BatchResult(start, Results(outputs, status, reasons, frozenset({"hash  file"})))
@@ -396,7 +381,7 @@ def test_a_part_gives_back_what_it_was_given(tmp_path: Path) -> None:
 
 
 @pytest.mark.processor
-def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path: Path) -> None:
+def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path):
     (tmp_path / "model.py").write_text(VECTORIZED)
     text = (STUDY + OTHER).replace("runs = 30", "runs = 3000")
     model = text[text.index("python") : text.index("[inputs]")]
@@ -406,17 +391,17 @@ def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path: Path) 
     whole_batches = calls(tmp_path)
     (tmp_path / "study.nc").unlink()
     interrupt(tmp_path, whole_batches + 5)
-    progress = Told()
+    progress = Recorded()
     assert make(tmp_path, progress=progress) == expected
     assert progress.before == [3000, 1024]
     assert calls(tmp_path) == 2 * whole_batches + 1
 
 
-def test_runs_that_the_study_does_not_have_any_more_stay(of_two: Path) -> None:
+def test_runs_that_the_study_does_not_have_any_more_stay(of_two):
     interrupt(of_two, 40)
     text = (of_two / "study.toml").read_text()
     change(of_two, "[designs.one]", "[designs.first]")
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     parts = of_two / "study.nc.parts"
     assert progress.before == [9], "those of the other design"
@@ -425,35 +410,35 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two: Path) -> None:
         "remove them if they are not needed any more"
     ]
     (of_two / "study.toml").write_text(text)
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     assert (progress.before, progress.warnings) == ([30], [])
     assert not parts.exists()
 
 
-def test_runs_of_a_model_that_gets_a_name_stay(folder: Path) -> None:
+def test_runs_of_a_model_that_gets_a_name_stay(folder):
     interrupt(folder, 21)
     change(folder, "[model]", "[models.a]")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert "still holds runs of one, which" in progress.warnings[0]
     change(folder, "[models.a]", "[model]")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert progress.before == [20]
 
 
-def test_runs_without_a_record_are_made_again(folder: Path, whole: bytes) -> None:
+def test_runs_without_a_record_are_made_again(folder, whole):
     interrupt(folder, 21)
     (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
 
 
 @pytest.mark.parametrize("place", ["seed", "checksum", "bracket", "first", "last"])
-def test_a_flipped_bit_in_a_record_costs_no_run(folder: Path, whole: bytes, place: str) -> None:
+def test_a_flipped_bit_in_a_record_costs_no_run(folder, whole, place):
     interrupt(folder, 21)
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     content = bytearray(record.read_bytes())
@@ -466,42 +451,42 @@ def test_a_flipped_bit_in_a_record_costs_no_run(folder: Path, whole: bytes, plac
     }[place]
     content[at] ^= 1
     record.write_bytes(content)
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
     expected = f"{record}: is damaged; it was of this study, so its runs stay"
     assert progress.warnings == [expected]
 
 
-def test_the_runs_of_a_damaged_record_of_another_study_are_made_again(folder: Path) -> None:
+def test_the_runs_of_a_damaged_record_of_another_study_are_made_again(folder):
     interrupt(folder, 21)
     record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
     record.write_bytes(record.read_bytes().replace(b"11", b"13"))
     change(folder, "seed = 11", "seed = 12")
-    progress = Told()
+    progress = Recorded()
     make(folder, progress=progress)
     assert progress.before == []
     assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
 
 
-def test_a_record_without_runs_refuses_nothing(of_two: Path) -> None:
+def test_a_record_without_runs_refuses_nothing(of_two):
     interrupt(of_two, 21)
     (of_two / "study.nc.parts" / "runs" / "one" / "0_000000.npz").unlink()
     change(of_two, "seed = 11", "seed = 12")
     interrupt(of_two, 40)
-    progress = Told()
+    progress = Recorded()
     make(of_two, progress=progress)
     assert progress.before == [18]
 
 
-def test_what_others_put_beside_kept_runs_stays(folder: Path, whole: bytes) -> None:
+def test_what_others_put_beside_kept_runs_stays(folder, whole):
     interrupt(folder, 21)
     parts = folder / "study.nc.parts"
     names = {"notes.txt", "notes.tmp", "runs/one/0_notes.npz", "runs/one/0_notes.npz.tmp"}
     for name in names:
         (parts / name).write_text("mine")
     (parts / "runs/one/0_000007.npz").mkdir()
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
     assert {str(file.relative_to(parts)) for file in parts.rglob("*") if file.is_file()} == names
@@ -509,7 +494,7 @@ def test_what_others_put_beside_kept_runs_stays(folder: Path, whole: bytes) -> N
     assert (parts / "runs/one/0_notes.npz").read_text() == "mine"
 
 
-def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_reported_before_a_run(folder):
     (folder / "study.nc.parts").write_text("mine")
     for fresh in (False, True):
         with pytest.raises(ArchiveError, match=r"study\.nc\.parts: is no folder"):
@@ -517,12 +502,12 @@ def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder: Path) -> Non
     assert not (folder / "calls").exists()
 
 
-def test_kept_runs_may_lie_behind_a_link(of_two: Path, whole_of_two: bytes) -> None:
+def test_kept_runs_may_lie_behind_a_link(of_two, whole_of_two):
     interrupt(of_two, 21)
     parts = of_two / "study.nc.parts"
     parts.rename(of_two / "elsewhere")
     parts.symlink_to("elsewhere")
-    progress = Told()
+    progress = Recorded()
     assert make(of_two, progress=progress) == whole_of_two
     assert progress.before == [20]
     assert list((of_two / "elsewhere").iterdir()) == []
@@ -531,7 +516,7 @@ def test_kept_runs_may_lie_behind_a_link(of_two: Path, whole_of_two: bytes) -> N
     assert make(of_two, fresh=True) == whole_of_two
 
 
-def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder: Path) -> None:
+def test_another_module_that_a_run_imports_is_reported_with_what_to_do(folder):
     (folder / "late.py").write_text("factor = 1\n")
     change(folder, '"z": x * y', '"z": x * y * __import__("late").factor', "model.py")
     interrupt(folder, 21)
@@ -544,9 +529,7 @@ def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder: Path)
     make(folder, fresh=True)
 
 
-def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
-    folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(folder, whole, monkeypatch):
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 1e9)  # none is kept before the end
     with monkeypatch.context() as patch:
         patch.setattr("uqpen.checkpoints.make_archive.write", _interrupted)
@@ -556,23 +539,23 @@ def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
     assert calls(folder) == 30
 
 
-def _interrupted(*arguments: object, **options: object) -> None:
+def _interrupted(*arguments, **options):
     raise KeyboardInterrupt
 
 
-def test_a_log_that_cannot_be_written_hides_no_reason(folder: Path) -> None:
+def test_a_log_that_cannot_be_written_hides_no_reason(folder):
     with pytest.raises(KeyboardInterrupt):
         _ended_without_a_log(uqpen.load_study(folder / "study.toml"), folder / "log")
 
 
-def _ended_without_a_log(study: ValidatedStudy, log: Path) -> None:
+def _ended_without_a_log(study, log):
     with Journal(log, study, Progress()):
         log.unlink()
         log.mkdir()
         raise KeyboardInterrupt
 
 
-def test_an_archive_behind_a_link_is_written_where_it_lies(folder: Path, whole: bytes) -> None:
+def test_an_archive_behind_a_link_is_written_where_it_lies(folder, whole):
     (folder / "far").mkdir()
     (folder / "study.nc").symlink_to("far/study.nc")
     assert make(folder) == whole
@@ -580,19 +563,19 @@ def test_an_archive_behind_a_link_is_written_where_it_lies(folder: Path, whole: 
     assert [file.name for file in (folder / "far").iterdir()] == ["study.nc"]
 
 
-def test_a_name_that_is_too_long_is_told(folder: Path) -> None:
+def test_a_name_that_is_too_long_is_reported(folder):
     study = uqpen.load_study(folder / "study.toml")
     with pytest.raises(ArchiveError, match="cannot be written: File name too long"):
         uqpen.make_archive(study, folder / f"{'n' * 300}.nc")
 
 
-def test_a_file_in_place_of_the_archive_s_folder_is_told(folder: Path) -> None:
+def test_a_file_in_place_of_the_archive_s_folder_is_reported(folder):
     study = uqpen.load_study(folder / "study.toml")
     with pytest.raises(ArchiveError, match=r"cannot be written: .*model\.py is not a folder"):
         uqpen.make_archive(study, folder / "model.py" / "study.nc")
 
 
-def test_two_processes_do_not_make_one_archive(folder: Path) -> None:
+def test_two_processes_do_not_make_one_archive(folder):
     with (
         lock_archive(folder / "study.nc"),
         pytest.raises(ArchiveError, match=r"study\.nc: another process is making it right now"),
@@ -602,7 +585,7 @@ def test_two_processes_do_not_make_one_archive(folder: Path) -> None:
     make(folder)
 
 
-def test_a_link_to_an_archive_is_that_archive(folder: Path) -> None:
+def test_a_link_to_an_archive_is_that_archive(folder):
     study = uqpen.load_study(folder / "study.toml")
     (folder / "link.nc").symlink_to("study.nc")
     with (
@@ -615,7 +598,7 @@ def test_a_link_to_an_archive_is_that_archive(folder: Path) -> None:
     assert uqpen.open_archive(folder / "study.nc").attrs["study_name"] == "study"
 
 
-def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
+def test_a_lock_that_was_left_behind_means_nothing(folder):
     holder = "from uqpen.checkpoints.folder import lock_archive; import pathlib, time\n"
     holder += (
         "with lock_archive(pathlib.Path('study.nc').absolute()):\n    print('locked', flush=True)\n"
@@ -623,7 +606,6 @@ def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", f"{holder}    time.sleep(60)"], cwd=folder, stdout=subprocess.PIPE
     ) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"locked\n"
         with pytest.raises(ArchiveError, match="another process"):
             make(folder)
@@ -633,9 +615,7 @@ def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
     assert not (folder / ".study.nc.lock").exists()
 
 
-def test_a_full_disk_is_told_and_loses_nothing(
-    folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_reported_and_loses_nothing(folder, whole, monkeypatch):
     interrupt(folder, 21)
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", _is_full)
@@ -644,18 +624,16 @@ def test_a_full_disk_is_told_and_loses_nothing(
     assert "finished runs cannot be kept: No space left on device" in str(message.value)
     assert "those kept before stay there" in str(message.value)
     assert not list((folder / "study.nc.parts").rglob("*.tmp"))
-    progress = Told()
+    progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
 
 
-def _is_full(file: int) -> None:
+def _is_full(file):
     raise OSError(28, os.strerror(28))
 
 
-def test_the_log_tells_what_an_archive_must_not(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_log_tells_what_an_archive_must_not(folder, monkeypatch):
     monkeypatch.setattr("platform.node", lambda: "name-of-this-machine")
     (folder / "model.py").write_text(
         MODEL.replace("    if x > 1:", "    import warnings; warnings.warn('odd')\n    if x > 1:")
@@ -674,10 +652,7 @@ def test_the_log_tells_what_an_archive_must_not(
     assert str(folder).encode() not in content
 
 
-Command = Callable[..., Any]
-
-
-def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: Command) -> None:
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder, command_line):
     (folder / "stop_21").touch()
     outcome = command_line("study", "study.toml")
     assert outcome.code == 130
@@ -691,7 +666,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: C
     assert "already done" not in outcome.err
 
 
-def test_a_changed_study_leaves_with_2(folder: Path, command_line: Command) -> None:
+def test_a_changed_study_leaves_with_2(folder, command_line):
     (folder / "stop_21").touch()
     command_line("study", "study.toml")
     change(folder, "seed = 11", "seed = 12")
@@ -700,7 +675,7 @@ def test_a_changed_study_leaves_with_2(folder: Path, command_line: Command) -> N
     assert "seed was 11, is 12" in outcome.err
 
 
-def test_a_study_that_is_killed_at_any_moment_completes_at_the_next_start() -> None:
+def test_a_study_that_is_killed_at_any_moment_completes_at_the_next_start():
     done = subprocess.run(
         [sys.executable, "benchmarks/kills.py", "--kills", "2"],
         cwd=ROOT,
@@ -712,7 +687,7 @@ def test_a_study_that_is_killed_at_any_moment_completes_at_the_next_start() -> N
     assert "2 kills" in done.stdout
 
 
-def test_eight_workers_in_any_order_write_the_same_bytes(folder: Path) -> None:
+def test_eight_workers_in_any_order_write_the_same_bytes(folder):
     change(folder, "    if x > 1:", "    pause()\n    if x > 1:", "model.py")
     change(folder, "def simulate", f"{PAUSE}\ndef simulate", "model.py")
     expected = make(folder)
@@ -720,7 +695,7 @@ def test_eight_workers_in_any_order_write_the_same_bytes(folder: Path) -> None:
         assert make(folder, map=pool, fresh=True) == expected
 
 
-def test_what_is_signalled_is_not_lost(folder: Path) -> None:
+def test_what_is_signalled_is_not_lost(folder):
     """A study that is ended by the system, as a cluster does when the time is up."""
     pause = "    if (here / 'slow').exists(): import time; time.sleep(0.02)"
     change(folder, "    if x > 1:", f"{pause}\n    if x > 1:", "model.py")

@@ -1,10 +1,7 @@
 """Designs of more runs than are in memory: their runs go block by block through files."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -23,10 +20,10 @@ from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import FAILED_RUN
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
-from uqpen.execution import Map, Progress
+from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.results.export import table_content
-from uqpen.results.runs_table import run_table_parts, runs_table
+from uqpen.results.long_table import run_table_parts, runs_table
 from uqpen.study.identity import run_fingerprint
 from uqpen.study.study import ONLY_MODEL
 from uqpen.verification.diff import diff_runs
@@ -61,7 +58,7 @@ LIMIT = 2_000
 
 
 @pytest.fixture(autouse=True)
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_blocks(monkeypatch):
     """Make blocks small, where they are no matter of random streams."""
     for module in (
         "archive.lazy_variables",
@@ -74,13 +71,13 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "model.py").write_text(MODEL.replace("(x, y)", "(x, y, length)"))
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
 
 
-def make(folder: Path, limit: int = LIMIT, *, fresh: bool = False) -> bytes:
+def make(folder, limit=LIMIT, *, fresh=False):
     """Make the archive of the study, and return its bytes."""
     study = uqpen.load_study(folder / "study.toml")
     resume = ResumeOptions(fresh=fresh, reuse=None)
@@ -89,13 +86,13 @@ def make(folder: Path, limit: int = LIMIT, *, fresh: bool = False) -> bytes:
 
 
 def runs(
-    folder: Path,
-    limit: int = LIMIT,
-    progress: Progress | None = None,
-    map: Map = map,
+    folder,
+    limit=LIMIT,
+    progress=None,
+    map=map,
     *,
-    lost_again: bool = False,
-) -> xr.Dataset:
+    lost_again=False,
+):
     """Make the runs of the design alone, with a checkpoint."""
     study = uqpen.load_study(folder / "study.toml")
     fingerprints = {(ONLY_MODEL, "one"): run_fingerprint(study, ONLY_MODEL, "one")}
@@ -115,44 +112,42 @@ def runs(
     return made[ONLY_MODEL]
 
 
-def test_runs_in_memory_are_on_the_disk_before_they_are_analysed(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_in_memory_are_on_the_disk_before_they_are_analysed(folder, monkeypatch):
     monkeypatch.setattr(CheckpointFolder, "save_if_due", lambda kept, unwritten: None)
     made = runs(folder, limit=10_000)
     kept = [read_runs(file) for file in (folder / "parts" / "runs" / "one").glob("*.npz")]
     assert sum(len(each.runs) for each in kept) == made.sizes["run"] == 4500
 
 
-def assert_same(found: xr.Dataset, expected: xr.Dataset) -> None:
+def assert_same(found, expected):
     assert list(found.variables) == list(expected.variables)
     for name, variable in expected.variables.items():
         assert found.variables[name].to_base_variable().identical(variable.to_base_variable())
 
 
 class Interrupted(Progress):
-    """Stops, as Ctrl-C would, after a number of batches; notes what it is told."""
+    """Stops, as Ctrl-C would, after a number of batches; notes what is reported."""
 
-    def __init__(self, batches: int = 0) -> None:
+    def __init__(self, batches=0):
         self.left = batches
-        self.restored: list[int] = []
-        self.warnings: list[str] = []
+        self.restored = []
+        self.warnings = []
         self.made = 0
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.restored.append(runs)
 
-    def warn(self, text: str) -> None:
+    def warn(self, text):
         self.warnings.append(text)
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.made += runs
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
 
 
-def killed_after(folder: Path, batches: int) -> Path:
+def killed_after(folder, batches):
     """Stop after a number of batches, as a kill would; return the folder of what is kept."""
     with pytest.raises(KeyboardInterrupt):
         runs(folder, progress=Interrupted(batches))
@@ -160,7 +155,7 @@ def killed_after(folder: Path, batches: int) -> Path:
 
 
 @pytest.fixture
-def expected(folder: Path) -> xr.Dataset:
+def expected(folder):
     """The runs in memory."""
     (folder / "memory").mkdir()
     for name in ("model.py", "study.toml"):
@@ -168,21 +163,21 @@ def expected(folder: Path) -> xr.Dataset:
     return runs(folder / "memory", limit=10**6)
 
 
-def test_the_archive_has_the_same_bytes_as_from_memory(folder: Path) -> None:
+def test_the_archive_has_the_same_bytes_as_from_memory(folder):
     by_blocks = make(folder)
     assert not (folder / "study.nc.parts").exists()
     assert make(folder, limit=10**6, fresh=True) == by_blocks
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_runs_are_those_in_memory(folder: Path, expected: xr.Dataset, workers: int) -> None:
+def test_runs_are_those_in_memory(folder, expected, workers):
     with processes(workers) as pool:
         found = runs(folder, map=pool)
     assert not is_in_memory(found.variables["z"])
     assert_same(found, expected)
 
 
-def test_a_kill_costs_one_block_at_the_most(folder: Path, expected: xr.Dataset) -> None:
+def test_a_kill_costs_one_block_at_the_most(folder, expected):
     kept = killed_after(folder, 4)  # 4 096 runs: two blocks, and a part of the last
     names = ["0_blocks.jsonl", "0_blocks.nc", "made_of.json"]
     assert sorted(file.name for file in kept.iterdir()) == names
@@ -191,7 +186,7 @@ def test_a_kill_costs_one_block_at_the_most(folder: Path, expected: xr.Dataset) 
     assert again.restored == [2 * BLOCK]
 
 
-def test_a_block_that_was_being_written_is_made_again(folder: Path, expected: xr.Dataset) -> None:
+def test_a_block_that_was_being_written_is_made_again(folder, expected):
     kept = killed_after(folder, 4)
     with (kept / "0_blocks.jsonl").open("ab") as record:
         record.write(b'{"start": 3000, "ru')
@@ -199,7 +194,7 @@ def test_a_block_that_was_being_written_is_made_again(folder: Path, expected: xr
     assert_same(runs(folder), expected)  # from the record, which is whole again
 
 
-def test_a_damaged_block_is_found_and_made_again(folder: Path, expected: xr.Dataset) -> None:
+def test_a_damaged_block_is_found_and_made_again(folder, expected):
     kept = killed_after(folder, 4)
     first, second = (kept / "0_blocks.jsonl").read_text().splitlines()
     wrong = {**json.loads(second), "crc32": 0}
@@ -211,16 +206,14 @@ def test_a_damaged_block_is_found_and_made_again(folder: Path, expected: xr.Data
     )
 
 
-def test_failed_runs_of_blocks_are_made_again_where_asked(
-    folder: Path, expected: xr.Dataset
-) -> None:
+def test_failed_runs_of_blocks_are_made_again_where_asked(folder, expected):
     killed_after(folder, 4)
     again = Interrupted()
     assert_same(runs(folder, progress=again, lost_again=True), expected)
     assert 0 < again.restored[0] < 2 * BLOCK
 
 
-def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder: Path) -> None:
+def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder):
     killed_after(folder, 4)
     (folder / "study.toml").write_text(STUDY.replace("4_500", "5_000"))
     with pytest.raises(CheckpointError, match="runs"):
@@ -228,8 +221,8 @@ def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder: Path) ->
 
 
 def test_a_model_without_known_versions_keeps_runs_for_one_start_alone(
-    folder: Path, expected: xr.Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    folder, expected, monkeypatch
+):
     monkeypatch.setattr(CheckpointFolder, "checkpoint", CheckpointFolder.scratch)
     killed_after(folder, 4)
     again = Interrupted()
@@ -244,13 +237,13 @@ at_most = 8_192
 
 
 @pytest.fixture
-def rounds_folder(folder: Path) -> Path:
+def rounds_folder(folder):
     """Rounds of 512, 512, 1 024, 2 048 and 4 096 runs: the last two go by blocks."""
     (folder / "study.toml").write_text(STUDY.replace("runs = 4_500\n", ROUNDS))
     return folder
 
 
-def test_later_rounds_go_by_blocks_and_are_those_in_memory(rounds_folder: Path) -> None:
+def test_later_rounds_go_by_blocks_and_are_those_in_memory(rounds_folder):
     found = runs(rounds_folder)
     assert not is_in_memory(found.variables["z"])
     assert len({*found["round"].values.tolist()}) == 5
@@ -268,13 +261,13 @@ def test_later_rounds_go_by_blocks_and_are_those_in_memory(rounds_folder: Path) 
 
 
 def test_an_archive_of_rounds_by_blocks_has_the_bytes_of_one_from_memory(
-    rounds_folder: Path,
-) -> None:
+    rounds_folder,
+):
     by_blocks = make(rounds_folder)
     assert make(rounds_folder, limit=10**6, fresh=True) == by_blocks
 
 
-def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder: Path) -> None:
+def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder):
     killed_after(rounds_folder, 9)  # in the last round; the file of the one before is still open
     again = Interrupted()
     found = runs(rounds_folder, progress=again)
@@ -284,8 +277,8 @@ def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder: Path
 
 @pytest.mark.parametrize("design", [SobolSequence(runs=2**18), Halton(runs=200_001, replicates=3)])
 def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(
-    design: SobolSequence | Halton,
-) -> None:
+    design,
+):
     size = 2**17 if isinstance(design, SobolSequence) else 70_001
     whole = design.draw(np.random.default_rng(3), size, 2)
     between = design.points_between(np.random.default_rng(3), size, 2)
@@ -294,7 +287,7 @@ def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(
 
 
 @pytest.fixture
-def large(folder: Path, expected: xr.Dataset) -> xr.Dataset:
+def large(folder, expected):
     """The runs of an archive, read as one whose runs do not fit the memory."""
     import netCDF4
 
@@ -303,12 +296,12 @@ def large(folder: Path, expected: xr.Dataset) -> xr.Dataset:
         return read_groups(root, LIMIT)["runs/one"].to_dataset(inherit=False)
 
 
-def test_runs_stay_in_the_file_until_they_are_needed(large: xr.Dataset) -> None:
+def test_runs_stay_in_the_file_until_they_are_needed(large):
     lazy = {str(name) for name, each in large.variables.items() if not is_in_memory(each)}
     assert lazy == {"run", "x", "y", "z", "status"}
 
 
-def test_parts_of_runs_are_those_of_the_whole(large: xr.Dataset, expected: xr.Dataset) -> None:
+def test_parts_of_runs_are_those_of_the_whole(large, expected):
     rng = np.random.default_rng(3)
     for part in (slice(1_400, 1_600), rng.permutation(4_500)[:300], rng.random(4_500) < 0.3):
         for name in ("run", "x", "z", "status"):
@@ -318,12 +311,12 @@ def test_parts_of_runs_are_those_of_the_whole(large: xr.Dataset, expected: xr.Da
     assert_same(blocks[0][[*blocks[1].variables]], blocks[1])
 
 
-def test_hashes_do_not_tell_a_file_from_memory(large: xr.Dataset, expected: xr.Dataset) -> None:
+def test_hashes_do_not_tell_a_file_from_memory(large, expected):
     both = [group_hashes(xr.DataTree.from_dict({"/": each})) for each in (large, expected)]
     assert both[0] == both[1]
 
 
-def test_a_difference_of_one_run_among_many_is_found(large: xr.Dataset) -> None:
+def test_a_difference_of_one_run_among_many_is_found(large):
     other = large.compute()
     other["z"].values[3_700] = 5.0
     (line,) = diff_runs(large, other).outputs
@@ -331,7 +324,7 @@ def test_a_difference_of_one_run_among_many_is_found(large: xr.Dataset) -> None:
     assert line.endswith("and 5.0; 1 run differs")
 
 
-def test_a_table_of_runs_by_parts_is_the_whole_one(folder: Path) -> None:
+def test_a_table_of_runs_by_parts_is_the_whole_one(folder):
     make(folder)
     tree = uqpen.open_archive(folder / "study.nc")
     parts = [*run_table_parts(tree)]

@@ -1,10 +1,6 @@
 """Kept folders of runs are read again by corrected readings, without a run."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,7 +27,7 @@ RIGHT, WRONG = r"result (\S+)", r"resutl (\S+)"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with a program that counts its runs."""
     solver = tmp_path / "solver"
     solver.write_text(f"#!/bin/sh\necho run >> {tmp_path}/calls\necho result $1\n")
@@ -39,20 +35,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def made(folder: Path, pattern: str, keep: str = "failed", **options: Any) -> uqpen.Archive:
+def made(folder, pattern, keep="failed", **options):
     text = STUDY.format(pattern=pattern, keep=keep)
     study = uqpen.parse_study(text, folder=folder, name="deck")
     return uqpen.make_archive(study, folder / "deck.nc", **options)
 
 
-def calls(folder: Path) -> int:
+def calls(folder):
     """The number of runs since the last question."""
     lines = (folder / "calls").read_text().splitlines() if (folder / "calls").exists() else []
     (folder / "calls").unlink(missing_ok=True)
     return len(lines)
 
 
-def test_a_corrected_pattern_costs_no_run(folder: Path) -> None:
+def test_a_corrected_pattern_costs_no_run(folder):
     with pytest.raises(FirstRunsFailedError, match="deck_runs"):
         made(folder, WRONG)
     assert calls(folder) == 10
@@ -69,7 +65,7 @@ def test_a_corrected_pattern_costs_no_run(folder: Path) -> None:
     assert read == (folder / "deck.nc").read_bytes()
 
 
-def test_folders_of_another_program_are_not_read(folder: Path) -> None:
+def test_folders_of_another_program_are_not_read(folder):
     with pytest.raises(FirstRunsFailedError):
         made(folder, WRONG)
     calls(folder)
@@ -80,7 +76,7 @@ def test_folders_of_another_program_are_not_read(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["", "[]", '{"made_by": 1}', "{"])
-def test_a_folder_without_a_record_is_made_again(folder: Path, damage: str) -> None:
+def test_a_folder_without_a_record_is_made_again(folder, damage):
     made(folder, RIGHT, keep="all")
     calls(folder)
     for kept in sorted((folder / "deck_runs").iterdir())[:3]:
@@ -89,7 +85,7 @@ def test_a_folder_without_a_record_is_made_again(folder: Path, damage: str) -> N
     assert calls(folder) == 3
 
 
-def test_finished_runs_without_a_folder_are_not_thrown_away(folder: Path) -> None:
+def test_finished_runs_without_a_folder_are_not_thrown_away(folder):
     fail = "case $1 in 7*) exit 1;; esac\n"
     script = (folder / "solver").read_text()
     (folder / "solver").write_text(script.replace("echo result", f"{fail}echo result"))
@@ -104,7 +100,7 @@ def test_finished_runs_without_a_folder_are_not_thrown_away(folder: Path) -> Non
     made(folder, RIGHT, read_again=True, fresh=True)
 
 
-def test_only_programs_have_folders(tmp_path: Path) -> None:
+def test_only_programs_have_folders(tmp_path):
     (tmp_path / "study.toml").write_text(
         'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n'
         + "".join(f"x{i} = {{ uniform = {{ lower = -3, upper = 3 }} }}\n" for i in (1, 2, 3))

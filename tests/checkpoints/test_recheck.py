@@ -1,7 +1,5 @@
 """Runs that would be taken are made again first: changes of a model that its files do not show."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -9,12 +7,10 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -44,71 +40,64 @@ def simulate(x, y):
         raise ZeroDivisionError(f"another cause at {x}")
     return {"z": x * y * hidden + (random.random() if hidden == 5 else 0)}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 ASKED = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 EQUAL = "model.py is the same; 30 of 30 runs made again are equal"
 
 
-class Told(Progress):
-    """What a user is told."""
+class Recorded(Progress):
+    """What a user is shown."""
 
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-        self.steps: list[str] = []
+    def __init__(self):
+        self.texts = []
+        self.steps = []
         self.reused = self.restored = 0
 
-    def inform(self, text: str) -> None:
+    def inform(self, text):
         self.texts.append(text.replace("\u202f", " "))
 
-    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+    def start_step(self, name, number=0, total=0):
         self.steps.append(name)
 
-    def count_reused(self, runs: int, place: str) -> None:
+    def count_reused(self, runs, place):
         self.reused += runs
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.restored += runs
 
-    def warn(self, text: str) -> None:
+    def warn(self, text):
         self.texts.append(text)
 
 
 class Studies:
     """A study in a folder, whose model depends on what its files do not show."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
-        self.told = Told()
+        self.reported = Recorded()
         (folder / "model.py").write_text(MODEL)
         self.hide(2)
 
-    def hide(self, size: int) -> None:
+    def hide(self, size):
         """Change the model: the size of a file."""
         (self.folder / "hidden").write_text("x" * size)
 
-    def make(self, text: str = STUDY, name: str = "study.nc", **options: Any) -> bytes:
-        self.told = Told()
+    def make(self, text=STUDY, name="study.nc", **options):
+        self.reported = Recorded()
         (self.folder / "study.toml").write_text(text)
         study = uqpen.load_study(self.folder / "study.toml")
         path = self.folder / name
-        uqpen.make_archive(study, path, progress=self.told, **options)
+        uqpen.make_archive(study, path, progress=self.reported, **options)
         return path.read_bytes()
 
-    def stop(self, calls: int, text: str = STUDY, **options: Any) -> str:
-        """Make an archive that is interrupted at a call, and what is told of it."""
+    def stop(self, calls, text=STUDY, **options):
+        """Make an archive that is interrupted at a call, and what is reported of it."""
         (self.folder / "calls").write_text("")
         (self.folder / f"stop_{calls}").touch()
         with pytest.raises(KeyboardInterrupt) as interrupted:
@@ -116,19 +105,19 @@ class Studies:
         (self.folder / f"stop_{calls}").unlink()
         return str(interrupted.value)
 
-    def calls(self) -> list[int]:
+    def calls(self):
         """The sizes of the calls since the last look."""
         found = (self.folder / "calls").read_text().split()
         (self.folder / "calls").write_text("")
         return [*map(int, found)]
 
-    def log(self, line: str) -> None:
+    def log(self, line):
         with (self.folder / "study.nc.log").open("a") as stream:
             stream.write(f"2026-11-23T12:00:00.000+00:00 {line}\n")
 
 
 @pytest.fixture(autouse=True)
-def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
+def _slow(monkeypatch):
     """Runs are sent and kept one by one, as those are that take a second each."""
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
@@ -138,45 +127,47 @@ def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def studies(tmp_path: Path) -> Studies:
+def studies(tmp_path):
     return Studies(tmp_path)
 
 
 @pytest.fixture
-def made(studies: Studies) -> Studies:
+def made(studies):
     """A folder with the archive of the study."""
     studies.make()
     return studies
 
 
-def test_an_archive_stays_only_if_its_runs_are_the_same(made: Studies) -> None:
+def test_an_archive_stays_only_if_its_runs_are_the_same(made):
     before = (made.folder / "study.nc").stat().st_mtime_ns
     made.make()
-    assert [text.rpartition("study.nc: ")[2] for text in made.told.texts] == [
+    assert [text.rpartition("study.nc: ")[2] for text in made.reported.texts] == [
         EQUAL,
         "nothing has changed, so it stays as it is",
     ]
-    assert made.told.steps == ["making finished runs again, for comparison"]
+    assert made.reported.steps == ["making finished runs again, for comparison"]
     assert (made.folder / "study.nc").stat().st_mtime_ns == before
     made.hide(3)
     changed = made.make()
-    [told] = made.told.texts
-    assert "study.nc: its runs are not taken: one: z of run " in told
-    assert "\n  the model has changed in a way that its files do not show, or its results " in told
-    assert told.endswith("\ntake them nevertheless with --no-recheck")
-    assert made.told.reused == 0
+    [reported] = made.reported.texts
+    assert "study.nc: its runs are not taken: one: z of run " in reported
+    assert (
+        "\n  the model has changed in a way that its files do not show, or its results " in reported
+    )
+    assert reported.endswith("\ntake them nevertheless with --no-recheck")
+    assert made.reported.reused == 0
     assert changed == made.make(name="afresh.nc", fresh=True)
 
 
-def test_equal_runs_leave_the_archive_as_if_all_were_made_here(made: Studies) -> None:
+def test_equal_runs_leave_the_archive_as_if_all_were_made_here(made):
     taken = made.make(ASKED)
-    assert made.told.texts[0].endswith(EQUAL)
-    assert made.told.reused == 30
+    assert made.reported.texts[0].endswith(EQUAL)
+    assert made.reported.reused == 30
     assert taken == made.make(ASKED, "afresh.nc", fresh=True)
     assert "runs made again are equal" in (made.folder / "study.nc.log").read_text()
 
 
-def test_a_named_archive_of_other_runs_is_an_error(made: Studies) -> None:
+def test_a_named_archive_of_other_runs_is_an_error(made):
     made.hide(3)
     named = [made.folder / "study.nc"]
     with pytest.raises(CheckpointError, match="its runs are not taken: one: z of run") as refused:
@@ -185,13 +176,13 @@ def test_a_named_archive_of_other_runs_is_an_error(made: Studies) -> None:
     assert str(refused.value).endswith(last)
     assert not (made.folder / "new.nc").exists()
     made.make(ASKED, "new.nc", reuse=named, recheck=False)
-    assert made.told.reused == 30
-    assert "no run is made again, as asked by --no-recheck" in made.told.texts[0]
+    assert made.reported.reused == 30
+    assert "no run is made again, as asked by --no-recheck" in made.reported.texts[0]
     new = open_archive(made.folder / "new.nc")
     assert new.attrs[REUSED_RUNS] == f"one: {NOT_MADE_AGAIN}"
 
 
-def test_an_archive_says_that_no_run_was_made_again_until_some_are(made: Studies) -> None:
+def test_an_archive_says_that_no_run_was_made_again_until_some_are(made):
     made.make(ASKED, "new.nc", reuse=[made.folder / "study.nc"], recheck=False)
     checks = {
         each.name: each
@@ -203,7 +194,7 @@ def test_an_archive_says_that_no_run_was_made_again_until_some_are(made: Studies
     assert again == made.make(ASKED, "afresh.nc", fresh=True)
 
 
-def test_finished_runs_are_never_thrown_away(studies: Studies) -> None:
+def test_finished_runs_are_never_thrown_away(studies):
     whole = studies.make(name="whole.nc")
     studies.stop(21)
     parts = sorted((studies.folder / "study.nc.parts").rglob("*.npz"))
@@ -218,19 +209,19 @@ def test_finished_runs_are_never_thrown_away(studies: Studies) -> None:
     assert sorted((studies.folder / "study.nc.parts").rglob("*.npz")) == parts != []
     studies.hide(2)
     assert studies.make() == whole
-    assert studies.told.restored == 20
-    assert "20 of 20 runs made again are equal" in studies.told.texts[0]
+    assert studies.reported.restored == 20
+    assert "20 of 20 runs made again are equal" in studies.reported.texts[0]
 
 
-def test_finished_runs_that_are_not_made_again_are_named(studies: Studies) -> None:
+def test_finished_runs_that_are_not_made_again_are_named(studies):
     studies.stop(21)
     studies.make(recheck=False)
-    assert studies.told.restored == 20
+    assert studies.reported.restored == 20
     tree = open_archive(studies.folder / "study.nc")
     assert tree.attrs[REUSED_RUNS] == f"one: {NOT_MADE_AGAIN}"
 
 
-def test_runs_that_were_set_aside_are_made_again_too(studies: Studies) -> None:
+def test_runs_that_were_set_aside_are_made_again_too(studies):
     studies.stop(21)
     more = STUDY.replace("runs = 30", "runs = 40")
     studies.hide(3)
@@ -238,12 +229,12 @@ def test_runs_that_were_set_aside_are_made_again_too(studies: Studies) -> None:
         studies.make(more)
     studies.hide(2)
     studies.make(more)
-    assert "20 of 20 runs made again are equal" in studies.told.texts[0]
-    assert studies.told.reused == 20
+    assert "20 of 20 runs made again are equal" in studies.reported.texts[0]
+    assert studies.reported.reused == 20
 
 
 @pytest.mark.parametrize("stop_by", ["SIGINT", "SIGKILL"])
-def test_an_interruption_meanwhile_loses_nothing(studies: Studies, stop_by: str) -> None:
+def test_an_interruption_meanwhile_loses_nothing(studies, stop_by):
     whole = studies.make(name="whole.nc")
     studies.stop(21)
     if stop_by == "SIGINT":
@@ -259,43 +250,43 @@ def test_an_interruption_meanwhile_loses_nothing(studies: Studies, stop_by: str)
         (studies.folder / "stop_7").unlink()
     assert len(studies.calls()) == 7
     assert studies.make() == whole
-    assert studies.told.restored == 20
+    assert studies.reported.restored == 20
 
 
-def test_a_model_with_noise_is_not_called_changed(studies: Studies) -> None:
+def test_a_model_with_noise_is_not_called_changed(studies):
     studies.hide(5)
     studies.make()
     with pytest.raises(CheckpointError) as refused:
         studies.make(ASKED, "new.nc", reuse=[studies.folder / "study.nc"])
-    told = str(refused.value)
-    assert "its model gives other results for the same inputs:\n  one: z of run" in told
-    assert "at first and" in told
-    assert "when it is made once more" in told
-    assert "changed" not in told
+    reported = str(refused.value)
+    assert "its model gives other results for the same inputs:\n  one: z of run" in reported
+    assert "at first and" in reported
+    assert "when it is made once more" in reported
+    assert "changed" not in reported
     studies.make(ASKED, "new.nc", reuse=[studies.folder / "study.nc"], recheck=False)
-    assert studies.told.reused == 30
+    assert studies.reported.reused == 30
 
 
-def test_a_run_of_failed_ones_has_to_fail_alike(studies: Studies) -> None:
+def test_a_run_of_failed_ones_has_to_fail_alike(studies):
     text = STUDY + "[failures]\nstop_after = 0\n"
     asked = ASKED + "[failures]\nstop_after = 0\n"
     studies.hide(7)
     studies.make(text)
     studies.make(asked)
-    assert "1 of 30 runs made again is equal" in studies.told.texts[0]
+    assert "1 of 30 runs made again is equal" in studies.reported.texts[0]
     studies.hide(8)
     studies.make(text)
     expected = r"one: run \d+ was failed \(ValueError: no .* is failed \(ZeroDivisionError: another"
-    assert re.search(expected, studies.told.texts[0])
+    assert re.search(expected, studies.reported.texts[0])
 
 
-def test_a_run_that_fails_now_is_another_one(made: Studies) -> None:
+def test_a_run_that_fails_now_is_another_one(made):
     made.hide(9)
     made.make()
-    assert " was ok, and is failed (ZeroDivisionError: another cause" in made.told.texts[0]
+    assert " was ok, and is failed (ZeroDivisionError: another cause" in made.reported.texts[0]
 
 
-def test_runs_that_ended_by_the_machine_are_never_made_again(made: Studies) -> None:
+def test_runs_that_ended_by_the_machine_are_never_made_again(made):
     tree = open_archive(made.folder / "study.nc")
     late = tree["runs/one"]["status"].values
     late[5:25] = Status.TIMED_OUT
@@ -303,21 +294,21 @@ def test_runs_that_ended_by_the_machine_are_never_made_again(made: Studies) -> N
     tree["runs/one"]["z"].values[5:] = np.nan
     write(tree, made.folder / "late.nc")
     made.make(ASKED, "new.nc", reuse=[made.folder / "late.nc"])
-    assert "; 5 of 30 runs made again are equal" in made.told.texts[0]
+    assert "; 5 of 30 runs made again are equal" in made.reported.texts[0]
 
 
 COSTLY = "one: the first runs took 7200.000 s"
 
 
-def test_costly_runs_are_not_made_again_unless_asked(made: Studies) -> None:
+def test_costly_runs_are_not_made_again_unless_asked(made):
     made.log(COSTLY)
     made.calls()
     made.make()
     expected = "no run is made again, as that takes 120 min; --recheck makes one nevertheless"
-    assert made.told.texts[0].endswith(f"model.py is the same; {expected}")
+    assert made.reported.texts[0].endswith(f"model.py is the same; {expected}")
     assert made.calls() == []
     made.make(recheck=True)
-    assert made.told.texts[0].endswith(EQUAL)
+    assert made.reported.texts[0].endswith(EQUAL)
 
 
 @pytest.mark.parametrize(
@@ -332,80 +323,76 @@ def test_costly_runs_are_not_made_again_unless_asked(made: Studies) -> None:
     ],
 )
 def test_whether_runs_are_costly_depends_on_what_is_left(
-    made: Studies, seconds: int, workers: int, runs: int, is_made_again: bool
-) -> None:
+    made, seconds, workers, runs, is_made_again
+):
     made.log(f"one: the first runs took {seconds}.000 s")
     made.log(f"one: 30 runs in {30 * seconds / workers:.3f} s, 0 of them failed")
     made.make(ASKED.replace("runs = 30", f"runs = {runs}"))
-    assert ("runs made again are equal" in made.told.texts[0]) == is_made_again
+    assert ("runs made again are equal" in made.reported.texts[0]) == is_made_again
     attributes = open_archive(made.folder / "study.nc").attrs
     assert (attributes.get(REUSED_RUNS) is None) == is_made_again
 
 
 @pytest.mark.parametrize(("seconds", "is_made_again"), [(9, True), (11, False)])
-def test_where_nothing_is_made_less_is_costly(
-    made: Studies, seconds: int, is_made_again: bool
-) -> None:
+def test_where_nothing_is_made_less_is_costly(made, seconds, is_made_again):
     made.log(f"one: the first runs took {seconds}.000 s")
     made.make()
-    assert ("made again are equal" in made.told.texts[0]) == is_made_again
+    assert ("made again are equal" in made.reported.texts[0]) == is_made_again
 
 
-def test_the_log_has_the_time_of_the_first_runs(made: Studies) -> None:
+def test_the_log_has_the_time_of_the_first_runs(made):
     assert "one: the first runs took 0." in (made.folder / "study.nc.log").read_text()
 
 
 @pytest.mark.parametrize(("factor", "is_taken"), [(1 + 1e-12, True), (1 + 1e-6, False)])
-def test_runs_of_other_versions_are_equal_within_a_tolerance(
-    made: Studies, factor: float, is_taken: bool
-) -> None:
+def test_runs_of_other_versions_are_equal_within_a_tolerance(made, factor, is_taken):
     tree = open_archive(made.folder / "study.nc")
     tree.attrs["version_numpy"] = "0.1"
     tree["runs/one"]["z"].values[:] *= factor
     write(tree, made.folder / "old.nc")
     if is_taken:
         made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
-        assert "30 of 30 runs made again are equal within 1e-09" in made.told.texts[0]
+        assert "30 of 30 runs made again are equal within 1e-09" in made.reported.texts[0]
     else:
         with pytest.raises(CheckpointError, match=r"by up to [0-9.]+e-07 of the largest value"):
             made.make(STUDY, "new.nc", reuse=[made.folder / "old.nc"])
 
 
-def test_of_a_vectorised_function_a_whole_batch_is_made_again(studies: Studies) -> None:
+def test_of_a_vectorised_function_a_whole_batch_is_made_again(studies):
     text = VECTORIZED.replace("runs = 30", "runs = 2_500")
     studies.make(text)
     studies.calls()
     studies.make(text)
     assert studies.calls() == [1024]
-    assert "1 024 of 2 500 runs made again are equal" in studies.told.texts[0]
+    assert "1 024 of 2 500 runs made again are equal" in studies.reported.texts[0]
     studies.hide(3)
     studies.make(text)
-    assert "its runs are not taken" in studies.told.texts[0]
+    assert "its runs are not taken" in studies.reported.texts[0]
 
 
-def test_runs_that_are_not_kept_are_compared_by_the_hash_of_a_batch(studies: Studies) -> None:
+def test_runs_that_are_not_kept_are_compared_by_the_hash_of_a_batch(studies):
     text = STUDY.replace("[designs.one]", "[designs.one]\nkeep = 'statistics'")
     studies.make(text)
     studies.make(text)
-    assert studies.told.texts[0].endswith(EQUAL)
+    assert studies.reported.texts[0].endswith(EQUAL)
     studies.hide(3)
     studies.make(text)
-    assert "its runs are not taken: one: runs 0 to 29 are others now\n" in studies.told.texts[0]
+    assert "its runs are not taken: one: runs 0 to 29 are others now\n" in studies.reported.texts[0]
     studies.hide(5)
     studies.make(text)
     studies.make(text)
-    assert "gives other results for the same inputs\ntake" in studies.told.texts[0]
+    assert "gives other results for the same inputs\ntake" in studies.reported.texts[0]
 
 
-def test_runs_that_the_study_would_not_make_are_not_made_again(made: Studies) -> None:
+def test_runs_that_the_study_would_not_make_are_not_made_again(made):
     other = STUDY.replace("seed = 11", "seed = 12")
     made.calls()
     made.make(other, "new.nc", reuse=[made.folder / "study.nc"])
     assert len(made.calls()) == 30
-    assert made.told.steps[0] != "making finished runs again, for comparison"
+    assert made.reported.steps[0] != "making finished runs again, for comparison"
 
 
-def test_only_the_runs_of_the_model_that_differs_are_refused(studies: Studies) -> None:
+def test_only_the_runs_of_the_model_that_differs_are_refused(studies):
     start, end = STUDY.index("python"), STUDY.index("[inputs]")
     model = STUDY[start:end]
     other = model.replace("model.py", "other.py")
@@ -415,29 +402,29 @@ def test_only_the_runs_of_the_model_that_differs_are_refused(studies: Studies) -
     text = text.replace('"(0 ± 1) m"', '"0 ± 1"')
     studies.make(text)
     studies.make(text)
-    assert [each.partition("study.nc: ")[2] for each in studies.told.texts[:2]] == [
+    assert [each.partition("study.nc: ")[2] for each in studies.reported.texts[:2]] == [
         f"a: {EQUAL}",
         "b: other.py is the same; 30 of 30 runs made again are equal",
     ]
     studies.hide(3)
     studies.make(text)
-    assert studies.told.reused == 30
+    assert studies.reported.reused == 30
 
 
 @pytest.mark.processor
-def test_the_archive_is_the_same_with_any_number_of_workers(made: Studies) -> None:
+def test_the_archive_is_the_same_with_any_number_of_workers(made):
     archives = {
         made.make(ASKED, f"{workers}.nc", workers=workers, reuse=[made.folder / "study.nc"])
         for workers in (1, 2, 3)
     }
     assert len(archives) == 1
-    assert "runs made again are equal" in made.told.texts[0]
+    assert "runs made again are equal" in made.reported.texts[0]
     made.hide(3)
     with pytest.raises(CheckpointError, match="its runs are not taken"):
         made.make(ASKED, "new.nc", workers=2, reuse=[made.folder / "study.nc"])
 
 
-def test_kept_folders_of_a_program_stay_as_they_are(studies: Studies) -> None:
+def test_kept_folders_of_a_program_stay_as_they_are(studies):
     program = studies.folder / "program.py"
     program.write_text("import sys\nprint('z =', float(sys.argv[1]) ** 2)\n")
     text = f"""\
@@ -456,20 +443,18 @@ runs = 3
 """
     studies.make(text)
 
-    def kept() -> dict[Path, int]:
+    def kept():
         found = [each for each in studies.folder.rglob("*") if "_runs" in str(each)]
         return {each: each.stat().st_mtime_ns for each in found}
 
     before = kept()
     assert len(before) > 3
     studies.make(text)
-    assert "3 of 3 runs made again are equal" in studies.told.texts[0]
+    assert "3 of 3 runs made again are equal" in studies.reported.texts[0]
     assert kept() == before
 
 
-def test_the_command_takes_runs_as_they_are_if_asked(
-    made: Studies, command_line: Callable[..., Any]
-) -> None:
+def test_the_command_takes_runs_as_they_are_if_asked(made, command_line):
     made.hide(3)
     outcome = command_line("study", "study.toml", "-o", "b.nc", "--reuse", "study.nc")
     assert outcome.code == 2
@@ -544,13 +529,13 @@ from uqpen.core.progress import Progress
 
 recheck._AT_MOST = 1e9  # on any machine, all are made again
 
-class Told(Progress):
+class Recorded(Progress):
     def inform(self, text): texts.append(text)
     def warn(self, text): texts.append(text)
 
 root, name = pathlib.Path(sys.argv[1]), sys.argv[2]
 sys.path.insert(0, str(root / "on_path"))
-told = {}
+reported = {}
 for pair, state in json.loads(sys.argv[3]).items():
     sine, precision, texts = math.sin, decimal.getcontext().prec, []
     exec(state)
@@ -558,30 +543,24 @@ for pair, state in json.loads(sys.argv[3]).items():
     reuse = [] if name == "first.nc" else [folder / "first.nc"]
     try:
         study = uqpen.load_study(folder / "study.toml")
-        uqpen.make_archive(study, folder / name, progress=Told(), reuse=reuse)
+        uqpen.make_archive(study, folder / name, progress=Recorded(), reuse=reuse)
     except UqpenError as error:
         texts.append(f"{type(error).__name__}: {error}")
     math.sin, decimal.getcontext().prec = sine, precision
-    told[pair] = texts
-print(json.dumps(told))
+    reported[pair] = texts
+print(json.dumps(reported))
 """
-ONE_INPUT = """\
-seed = 11
-[model]
-python = "m.py:f"
-inputs = { x = "1" }
-outputs = { z = "1" }
-[inputs]
-x = "1 ± 1"
-[designs.one]
-kind = "monte-carlo"
-runs = 8
-"""
+ONE_INPUT = study_text(
+    {"python": "m.py:f", "inputs": {"x": "1"}, "outputs": {"z": "1"}},
+    seed=11,
+    inputs={"x": "1 ± 1"},
+    designs={"one": {"kind": "monte-carlo", "runs": 8}},
+)
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[str]]]:
-    """What is told of each pair: made, taken without a change, taken after the change."""
+def reported(tmp_path_factory):
+    """What is reported of each pair: made, taken without a change, taken after the change."""
     root = tmp_path_factory.mktemp("pairs")
     pairs = {name: each for name, each in PAIRS.items() if name != "library" or shutil.which("cc")}
     for name, (model, *_) in pairs.items():
@@ -589,7 +568,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[s
         (root / name / "m.py").write_text(model)
         (root / name / "study.toml").write_text(ONE_INPUT)
 
-    def process(state: int, archive: str) -> dict[str, list[str]]:
+    def process(state, archive):
         states = {}
         for name, (_, *rest) in pairs.items():
             if isinstance(rest[0], tuple):
@@ -606,8 +585,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[s
         shutil.make_archive(str(root / "zip" / "z"), "zip", root / "zip", "helper_zip.py")
         command = [sys.executable, "-c", DRIVER, str(root), archive, json.dumps(states)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-        found: dict[str, list[str]] = json.loads(done.stdout.splitlines()[-1])
-        return found
+        return json.loads(done.stdout.splitlines()[-1])
 
     made = process(0, "first.nc")
     again = process(0, "same.nc")
@@ -619,14 +597,12 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[s
 
 
 @pytest.mark.parametrize("pair", PAIRS)
-def test_a_changed_model_is_met_and_an_unchanged_one_is_not(
-    told: dict[str, dict[str, list[str]]], pair: str
-) -> None:
-    if pair not in told["made"]:
+def test_a_changed_model_is_met_and_an_unchanged_one_is_not(reported, pair):
+    if pair not in reported["made"]:
         pytest.skip("no C compiler")
-    assert told["made"][pair] == []
-    [same, *bytes_] = told["same"][pair]
-    changed = told["changed"][pair][-1]
+    assert reported["made"][pair] == []
+    [same, *bytes_] = reported["same"][pair]
+    changed = reported["changed"][pair][-1]
     if pair == "noise":
         assert "gives other results for the same inputs" in same
         assert "gives other results for the same inputs" in changed

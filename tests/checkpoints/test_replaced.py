@@ -1,16 +1,10 @@
-"""An archive that is made again with other designs: the user is told which runs are not kept."""
-
-from __future__ import annotations
-
-from pathlib import Path
+"""An archive that is made again with other designs: the user is shown which runs are not kept."""
 
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.checkpoints.make_archive import runs_not_kept
 from uqpen.execution import Progress
-from uqpen.study.study import ValidatedStudy
 
 HEAD = """\
 seed = {seed}
@@ -29,20 +23,20 @@ BLOCKS = '[designs.d]\nkind = "saltelli"\nreplicates = 2\n'
 
 
 class Information(Progress):
-    """What a user is told before anything runs."""
+    """What a user is shown before anything runs."""
 
-    def __init__(self) -> None:
-        self.texts: list[str] = []
+    def __init__(self):
+        self.texts = []
 
-    def inform(self, text: str) -> None:
+    def inform(self, text):
         self.texts.append(text)
 
 
-def parse(design: str, *, seed: int = 1, upper: int = 3) -> ValidatedStudy:
+def parse(design, *, seed=1, upper=3):
     return uqpen.parse_study(HEAD.format(seed=seed, upper=upper) + design)
 
 
-def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
+def reported(archive, study):
     return [f"{name}: {text}" for name, text in runs_not_kept(study, archive).items()]
 
 
@@ -84,18 +78,18 @@ def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
         ),
     ],
 )
-def test_runs_that_are_not_kept_are_told(earlier: str, now: str, text: str) -> None:
+def test_runs_that_are_not_kept_are_reported(earlier, now, text):
     archive = uqpen.run(parse(earlier))
-    assert told(archive, parse(now)) == ([text] if text else [])
+    assert reported(archive, parse(now)) == ([text] if text else [])
 
 
 @pytest.mark.parametrize("change", [{"seed": 2}, {"upper": 2}], ids=str)
-def test_nothing_is_advised_where_all_points_are_others(change: dict[str, int]) -> None:
+def test_nothing_is_advised_where_all_points_are_others(change):
     archive = uqpen.run(parse(HYPERCUBES + "runs = 40"))
-    assert told(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
+    assert reported(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
 
 
-def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
+def test_the_code_of_an_archive_is_not_executed(tmp_path):
     code = "from uqpen import MonteCarlo\nclass Mine(MonteCarlo): pass\n"
     (tmp_path / "mine.py").write_text(code, encoding="utf-8")
     earlier, now = (
@@ -106,13 +100,13 @@ def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
     study = uqpen.parse_study(now, folder=tmp_path)
     (tmp_path / "mine.py").write_text("raise RuntimeError('executed')\n", encoding="utf-8")
     text = "d: it is not known how many of its 20 earlier runs it uses"
-    assert told(archive, study) == [text]
+    assert reported(archive, study) == [text]
 
 
-def test_it_is_told_before_the_archive_is_replaced(tmp_path: Path) -> None:
+def test_it_is_reported_before_the_archive_is_replaced(tmp_path):
     progress, path = Information(), tmp_path / "study.nc"
     for runs in (40, 60):
         uqpen.make_archive(parse(f"{HYPERCUBES}runs = {runs}"), path, progress=progress)
-    told_of = [text for text in progress.texts if text.startswith("d: ")]
-    assert [text[:40] for text in told_of] == ["d: 40 of its 40 earlier runs are not use"]
+    reported_of = [text for text in progress.texts if text.startswith("d: ")]
+    assert [text[:40] for text in reported_of] == ["d: 40 of its 40 earlier runs are not use"]
     assert "d: 40 of its 40" in (tmp_path / "study.nc.log").read_text(encoding="utf-8")

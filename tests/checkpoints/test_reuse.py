@@ -1,16 +1,13 @@
 """Runs that earlier studies have made, and that no study makes again."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -34,76 +31,69 @@ def simulate(x, y):
         stream.write(f"{getattr(x, 'size', 1)}\\n")
     return {"z": 1 / (x > -1) * x * y}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-inputs = { x = "1", y = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-[designs.one]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 
 
-class Told(Progress):
-    """What a user is told of earlier runs."""
+class Recorded(Progress):
+    """What a user is shown of earlier runs."""
 
-    def __init__(self, calls: Path | None = None) -> None:
+    def __init__(self, calls=None):
         self.calls = calls
-        self.reused: list[tuple[int, str]] = []
-        self.texts: list[str] = []
-        self.warnings: list[str] = []
+        self.reused = []
+        self.texts = []
+        self.warnings = []
 
-    def announce_designs(self, runs: Mapping[str, int]) -> None:
+    def announce_designs(self, runs):
         if self.calls:  # those before were made for comparison
             self.calls.write_text("")
 
-    def count_reused(self, runs: int, place: str) -> None:
+    def count_reused(self, runs, place):
         self.reused.append((runs, Path(place).name))
 
-    def inform(self, text: str) -> None:
+    def inform(self, text):
         self.texts.append(text)
 
-    def warn(self, text: str) -> None:
+    def warn(self, text):
         self.warnings.append(text)
 
 
 class Studies:
     """Studies in a folder, whose model writes down its calls."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
-        self.told = Told()
+        self.reported = Recorded()
         (folder / "model.py").write_text(MODEL)
 
-    def make(self, text: str, name: str = "study.nc", **options: Any) -> list[int]:
+    def make(self, text, name="study.nc", **options):
         """The sizes of the calls that the archive of a study takes, beside those for comparison."""
         calls = self.folder / "calls"
         calls.write_text("")
-        self.told = Told(calls)
+        self.reported = Recorded(calls)
         (self.folder / "study.toml").write_text(text)
         study = uqpen.load_study(self.folder / "study.toml")
-        uqpen.make_archive(study, self.folder / name, progress=self.told, **options)
-        if "nothing has changed" in "".join(self.told.texts):
+        uqpen.make_archive(study, self.folder / name, progress=self.reported, **options)
+        if "nothing has changed" in "".join(self.reported.texts):
             return []
         return [int(size) for size in calls.read_text().split()]
 
-    def is_as_afresh(self, text: str) -> bool:
+    def is_as_afresh(self, text):
         """Whether the archive has the bytes of one whose runs are all made."""
         self.make(text, "afresh.nc", fresh=True)
         return self.bytes() == self.bytes("afresh.nc")
 
-    def bytes(self, name: str = "study.nc") -> bytes:
+    def bytes(self, name="study.nc"):
         return (self.folder / name).read_bytes()
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def archive(tmp_path_factory):
     """The archive of the study."""
     studies = Studies(tmp_path_factory.mktemp("first"))
     assert len(studies.make(STUDY)) == 30
@@ -111,41 +101,39 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.fixture
-def empty(tmp_path: Path) -> Studies:
+def empty(tmp_path):
     return Studies(tmp_path)
 
 
 @pytest.fixture
-def studies(empty: Studies, archive: bytes) -> Studies:
+def studies(empty, archive):
     """A folder with the archive of the study."""
     (empty.folder / "study.nc").write_bytes(archive)
     return empty
 
 
-def test_only_runs_that_are_new_are_made(studies: Studies) -> None:
+def test_only_runs_that_are_new_are_made(studies):
     asked = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
     assert studies.make(asked) == []
-    assert studies.told.reused == [(30, "study.nc")]
+    assert studies.reported.reused == [(30, "study.nc")]
     more = asked.replace("runs = 30", "runs = 50")
     assert len(studies.make(more)) == 20
     assert studies.is_as_afresh(more)
     assert "one: 30 runs were taken from " in (studies.folder / "study.nc.log").read_text()
 
 
-def test_nothing_is_made_where_nothing_has_changed(
-    studies: Studies, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_made_where_nothing_has_changed(studies, monkeypatch):
     monkeypatch.setattr("uqpen.checkpoints.recheck._AT_MOST", 1e9)  # all, on any machine
     before = (studies.folder / "study.nc").stat().st_mtime_ns
     assert studies.make(STUDY) == []
     assert (studies.folder / "study.nc").stat().st_mtime_ns == before
-    compared, unchanged = studies.told.texts
+    compared, unchanged = studies.reported.texts
     assert compared.endswith("study.nc: model.py is the same; 25 of 30 runs made again are equal")
     assert unchanged.endswith("study.nc: nothing has changed, so it stays as it is")
     assert len(studies.make(STUDY, fresh=True)) == 30
 
 
-def test_runs_come_from_any_number_of_archives(empty: Studies) -> None:
+def test_runs_come_from_any_number_of_archives(empty):
     names = ("one", "two", "three")
     for name in names:
         empty.make(STUDY.replace("designs.one", f"designs.{name}"), f"{name}.nc")
@@ -153,20 +141,20 @@ def test_runs_come_from_any_number_of_archives(empty: Studies) -> None:
     text = STUDY + "".join(design.replace("one", name) for name in names[1:])
     others = [empty.folder / f"{name}.nc" for name in names]
     assert empty.make(text, reuse=others) == []
-    assert empty.told.reused == [(30, f"{name}.nc") for name in names]
+    assert empty.reported.reused == [(30, f"{name}.nc") for name in names]
     assert empty.is_as_afresh(text)
 
 
-def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) -> None:
+def test_runs_of_another_version_of_the_model_are_not_taken(studies):
     (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
     with pytest.raises(CheckpointError, match=r"another model:\n  file model\.py has changed\n"):
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
     assert len(studies.make(STUDY)) == 30
-    assert "none of its runs is taken" in studies.told.texts[0]
-    assert studies.told.texts[0].endswith("another model:\n  file model.py has changed")
+    assert "none of its runs is taken" in studies.reported.texts[0]
+    assert studies.reported.texts[0].endswith("another model:\n  file model.py has changed")
 
 
-def kept_archives(studies: Studies) -> list[bytes]:
+def kept_archives(studies):
     """The archives that were kept under another name."""
     return [path.read_bytes() for path in sorted(studies.folder.glob("study.*.nc"))]
 
@@ -183,19 +171,17 @@ def kept_archives(studies: Studies) -> list[bytes]:
         ('x = "0 ± 1"', 'x = "1"'),
     ],
 )
-def test_an_archive_is_kept_whose_runs_the_new_one_lacks(
-    studies: Studies, before: str, after: str
-) -> None:
+def test_an_archive_is_kept_whose_runs_the_new_one_lacks(studies, before, after):
     earlier = studies.bytes()
     studies.make(STUDY.replace(before, after))
     assert kept_archives(studies) == [earlier]
-    assert ": the earlier archive is kept as study." in studies.told.texts[-1]
+    assert ": the earlier archive is kept as study." in studies.reported.texts[-1]
     [kept] = studies.folder.glob("study.*.nc")
     assert studies.make(STUDY, "back.nc", reuse=[kept]) == []
     assert studies.bytes("back.nc") == earlier
 
 
-def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
+def test_an_archive_is_kept_whose_model_has_changed(studies):
     earlier = studies.bytes()
     (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
     studies.make(STUDY)
@@ -208,7 +194,7 @@ def test_an_archive_is_kept_whose_model_has_changed(studies: Studies) -> None:
     assert len(kept_archives(studies)) == 2
 
 
-def test_an_archive_of_statistics_is_kept_whose_points_have_changed(empty: Studies) -> None:
+def test_an_archive_of_statistics_is_kept_whose_points_have_changed(empty):
     text = STUDY.replace("[designs.one]", "[designs.one]\nkeep = 'statistics'")
     text = text.replace('x = "0 ± 1"', 'x = { measured = { file = "x.csv", column = "x" } }')
     asked = text.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
@@ -224,7 +210,7 @@ def test_an_archive_of_statistics_is_kept_whose_points_have_changed(empty: Studi
     assert kept_archives(empty) == [earlier]
 
 
-def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
+def test_an_archive_that_was_edited_is_kept(studies):
     tree = open_archive(studies.folder / "study.nc")
     tree["runs/one"]["z"].values[0] = 0.5
     write_tree(tree, studies.folder / "study.nc")
@@ -242,17 +228,13 @@ def test_an_archive_that_was_edited_is_kept(studies: Studies) -> None:
         (STUDY.replace("seed = 11", "seed = 12"), {"fresh": True}),
     ],
 )
-def test_no_archive_is_kept_where_nothing_is_lost_or_it_is_asked(
-    studies: Studies, text: str, options: dict[str, Any]
-) -> None:
+def test_no_archive_is_kept_where_nothing_is_lost_or_it_is_asked(studies, text, options):
     studies.make(text, **options)
     assert kept_archives(studies) == []
 
 
-def test_an_archive_is_kept_without_links(
-    studies: Studies, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
+def test_an_archive_is_kept_without_links(studies, monkeypatch):
+    def refuse(*_):
         raise OSError
 
     monkeypatch.setattr(Path, "hardlink_to", refuse)
@@ -289,14 +271,14 @@ LOG_LINES = {
 
 
 @pytest.mark.parametrize(("lines", "expected"), LOG_LINES.items(), ids=str)
-def test_the_log_says_whether_runs_were_costly(tmp_path: Path, lines: str, expected: bool) -> None:
+def test_the_log_says_whether_runs_were_costly(tmp_path, lines, expected):
     log = tmp_path / "study.nc.log"
     assert are_costly(log, "study.nc")
     log.write_text("".join(f"2026-11-23T12:00:00.000+00:00 {each}\n" for each in lines.split("|")))
     assert are_costly(log, "study.nc") == expected
 
 
-def test_the_log_says_how_long_the_first_runs_of_a_model_took(tmp_path: Path) -> None:
+def test_the_log_says_how_long_the_first_runs_of_a_model_took(tmp_path):
     log = tmp_path / "study.nc.log"
     assert run_seconds(log, "") is seconds_at_last_pace(log, 10) is None
     lines = [
@@ -314,13 +296,13 @@ def test_the_log_says_how_long_the_first_runs_of_a_model_took(tmp_path: Path) ->
     assert seconds_at_last_pace(log, 10, "three") is None
 
 
-def test_an_archive_whose_runs_are_made_again_at_once_is_not_kept(empty: Studies) -> None:
+def test_an_archive_whose_runs_are_made_again_at_once_is_not_kept(empty):
     empty.make(STUDY)
     empty.make(STUDY.replace("seed = 11", "seed = 12"))
     assert kept_archives(empty) == []
 
 
-def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
+def test_what_runs_have_imported_is_compared_too(empty):
     (empty.folder / "late.py").write_text("factor = 1\n")
     imported = MODEL.replace("x * y", "x * y * __import__('late').factor")
     (empty.folder / "model.py").write_text(imported)
@@ -331,10 +313,10 @@ def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
     assert empty.make(more) == []
     (empty.folder / "late.py").write_text("factor = 2\n")
     assert len(empty.make(more)) == 40
-    assert empty.told.texts[0].endswith("file late.py has changed")
+    assert empty.reported.texts[0].endswith("file late.py has changed")
 
 
-def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies: Studies) -> None:
+def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies):
     tree = open_archive(studies.folder / "study.nc")
     failed = int((tree["runs/one"]["status"] > 0).sum())
     assert 0 < failed < 30
@@ -344,7 +326,7 @@ def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies: Studie
     assert studies.bytes("other.nc") == studies.bytes()
 
 
-def test_whole_batches_of_a_vectorised_function_are_taken(empty: Studies) -> None:
+def test_whole_batches_of_a_vectorised_function_are_taken(empty):
     text = VECTORIZED.replace("runs = 30", "runs = 2_500")
     (empty.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
     assert empty.make(text) == [1024, 1024, 452]
@@ -353,7 +335,7 @@ def test_whole_batches_of_a_vectorised_function_are_taken(empty: Studies) -> Non
     assert empty.is_as_afresh(text.replace("2_500", "3_000"))
 
 
-def test_another_model_runs_at_the_points_of_the_first(empty: Studies) -> None:
+def test_another_model_runs_at_the_points_of_the_first(empty):
     start, end = STUDY.index("python"), STUDY.index("[inputs]")
     model = STUDY[start:end]
     given = model + 'with = { y = "2 m" }\n'
@@ -361,25 +343,25 @@ def test_another_model_runs_at_the_points_of_the_first(empty: Studies) -> None:
     text = STUDY.replace(f"[model]\n{model}", both).replace('"(0 ± 1) m"', '"1 m"')
     assert len(empty.make(text)) == 60, "y has another value in each"
     assert len(empty.make(text.replace('"2 m"', '"3 m"'))) == 30
-    assert empty.told.reused == [(30, "study.nc")]
+    assert empty.reported.reused == [(30, "study.nc")]
     assert empty.is_as_afresh(text.replace('"2 m"', '"3 m"'))
 
 
-def test_a_new_constraint_excludes_points_and_repeats_no_run(studies: Studies) -> None:
+def test_a_new_constraint_excludes_points_and_repeats_no_run(studies):
     text = STUDY.replace("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]')
     assert studies.make(text) == []
     assert studies.is_as_afresh(text)
     assert studies.make(STUDY, "back.nc", reuse=[studies.folder / "study.nc"]) != []
 
 
-def test_a_rule_that_stops_takes_the_runs_that_it_learns_from(empty: Studies) -> None:
+def test_a_rule_that_stops_takes_the_runs_that_it_learns_from(empty):
     (empty.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
     text = STUDY.replace("runs = 30", 'until = { z = { mean = "0.08 m" } }\nat_most = 4096')
     assert len(empty.make(text)) > 512
     assert empty.make("title = 'Again'\n" + text) == []
 
 
-def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies: Studies) -> None:
+def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies):
     old = open_archive(studies.folder / "study.nc")
     old.attrs["version_numpy"] = "0.1"
     write(old, studies.folder / "old.nc")
@@ -395,13 +377,13 @@ def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies: Stu
 
 
 def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(
-    studies: Studies,
-) -> None:
+    studies,
+):
     slow = open_archive(studies.folder / "study.nc")
     lost = slow["runs/one"]["status"].values > Status.INADMISSIBLE
     slow["runs/one"]["status"].values[lost] = Status.TIMED_OUT
     write(slow, studies.folder / "slow.nc")
-    options: dict[str, Any] = {"reuse": [studies.folder / "slow.nc"]}
+    options = {"reuse": [studies.folder / "slow.nc"]}
     assert studies.make(STUDY, "new.nc", **options) == []
     expected = "one: runs that timed out or crashed in an earlier study"
     assert open_archive(studies.folder / "new.nc").attrs[REUSED_RUNS] == expected
@@ -410,7 +392,7 @@ def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(
     assert REUSED_RUNS not in open_archive(studies.folder / "limited.nc").attrs
 
 
-def test_an_archive_that_was_edited_is_refused(studies: Studies) -> None:
+def test_an_archive_that_was_edited_is_refused(studies):
     tree = open_archive(studies.folder / "study.nc")
     tree["runs/one"]["z"].values[0] = 0.5
     edited = studies.folder / "edited.nc"
@@ -422,28 +404,26 @@ def test_an_archive_that_was_edited_is_refused(studies: Studies) -> None:
         studies.make(STUDY, "new.nc", reuse=[edited])
 
 
-def test_runs_may_be_raised_in_an_interrupted_study(
-    empty: Studies, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_may_be_raised_in_an_interrupted_study(empty, monkeypatch):
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     for runs in (30, 40):
         with pytest.raises(KeyboardInterrupt):
             _make_until(empty, STUDY.replace("runs = 30", f"runs = {runs}"), stop=runs - 10)
     more = STUDY.replace("runs = 30", "runs = 50")
     assert len(empty.make(more)) == 20
-    assert empty.told.reused == [(20, "those kept before"), (10, "those kept before")]
+    assert empty.reported.reused == [(20, "those kept before"), (10, "those kept before")]
     assert empty.is_as_afresh(more)
     assert not (empty.folder / "study.nc.parts").exists()
 
 
-def _make_until(studies: Studies, text: str, stop: int) -> None:
-    class Stopped(Told):
+def _make_until(studies, text, stop):
+    class Stopped(Recorded):
         done = 0
 
-        def count_reused(self, runs: int, place: str) -> None:
+        def count_reused(self, runs, place):
             self.done += runs
 
-        def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        def advance(self, runs, failed, in_progress):
             self.done += runs
             if self.done >= stop:
                 raise KeyboardInterrupt
@@ -453,29 +433,29 @@ def _make_until(studies: Studies, text: str, stop: int) -> None:
     uqpen.make_archive(study, studies.folder / "study.nc", progress=Stopped())
 
 
-def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> None:
+def test_a_changed_design_without_a_point_in_common_is_reported(empty):
     cubes = STUDY.replace("monte-carlo", "latin-hypercube")
     changed = cubes.replace("runs = 30", "runs = 40")
     empty.make(cubes)
     assert len(empty.make(changed, "other.nc", reuse=[empty.folder / "study.nc"])) == 40
     expected = "one: none of its 30 earlier runs is at a point of the changed design"
-    assert empty.told.texts == [expected]
+    assert empty.reported.texts == [expected]
     # Of the archive that is replaced, also the settings that would keep them are known.
     assert len(empty.make(changed)) == 40
     expected = "one: 30 of its 30 earlier runs are not used; to use all of them: runs = 39"
-    [told] = empty.told.texts
-    assert told.startswith(expected)
+    [reported] = empty.reported.texts
+    assert reported.startswith(expected)
 
 
-def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:
+def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty):
     with pytest.raises(KeyboardInterrupt):
         _make_until(empty, STUDY, stop=25)
     assert empty.make(STUDY.replace("runs = 30", "runs = 10")) == []
-    assert "still holds runs of one, which this study does not have" in empty.told.warnings[0]
+    assert "still holds runs of one, which this study does not have" in empty.reported.warnings[0]
     assert len(empty.make(STUDY, fresh=True)) == 30
 
 
-def test_a_run_that_was_made_outside_a_study_is_taken(empty: Studies) -> None:
+def test_a_run_that_was_made_outside_a_study_is_taken(empty):
     text = STUDY.replace('"monte-carlo"\nruns = 30', '"one-at-a-time"')
     (empty.folder / "study.toml").write_text(text)
     study = uqpen.load_study(empty.folder / "study.toml")
@@ -487,9 +467,7 @@ def test_a_run_that_was_made_outside_a_study_is_taken(empty: Studies) -> None:
     assert not (empty.folder / "study.nc.parts").exists()
 
 
-def test_the_run_of_a_check_is_taken_where_a_design_has_its_point(
-    empty: Studies, command_line: Callable[..., Any]
-) -> None:
+def test_the_run_of_a_check_is_taken_where_a_design_has_its_point(empty, command_line):
     calls, parts = empty.folder / "calls", empty.folder / "archives" / "study.nc.parts"
     (empty.folder / "study.toml").write_text(STUDY)
     assert "kept for" not in command_line("check", "--try", "study.toml").out
@@ -508,7 +486,7 @@ def test_the_run_of_a_check_is_taken_where_a_design_has_its_point(
     assert not parts.exists()
 
 
-def test_the_command_tells_what_it_takes(empty: Studies, command_line: Callable[..., Any]) -> None:
+def test_the_command_tells_what_it_takes(empty, command_line):
     (empty.folder / "study.toml").write_text(STUDY)
     command_line("study", "study.toml", "-o", "a.nc")
     outcome = command_line("study", "study.toml", "-o", "b.nc", "--reuse", "a.nc")
@@ -526,8 +504,8 @@ points = st.lists(st.tuples(bits, bits), min_size=1, max_size=12)
 
 
 @given(points, points)
-def test_points_are_found_by_their_bits(known: list[Any], wanted: list[Any]) -> None:
-    def columns(rows: list[Any]) -> dict[str, Any]:
+def test_points_are_found_by_their_bits(known, wanted):
+    def columns(rows):
         return dict(zip("xy", np.array(rows, dtype=float).T, strict=True))
 
     texts = [str(row) for row in known]

@@ -1,7 +1,5 @@
 """The commands as their user meets them: what is printed, where, and the exit code."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os
@@ -12,12 +10,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import pytest
+from study_text import study_text
 
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import open_archive
@@ -26,39 +23,27 @@ pytestmark = pytest.mark.slow
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
-SMALL = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-hold = [0.95]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
-
-
-Command = Callable[..., Any]
+SMALL = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5], "hold": [0.95]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 
 
 @pytest.fixture
-def uqpen(command_line: Command, tmp_path: Path) -> Command:
+def uqpen(command_line, tmp_path):
     """The command line beside a small study."""
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
     return command_line
 
 
 class TestStudy:
-    def test_it_writes_an_archive_and_shows_its_tables(self, uqpen: Command) -> None:
+    def test_it_writes_an_archive_and_shows_its_tables(self, uqpen):
         done = uqpen("study", "small.toml")
         assert done.code == 0
         assert Path("archives/small.nc").is_file()
@@ -67,19 +52,19 @@ class TestStudy:
             assert word in done.out
         assert "monte_carlo: 100 runs" in done.err
 
-    def test_it_fits_a_screen_of_80_columns(self, uqpen: Command) -> None:
+    def test_it_fits_a_screen_of_80_columns(self, uqpen):
         done = uqpen("study", "small.toml")
         assert max(map(len, done.out.splitlines())) <= 80
 
-    def test_a_title_is_text_and_no_markup(self, uqpen: Command) -> None:
+    def test_a_title_is_text_and_no_markup(self, uqpen):
         assert "Small [bold]study[/bold]" in uqpen("study", "small.toml").out
 
-    def test_the_archive_goes_where_it_is_told_to(self, uqpen: Command) -> None:
+    def test_the_archive_goes_where_it_is_given(self, uqpen):
         assert uqpen("study", "small.toml", "-o", "deep/er/mine.nc").code == 0
         assert Path("deep/er/mine.nc").is_file()
         assert not Path("archives").exists()
 
-    def test_a_mistake_leaves_with_2_and_writes_nothing(self, uqpen: Command) -> None:
+    def test_a_mistake_leaves_with_2_and_writes_nothing(self, uqpen):
         Path("wrong.toml").write_text(SMALL.replace("runs = 100", "runs = 0"), encoding="utf-8")
         done = uqpen("study", "wrong.toml")
         assert done.code == 2
@@ -89,16 +74,14 @@ class TestStudy:
         assert "Traceback" not in done.err
         assert sorted(path.name for path in Path().iterdir()) == ["small.toml", "wrong.toml"]
 
-    def test_a_destination_that_is_none_is_told_before_any_run(self, uqpen: Command) -> None:
+    def test_a_destination_that_is_none_is_reported_before_any_run(self, uqpen):
         Path("thesis.nc").write_text("years of work")
         done = uqpen("study", "small.toml", "-o", "thesis.nc")
         assert (done.code, done.out) == (2, "")
         assert "not overwritten" in done.err
         assert Path("thesis.nc").read_text() == "years of work"
 
-    def test_a_model_that_goes_elsewhere_does_not_take_the_archive_along(
-        self, uqpen: Command, tmp_path: Path
-    ) -> None:
+    def test_a_model_that_goes_elsewhere_does_not_take_the_archive_along(self, uqpen, tmp_path):
         (tmp_path / "slow.py").write_text(
             "import os\ndef f(x):\n    os.chdir('/')\n    return {'y': x}"
         )
@@ -106,9 +89,7 @@ class TestStudy:
         assert uqpen("study", "slow.toml").code == 0
         assert (tmp_path / "archives" / "slow.nc").is_file()
 
-    def test_a_design_that_lost_every_run_leaves_with_3_and_says_why(
-        self, uqpen: Command, tmp_path: Path
-    ) -> None:
+    def test_a_design_that_lost_every_run_leaves_with_3_and_says_why(self, uqpen, tmp_path):
         (tmp_path / "slow.py").write_text("def f(x):\n    raise ValueError('why \\x1b[31m oh why')")
         (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "10"))
         done = uqpen("study", "slow.toml")
@@ -120,9 +101,7 @@ class TestStudy:
         assert "all runs of a design failed" in done.err
         assert (tmp_path / "archives" / "slow.nc").is_file(), "failed runs are data"
 
-    def test_figures_are_shown_however_long_the_names_are(
-        self, uqpen: Command, tmp_path: Path
-    ) -> None:
+    def test_figures_are_shown_however_long_the_names_are(self, uqpen, tmp_path):
         name = "maximum_principal_stress_at_the_left_support_of_the_beam_under_load_case_two"
         (tmp_path / "slow.py").write_text(f"def f(x): return {{'{name}': 2 + x / 10}}")
         study = SLOW_STUDY.replace("100_000", "10").replace("\ny =", f"\n{name} =")
@@ -134,19 +113,19 @@ class TestStudy:
     @pytest.mark.parametrize(
         "arguments", [("study",), ("study", "a", "b"), ("frob",), ("study", "--frob")]
     )
-    def test_a_wrong_call_leaves_with_2(self, uqpen: Command, arguments: tuple[str, ...]) -> None:
+    def test_a_wrong_call_leaves_with_2(self, uqpen, arguments):
         done = uqpen(*arguments)
         assert done.code == 2
         assert "Usage" in done.err
 
-    def test_a_study_that_is_not_there_is_told(self, uqpen: Command) -> None:
+    def test_a_study_that_is_not_there_is_reported(self, uqpen):
         done = uqpen("study", "absent.toml")
         assert done.code == 2
         assert "absent.toml: cannot be read: No such file" in done.err
 
 
 class TestCheck:
-    def test_it_says_what_would_run_and_runs_nothing(self, uqpen: Command) -> None:
+    def test_it_says_what_would_run_and_runs_nothing(self, uqpen):
         done = uqpen("check", "small.toml")
         assert done.code == 0
         assert "200 runs in all" in done.out
@@ -154,7 +133,7 @@ class TestCheck:
         assert "P(> 5)" in done.out
         assert not Path("archives").exists()
 
-    def test_it_says_what_runs_may_take_and_what_becomes_of_lost_ones(self, uqpen: Command) -> None:
+    def test_it_says_what_runs_may_take_and_what_becomes_of_lost_ones(self, uqpen):
         Path("limited.py").write_text("def f(a):\n    return {'y': a}\n")
         Path("limited.toml").write_text(
             """
@@ -175,7 +154,7 @@ class TestCheck:
         assert "the study stops if more than 5 % of a design's runs fail" in said
         assert "each run may take" not in uqpen("check", "small.toml").out
 
-    def test_a_trial_run_shows_outputs_in_the_units_of_the_study(self, uqpen: Command) -> None:
+    def test_a_trial_run_shows_outputs_in_the_units_of_the_study(self, uqpen):
         Path("tried.py").write_text(
             "def f(a):\n"
             "    if a > 4:\n"
@@ -201,7 +180,7 @@ class TestCheck:
         assert failed.code == 3
         assert "trial run at the nominal inputs: failed\n  ValueError: too long" in failed.out
 
-    def test_a_mistake_leaves_with_2(self, uqpen: Command) -> None:
+    def test_a_mistake_leaves_with_2(self, uqpen):
         Path("wrong.toml").write_text("seed = 1", encoding="utf-8")
         done = uqpen("check", "wrong.toml")
         assert done.code == 2
@@ -209,20 +188,20 @@ class TestCheck:
 
 
 class TestShow:
-    def test_it_shows_what_the_study_showed(self, uqpen: Command) -> None:
+    def test_it_shows_what_the_study_showed(self, uqpen):
         studied = uqpen("study", "small.toml")
         shown = uqpen("show", "archives/small.nc")
         assert shown.code == 0
         assert shown.out in studied.out
 
-    def test_json_is_for_scripts(self, uqpen: Command) -> None:
+    def test_json_is_for_scripts(self, uqpen):
         uqpen("study", "small.toml")
         found = json.loads(uqpen("show", "archives/small.nc", "--json").out)
         mean = found["designs"]["monte_carlo"]["outputs"]["y"]["mean"]
         assert mean["lower"] < mean["estimate"] < mean["upper"]
         assert "0.05" in found["designs"]["latin_hypercube"]["outputs"]["y"]["quantiles"]
 
-    def test_a_damaged_archive_leaves_with_2_and_says_where(self, uqpen: Command) -> None:
+    def test_a_damaged_archive_leaves_with_2_and_says_where(self, uqpen):
         uqpen("study", "small.toml")
         with netCDF4.Dataset("archives/small.nc", "a") as dataset:
             dataset["statistics/latin_hypercube/y"].renameVariable("bound", "limit")
@@ -233,13 +212,13 @@ class TestShow:
             in done.err
         )
 
-    def test_a_title_cannot_command_the_terminal(self, uqpen: Command) -> None:
+    def test_a_title_cannot_command_the_terminal(self, uqpen):
         uqpen("study", "small.toml")
         with netCDF4.Dataset("archives/small.nc", "a") as dataset:
             dataset.title = "\x1b]0;taken\x07"
         assert "\x1b" not in uqpen("show", "archives/small.nc").out
 
-    def test_a_title_in_json_cannot_either(self, uqpen: Command) -> None:
+    def test_a_title_in_json_cannot_either(self, uqpen):
         """JSON escapes the first 32 characters of itself; the others stood as they were."""
         title = "\x9b31m \u202e\u2066 \U000e0041 é °"
         uqpen("study", "small.toml")
@@ -249,27 +228,25 @@ class TestShow:
         assert json.loads(written)["title"] == title
         assert r'"\u009b31m \u202e\u2066 \udb40\udc41 é °"' in written
 
-    def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
+    def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen):
         done = uqpen("show", "small.toml")
         assert done.code == 2
         assert "is not an archive" in done.err
 
 
 class TestModels:
-    def test_it_lists_the_models(self, uqpen: Command) -> None:
+    def test_it_lists_the_models(self, uqpen):
         done = uqpen("models")
         assert done.code == 0
         assert all(name in done.out for name in ("walker-anderson", "rigid-penetration"))
 
-    def test_it_describes_one(self, uqpen: Command) -> None:
+    def test_it_describes_one(self, uqpen):
         done = uqpen("models", "walker-anderson")
         for word in ("projectile_density", "kg m-3", "penetration_depth", "v = u, u = 0, rigid"):
             assert word in done.out
         assert max(map(len, done.out.splitlines())) <= 80
 
-    def test_installed_ones_are_listed_without_being_imported(
-        self, uqpen: Command, install: Callable[..., Path]
-    ) -> None:
+    def test_installed_ones_are_listed_without_being_imported(self, uqpen, install):
         points = "[uqpen.models]\nown = uqpen_test_{0}:Own\nishigami = uqpen_test_{0}:Own\n"
         install("broken", "import sys; sys.exit(4)", points.format("broken"))
         done = uqpen("models")
@@ -282,9 +259,7 @@ class TestModels:
         assert 'the installed package "uqpen-test-broken", which provides "own"' in named.err
         assert uqpen("models", "ishigami").code == 0
 
-    def test_an_installed_one_is_described(
-        self, uqpen: Command, install: Callable[..., Path]
-    ) -> None:
+    def test_an_installed_one_is_described(self, uqpen, install):
         page = Path(__file__).parents[2] / "docs" / "extending" / "model.md"
         source = re.findall(r"```python\n(# my_model.py.*?)```", page.read_text(), re.DOTALL)[0]
         unmade = "class Unmade(Spring):\n    def __init__(self): 1 / 0\n"
@@ -302,7 +277,7 @@ class TestModels:
         assert '"faulty" has no outputs' in uqpen("models", "faulty").err
         assert "known: walker-anderson" in uqpen("models", "sprung").err
 
-    def test_an_unknown_one_is_told(self, uqpen: Command) -> None:
+    def test_an_unknown_one_is_reported(self, uqpen):
         done = uqpen("models", "walker")
         assert done.code == 2
         assert 'no model "walker"' in done.err
@@ -321,10 +296,10 @@ class TestRun:
         "crater_radius=17 mm",
     )
 
-    def settings(self, *more: str) -> list[str]:
+    def settings(self, *more):
         return [part for text in (*self.NOMINAL, *more) for part in ("--set", text)]
 
-    def test_the_nominal_rod_goes_as_deep_as_it_should(self, uqpen: Command) -> None:
+    def test_the_nominal_rod_goes_as_deep_as_it_should(self, uqpen):
         done = uqpen("run", "walker-anderson", *self.settings())
         assert done.code == 0
         values = {line.split()[0]: line.split()[1] for line in done.out.splitlines()[2:]}
@@ -332,14 +307,12 @@ class TestRun:
         assert float(values["projectile_residue"]) == pytest.approx(0.02327912, abs=1e-8)
         assert "v = u" in done.out
 
-    def test_a_study_gives_the_inputs_that_are_not_set(self, uqpen: Command) -> None:
+    def test_a_study_gives_the_inputs_that_are_not_set(self, uqpen):
         path = str(STUDIES / "concrete.toml")
         slow = uqpen("run", path, "--set", "impact_velocity=1.2 km/s").out
         assert slow != uqpen("run", path).out
 
-    def test_what_makes_a_model_of_several_what_it_is_is_not_set(
-        self, uqpen: Command, tmp_path: Path
-    ) -> None:
+    def test_what_makes_a_model_of_several_what_it_is_is_not_set(self, uqpen, tmp_path):
         text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
         models = (
             '[models.sharp]\nuse = "walker-anderson"\n'
@@ -361,14 +334,12 @@ class TestRun:
             (("crater_radius=170 mm",), "inadmissible: plasticity_radius > crater_radius"),
         ],
     )
-    def test_a_wrong_input_is_told(
-        self, uqpen: Command, more: tuple[str, ...], complaint: str
-    ) -> None:
+    def test_a_wrong_input_is_reported(self, uqpen, more, complaint):
         done = uqpen("run", "walker-anderson", *self.settings(*more))
         assert done.code == 2
         assert complaint in done.err
 
-    def test_missing_inputs_are_told_with_their_units(self, uqpen: Command) -> None:
+    def test_missing_inputs_are_reported_with_their_units(self, uqpen):
         done = uqpen("run", "rigid-penetration")
         assert done.code == 2
         assert '--set projectile_density="… kg m-3"' in done.err
@@ -380,32 +351,21 @@ def f(x):
     time.sleep(0.02)
     return {"y": x}
 """
-SLOW_STUDY = """\
-seed = 1
-[model]
-python = "slow.py:f"
-[model.inputs]
-x = "1"
-[model.outputs]
-y = "1"
-[inputs]
-x = "0 ± 1"
-[designs.slow]
-kind = "monte-carlo"
-runs = 100_000
-"""
+SLOW_STUDY = study_text(
+    {"python": "slow.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"slow": {"kind": "monte-carlo", "runs": 100_000}},
+)
 
 
 class TestProcess:
     """The program itself, in a process of its own."""
 
-    def command(self, *arguments: str) -> list[str]:
+    def command(self, *arguments):
         return [sys.executable, "-m", "uqpen", *arguments]
 
     @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-    def test_an_interrupt_leaves_with_its_code_and_no_traceback(
-        self, tmp_path: Path, sent: signal.Signals
-    ) -> None:
+    def test_an_interrupt_leaves_with_its_code_and_no_traceback(self, tmp_path, sent):
         (tmp_path / "slow.py").write_text(SLOW)
         (tmp_path / "slow.toml").write_text(SLOW_STUDY)
         controller, terminal = pty.openpty()
@@ -435,22 +395,18 @@ class TestProcess:
         assert left == {"slow.nc.log", "slow.nc.parts"}
 
     @pytest.mark.parametrize("arguments", [("--help",), ("models",)])
-    def test_a_reader_that_has_seen_enough_is_no_error(self, arguments: tuple[str, ...]) -> None:
+    def test_a_reader_that_has_seen_enough_is_no_error(self, arguments):
         with subprocess.Popen(
             self.command(*arguments),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         ) as process:
-            assert process.stdout is not None
-            assert process.stderr is not None
             process.stdout.close()
             assert process.stderr.read() == b""
             assert process.wait() == 0
 
     @pytest.mark.parametrize("workers", ["1", "2"])
-    def test_a_study_does_not_depend_on_who_reads_its_output(
-        self, tmp_path: Path, workers: str
-    ) -> None:
+    def test_a_study_does_not_depend_on_who_reads_its_output(self, tmp_path, workers):
         (tmp_path / "slow.py").write_text("def f(x):\n    print('x' * 999)\n    return {'y': x}")
         (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "300"))
         for name, reader in (("heard.nc", subprocess.DEVNULL), ("unheard.nc", subprocess.PIPE)):
@@ -466,7 +422,7 @@ class TestProcess:
                 assert process.wait() == 0
         assert (tmp_path / "heard.nc").read_bytes() == (tmp_path / "unheard.nc").read_bytes()
 
-    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path: Path) -> None:
+    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path):
         (tmp_path / "small.toml").write_text(SMALL)
         assert subprocess.run(
             self.command("study", "small.toml", "-o", "small.nc"),
@@ -481,12 +437,11 @@ class TestProcess:
             with subprocess.Popen(
                 self.command("verify", name), cwd=tmp_path, stdout=subprocess.PIPE
             ) as process:
-                assert process.stdout is not None
                 process.stdout.close()
                 assert process.wait() == code
 
     @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
-    def test_closed_streams_change_no_exit_code(self, tmp_path: Path, closed: str) -> None:
+    def test_closed_streams_change_no_exit_code(self, tmp_path, closed):
         (tmp_path / "small.toml").write_text(SMALL)
         for arguments, code in (
             (("study", "small.toml"), 0),
@@ -497,7 +452,7 @@ class TestProcess:
             assert subprocess.run(line, shell=True, cwd=tmp_path, check=False).returncode == code
         assert (tmp_path / "archives" / "small.nc").is_file()
 
-    def test_a_model_that_closes_the_output_closes_it_for_itself(self, tmp_path: Path) -> None:
+    def test_a_model_that_closes_the_output_closes_it_for_itself(self, tmp_path):
         (tmp_path / "slow.py").write_text(
             "import sys\ndef f(x):\n    sys.stdout.close()\n    return {'y': x}"
         )
@@ -513,7 +468,7 @@ class TestProcess:
         assert "archive: archives/slow.nc" in done.stdout.splitlines()
 
     @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has it")
-    def test_a_full_disk_below_the_output_costs_no_archive(self, tmp_path: Path) -> None:
+    def test_a_full_disk_below_the_output_costs_no_archive(self, tmp_path):
         (tmp_path / "small.toml").write_text(SMALL)
         for arguments in (("study", "small.toml"), ("show", "archives/small.nc")):
             with Path("/dev/full").open("w") as full:
@@ -530,7 +485,7 @@ class TestProcess:
             assert done.stderr.splitlines()[-1] == message
             assert (tmp_path / "archives" / "small.nc").is_file()
 
-    def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path: Path) -> None:
+    def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path):
         (tmp_path / "small.toml").write_text(SMALL)
         done = subprocess.run(
             self.command("study", "small.toml"),
@@ -544,7 +499,7 @@ class TestProcess:
         assert b"?" not in done.stdout
 
 
-def _read(descriptor: int) -> bytes:
+def _read(descriptor):
     try:
         return os.read(descriptor, 10_000)
     except OSError:  # the other end is closed
@@ -559,7 +514,7 @@ def _read(descriptor: int) -> bytes:
         "        raise KeyboardInterrupt\n\nclass Some:\n    member = Interrupts()\n",
     ],
 )
-def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path: Path, module: str) -> None:
+def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path, module):
     (tmp_path / "click.py").write_text(module)
     done = subprocess.run(
         [sys.executable, "-m", "uqpen", "study", "some.toml"],
@@ -571,14 +526,14 @@ def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path: Path, mod
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
-def test_a_folder_that_has_been_removed_is_told(command_line: Command, tmp_path: Path) -> None:
+def test_a_folder_that_has_been_removed_is_reported(command_line, tmp_path):
     tmp_path.rmdir()
     outcome = command_line("study", "some.toml")
     assert outcome.code == 2
     assert outcome.err == "the current folder does not exist any more\n"
 
 
-def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path) -> None:
+def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path):
     """Some of them come while workers are ended, and while Python itself ends."""
     (tmp_path / "model.py").write_text(
         "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(0.05)\n"
@@ -592,7 +547,6 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
     with subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
         # What two workers print at once may stand on one line.
         assert process.stdout.readline().startswith("run")
         while process.poll() is None:
@@ -600,12 +554,12 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
             time.sleep(0.01)
         said = process.stderr.read() if process.stderr is not None else ""
     assert process.returncode == 130
-    # A busy machine takes so long to prepare the model that it is told.
+    # A busy machine takes so long to prepare the model that it is reported.
     assert said.removeprefix("preparing model.py:f\n").startswith("interrupted")
     assert "Traceback" not in said
 
 
-def test_a_misspelt_command_is_told_with_the_nearest_one(command_line: Command) -> None:
+def test_a_misspelt_command_is_reported_with_the_nearest_one(command_line):
     outcome = command_line("stduy", "study.toml")
     assert outcome.code == 2
     assert "Did you mean 'study'?" in outcome.err

@@ -1,15 +1,11 @@
 """``uqpen export`` and ``uqpen completion`` as their user meets them."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -35,26 +31,24 @@ STUDY = """
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     path = tmp_path_factory.mktemp("export") / "small.nc"
     uqpen.make_archive(uqpen.parse_study(STUDY), path)
     return path
 
 
-def _export(*arguments: object) -> Any:
+def _export(*arguments):
     return CliRunner().invoke(export, [*map(str, arguments)])
 
 
-def test_the_statistics_go_to_standard_output_as_csv(archive: Path) -> None:
+def test_the_statistics_go_to_standard_output_as_csv(archive):
     done = _export(archive)
     heading, first, *_ = done.stdout.splitlines()
     assert heading.startswith("model,source,kind,output,statistic")
     assert first.startswith(",draws,design,y,mean")
 
 
-def test_runs_are_written_to_a_file_in_the_format_of_its_ending(
-    archive: Path, tmp_path: Path
-) -> None:
+def test_runs_are_written_to_a_file_in_the_format_of_its_ending(archive, tmp_path):
     path = tmp_path / "runs.json"
     done = _export(archive, "--runs", "-o", path)
     assert done.output == f"20 rows: {path}\n"
@@ -63,7 +57,7 @@ def test_runs_are_written_to_a_file_in_the_format_of_its_ending(
     ]
 
 
-def test_no_text_is_a_formula_of_a_spreadsheet(tmp_path: Path) -> None:
+def test_no_text_is_a_formula_of_a_spreadsheet(tmp_path):
     """What fails may say anything; thresholds and numbers stay as they are."""
     texts = [
         '=HYPERLINK("a")',
@@ -93,16 +87,14 @@ def test_no_text_is_a_formula_of_a_spreadsheet(tmp_path: Path) -> None:
         (["--runs", "--functions"], "--functions is for --statistics"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(
-    archive: Path, arguments: list[str], message: str
-) -> None:
+def test_options_that_do_not_fit_are_refused(archive, arguments, message):
     done = _export(archive, *arguments)
     assert done.exit_code == 2
     assert message in done.output
 
 
 @pytest.mark.slow
-def test_a_shell_is_answered(command_line: Callable[..., Any]) -> None:
+def test_a_shell_is_answered(command_line):
     script = command_line("completion", "bash").out
     assert "_UQPEN_COMPLETE=bash_complete" in script
     asked = {"_UQPEN_COMPLETE": "bash_complete", "COMP_WORDS": "uqpen exp", "COMP_CWORD": "1"}
@@ -117,5 +109,5 @@ def test_a_shell_is_answered(command_line: Callable[..., Any]) -> None:
 
 
 @pytest.mark.parametrize("kind", TABLE_FORMATS)
-def test_the_ending_of_a_file_names_each_format(kind: str) -> None:
+def test_the_ending_of_a_file_names_each_format(kind):
     assert table_format(Path(f"table.{kind.upper()}")) == kind

@@ -1,17 +1,13 @@
 """``uqpen plan``: how many runs a precision takes, and runs that can be used again."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from click.testing import CliRunner
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.plan import plan
@@ -24,31 +20,24 @@ from uqpen.study.load import pilot_study
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.first]
-kind = "latin-hypercube"
-runs = 100
-[designs.draws]
-kind = "monte-carlo"
-until = { y = { mean = "2 %", exceeds = { 5 = 0.01 } } }
-at_most = 20_000
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "first": {"kind": "latin-hypercube", "runs": 100},
+        "draws": {
+            "kind": "monte-carlo",
+            "until": {"y": {"mean": "2 %", "exceeds": {"5": 0.01}}},
+            "at_most": 20_000,
+        },
+    },
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
 
 
-def _plan(folder: Path, *arguments: object, study: str = STUDY) -> Any:
+def _plan(folder, *arguments, study=STUDY):
     file = folder / "small.toml"
     file.write_text(study)
     archive = folder / "pilot.nc"
@@ -56,14 +45,14 @@ def _plan(folder: Path, *arguments: object, study: str = STUDY) -> Any:
 
 
 @cache
-def made(runs: int) -> xr.Dataset:
+def made(runs):
     study = uqpen.parse_study(STUDY)
     stream, design = Stream(study.seed, "designs", "draws"), uqpen.MonteCarlo(runs)
     return run_design(study, design, stream, map=map, progress=Progress())[""]
 
 
 @pytest.mark.usefixtures("few_samples")
-def test_a_pilot_tells_runs_and_time_for_each_target(tmp_path: Path) -> None:
+def test_a_pilot_tells_runs_and_time_for_each_target(tmp_path):
     done = _plan(tmp_path)
     assert done.exit_code == 0
     shown = " ".join(done.output.split())
@@ -74,7 +63,7 @@ def test_a_pilot_tells_runs_and_time_for_each_target(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("few_samples")
-def test_the_runs_of_the_pilot_are_the_first_of_the_study(tmp_path: Path) -> None:
+def test_the_runs_of_the_pilot_are_the_first_of_the_study(tmp_path):
     _plan(tmp_path, "--pilot", 300, "--until", "{ y = { mean = 1 } }")
     pilot = uqpen.open_archive(tmp_path / "pilot.nc")["runs/draws"].to_dataset()
     first = made(1_000).isel(run=slice(300))
@@ -84,7 +73,7 @@ def test_the_runs_of_the_pilot_are_the_first_of_the_study(tmp_path: Path) -> Non
     assert {check.verdict.name for check in checks} == {"EQUAL"}
 
 
-def test_a_study_without_independent_runs_gets_a_pilot_of_its_own() -> None:
+def test_a_study_without_independent_runs_gets_a_pilot_of_its_own():
     text = STUDY.partition("[designs.draws]")[0]
     pilot = pilot_study(uqpen.parse_study(text), 200)
     assert dict(pilot.designs) == {"pilot": uqpen.MonteCarlo(200)}
@@ -99,23 +88,21 @@ def test_a_study_without_independent_runs_gets_a_pilot_of_its_own() -> None:
         ("3", "--until: targets: found 3"),
     ],
 )
-def test_a_precision_that_makes_no_sense_is_told_before_any_run(
-    tmp_path: Path, until: str, message: str
-) -> None:
+def test_a_precision_that_makes_no_sense_is_reported_before_any_run(tmp_path, until, message):
     done = _plan(tmp_path, "--until", until)
     assert done.exit_code == 2
     assert message in done.output
     assert not (tmp_path / "pilot.nc").exists()
 
 
-def test_a_precision_must_be_asked_for(tmp_path: Path) -> None:
+def test_a_precision_must_be_asked_for(tmp_path):
     done = _plan(tmp_path, study=STUDY.replace("until =", "#").replace("at_most =", "runs ="))
     assert done.exit_code == 2
     assert "no design of the study has until" in done.output
 
 
 @pytest.fixture
-def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_samples(monkeypatch):
     monkeypatch.setattr("uqpen.statistics.running_estimates._SAMPLES", 12)
 
 
@@ -123,16 +110,16 @@ def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
 class TestRequiredRuns:
     RULE = Precision({"y": {"mean": 0.05, "standard_deviation": "2 %", "exceeds": {"5": 0.01}}})
 
-    def found(self, rule: Precision = RULE, runs: int = 512) -> list[Any]:
+    def found(self, rule=RULE, runs=512):
         quantities = uqpen.parse_study(STUDY).quantities_of_interest
         return [*required_runs(made(runs), quantities, rule, np.random.default_rng(1))]
 
-    def test_half_the_half_width_takes_four_times_the_runs(self) -> None:
+    def test_half_the_half_width_takes_four_times_the_runs(self):
         (once,) = self.found(Precision({"y": {"mean": 0.1}}))
         (twice,) = self.found(Precision({"y": {"mean": 0.05}}))
         assert np.array(twice[1:]) == pytest.approx(4 * np.array(once[1:]))
 
-    def test_that_many_runs_are_as_precise_as_wanted(self) -> None:
+    def test_that_many_runs_are_as_precise_as_wanted(self):
         quantities = uqpen.parse_study(STUDY).quantities_of_interest
         for each, name in zip(self.found(), ("mean", "std", "exceedance"), strict=True):
             assert each.lower < each.runs < each.upper
@@ -144,7 +131,7 @@ class TestRequiredRuns:
             wanted = {"mean": 0.05, "std": 0.02 * std, "exceedance": 0.01}[name]
             assert (upper - lower) / 2 == pytest.approx(wanted, rel=0.08)
 
-    def test_without_an_interval_nothing_is_known(self) -> None:
+    def test_without_an_interval_nothing_is_known(self):
         (found,) = self.found(Precision({"y": {"standard_deviation": "2 %"}}), runs=100)
         assert np.isnan(found.runs)
 
@@ -156,15 +143,15 @@ class TestDiskUse:
     free = 1e13
 
     @pytest.fixture(autouse=True)
-    def low_limit(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def low_limit(self, monkeypatch):
         monkeypatch.setattr("uqpen.core.limits.RUNS_IN_MEMORY", 1_000)
         monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=self.free))
 
-    def shown(self, folder: Path, study: str = STUDY) -> str:
+    def shown(self, folder, study=STUDY):
         until = '{ y = { mean = "0.001 %" } }'
         return " ".join(_plan(folder, "--until", until, study=study).output.split())
 
-    def test_kept_runs_take_it_twice_and_statistics_alone_once(self, tmp_path: Path) -> None:
+    def test_kept_runs_take_it_twice_and_statistics_alone_once(self, tmp_path):
         shown = self.shown(tmp_path)
         found = re.search(
             r"takes (\d+ GB) of disk, and twice that while the archive is written\."
@@ -175,13 +162,13 @@ class TestDiskUse:
         assert found, shown
         assert found[1] == found[2] != found[3]
 
-    def test_a_study_that_keeps_no_run_takes_it_once(self, tmp_path: Path) -> None:
+    def test_a_study_that_keeps_no_run_takes_it_once(self, tmp_path):
         text = STUDY.partition("[designs.draws]")[0]
         text += '[designs.draws]\nkind = "monte-carlo"\nruns = 500\nkeep = "statistics"\n'
         shown = self.shown(tmp_path, text)
         assert re.search(r"until the statistics are there, and the archive [^,]*, as no run", shown)
         assert "twice" not in shown
 
-    def test_a_full_disk_is_named(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_full_disk_is_named(self, tmp_path, monkeypatch):
         monkeypatch.setattr(self, "free", 2e6)
         assert "is written. Only 2 MB are free. With keep" in self.shown(tmp_path)

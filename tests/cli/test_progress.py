@@ -1,12 +1,8 @@
 """What a terminal and a pipe show of a study that runs."""
 
-from __future__ import annotations
-
 import inspect
 import io
 import threading
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -17,7 +13,6 @@ from uqpen.cli.progress import _Lines, progress_lines, show_progress
 from uqpen.core.progress import StudyProgress
 from uqpen.execution import Progress
 from uqpen.notebook import NotebookProgress
-from uqpen.study.study import ValidatedStudy
 
 TWO = """
 [designs.some]
@@ -32,14 +27,14 @@ design = "some"
 """
 
 
-def drawn(progress: StudyProgress, width: int = 80, now: float = 0.0) -> list[str]:
+def drawn(progress, width=80, now=0.0):
     console = Console(width=width, file=io.StringIO(), force_terminal=False)
     with console.capture() as captured:
         console.print(progress_lines(progress, now))
     return captured.get().splitlines()
 
 
-def test_one_bar_counts_the_runs_of_all_designs() -> None:
+def test_one_bar_counts_the_runs_of_all_designs():
     progress = StudyProgress(
         design="latin_hypercube",
         design_number=2,
@@ -59,7 +54,7 @@ def test_one_bar_counts_the_runs_of_all_designs() -> None:
     )
 
 
-def test_a_step_of_the_analysis_has_its_place_and_its_time() -> None:
+def test_a_step_of_the_analysis_has_its_place_and_its_time():
     bar, below = drawn(StudyProgress(step="fitting chaos", step_number=4, steps=5), now=12.4)
     assert bar.startswith("step 4 of 5: fitting chaos ━━━")
     assert bar.rstrip().endswith(" 60 %"), "what is under way is not done yet"
@@ -67,33 +62,31 @@ def test_a_step_of_the_analysis_has_its_place_and_its_time() -> None:
 
 
 @pytest.mark.parametrize("width", [30, 40, 80])
-def test_no_line_is_wider_than_the_terminal(width: int) -> None:
+def test_no_line_is_wider_than_the_terminal(width):
     progress = StudyProgress(design="x" * 60, design_number=10, designs=12, runs=10**9, done=7)
     assert all(len(line) <= width for line in drawn(progress, width))
 
 
-def test_control_characters_of_a_name_are_spelled_out() -> None:
+def test_control_characters_of_a_name_are_spelled_out():
     assert "\x1b" not in "".join(drawn(StudyProgress(step="preparing \x1b[2J")))
 
 
-def test_every_step_is_named_before_it_starts(
-    study_of: Callable[..., ValidatedStudy], tmp_path: Path
-) -> None:
-    steps: list[tuple[str, int, int]] = []
-    designs: list[str] = []
+def test_every_step_is_named_before_it_starts(study_of, tmp_path):
+    steps = []
+    designs = []
 
-    class Told(Progress):
-        def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+    class Recorded(Progress):
+        def start_step(self, name, number=0, total=0):
             steps.append((name, number, total))
 
-        def start_design(self, name: str, runs: int) -> None:
+        def start_design(self, name, runs):
             designs.append(name)
 
-        def announce_designs(self, runs: object) -> None:
+        def announce_designs(self, runs):
             assert runs == {"some": 60, "more": 40}
             assert not designs
 
-    uqpen.make_archive(study_of("x", TWO, x=(0, 1)), tmp_path / "a.nc", progress=Told())
+    uqpen.make_archive(study_of("x", TWO, x=(0, 1)), tmp_path / "a.nc", progress=Recorded())
     assert designs == ["some", "more"]
     assert steps == [
         ("statistics of some", 1, 5),
@@ -105,7 +98,7 @@ def test_every_step_is_named_before_it_starts(
     ]
 
 
-def test_several_models_are_named_in_the_steps(tmp_path: Path) -> None:
+def test_several_models_are_named_in_the_steps(tmp_path):
     study = uqpen.Study(
         models={
             name: uqpen.PythonModel(lambda x: {"y": x}, {"x": "1"}, {"y": "1"}) for name in "ab"
@@ -115,50 +108,48 @@ def test_several_models_are_named_in_the_steps(tmp_path: Path) -> None:
         designs={"some": uqpen.MonteCarlo(runs=20)},
         seed=1,
     )
-    steps: list[tuple[str, int, int]] = []
+    steps = []
 
-    class Told(Progress):
-        def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+    class Recorded(Progress):
+        def start_step(self, name, number=0, total=0):
             steps.append((name, number, total))
 
-    uqpen.run(study, progress=Told())
+    uqpen.run(study, progress=Recorded())
     names = [name for name, _, _ in steps]
     assert names[0] == "statistics of some of a"
     assert names[-1] == "differences of b from a"
     assert [number for _, number, _ in steps] == list(range(1, steps[0][2] + 1))
 
 
-def test_the_log_passes_every_report_on(tmp_path: Path) -> None:
-    told: list[str] = []
+def test_the_log_passes_every_report_on(tmp_path):
+    reported = []
 
-    class Told(Progress):
-        def __getattribute__(self, name: str) -> object:
+    class Recorded(Progress):
+        def __getattribute__(self, name):
             if not name.startswith("_"):
-                told.append(name)
+                reported.append(name)
             return super().__getattribute__(name)
 
-    journal = Journal(tmp_path / "log", "title", Told())
+    journal = Journal(tmp_path / "log", "title", Recorded())
     reports = [name for name in vars(Progress) if not name.startswith("_") and name != "warn"]
     for name in reports:
         report = getattr(journal, name)
         kinds = {"str": "x", "int": 1, "Mapping[str, int]": {}}
         parameters = inspect.signature(report).parameters.values()
         report(*(kinds.get(str(each.annotation)) for each in parameters))
-    assert told == reports
+    assert reported == reports
 
 
 class TestPipe:
     """Where standard error is no terminal."""
 
     @pytest.fixture
-    def lines(self) -> tuple[_Lines, list[float], io.StringIO]:
+    def lines(self):
         time = [0.0]
         shown = io.StringIO()
         return _Lines(Console(file=shown, width=80), lambda: time[0]), time, shown
 
-    def test_a_design_has_a_line_at_its_end(
-        self, lines: tuple[_Lines, list[float], io.StringIO]
-    ) -> None:
+    def test_a_design_has_a_line_at_its_end(self, lines):
         progress, time, shown = lines
         progress.announce_designs({"one": 10, "two": 10})
         progress.start_step("reading the study")
@@ -176,9 +167,7 @@ class TestPipe:
             "analysing the runs",
         ]
 
-    def test_what_is_known_before_the_runs_is_shown_before_them(
-        self, lines: tuple[_Lines, list[float], io.StringIO]
-    ) -> None:
+    def test_what_is_known_before_the_runs_is_shown_before_them(self, lines):
         progress, _, shown = lines
         progress.warn("early")
         progress.announce_designs({"one": 1})
@@ -189,9 +178,7 @@ class TestPipe:
         progress.show_warnings()
         assert shown.getvalue().splitlines()[2:] == ["warning: late"]
 
-    def test_a_large_design_has_a_line_before_its_first_points_are_drawn(
-        self, lines: tuple[_Lines, list[float], io.StringIO]
-    ) -> None:
+    def test_a_large_design_has_a_line_before_its_first_points_are_drawn(self, lines):
         progress, _, shown = lines
         progress.announce_designs({"small": 2**20, "large": 2**20 + 1})
         progress.start_design("small", 2**20)
@@ -200,9 +187,7 @@ class TestPipe:
             "large: drawing the points of 1 048 577 runs"
         ]
 
-    def test_what_takes_long_says_how_far_it_is(
-        self, lines: tuple[_Lines, list[float], io.StringIO]
-    ) -> None:
+    def test_what_takes_long_says_how_far_it_is(self, lines):
         progress, time, shown = lines
         progress.announce_designs({"one": 100})
         progress.start_design("one", 100)
@@ -221,15 +206,15 @@ class TestPipe:
         ]
 
 
-def test_a_terminal_goes_on_while_nothing_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_goes_on_while_nothing_is_reported(monkeypatch):
     """The clock of a long step is drawn by a thread of its own."""
     drawings = threading.Semaphore(0)
 
     class Terminal(io.StringIO):
-        def isatty(self) -> bool:
+        def isatty(self):
             return True
 
-        def write(self, text: str) -> int:
+        def write(self, text):
             drawings.release()
             return super().write(text)
 
@@ -241,11 +226,11 @@ def test_a_terminal_goes_on_while_nothing_is_reported(monkeypatch: pytest.Monkey
             assert drawings.acquire(timeout=60)
 
 
-def test_a_notebook_shows_one_bar_over_all_designs() -> None:
-    shown: list[dict[str, str]] = []
+def test_a_notebook_shows_one_bar_over_all_designs():
+    shown = []
 
     class Handle:
-        def update(self, content: dict[str, str], *, raw: bool) -> None:
+        def update(self, content, *, raw):
             shown.append(content)
 
     bar = NotebookProgress(Handle())

@@ -1,17 +1,12 @@
 """Tables on terminals that lack characters, and commands that show no progress."""
 
-from __future__ import annotations
-
 import io
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import click
 import pytest
-import xarray as xr
 from click.testing import CliRunner
+from study_text import study_text
 
 from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.messages import SPELLED_OUT
@@ -20,24 +15,17 @@ from uqpen.cli.progress import show_progress
 from uqpen.cli.screen import show_tables
 from uqpen.results.table import OutputTable
 
-STUDY = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={"some": {"kind": "monte-carlo", "runs": 20}},
+)
 
 
 @pytest.mark.parametrize("name", ["schema_1", "schema_1_several"])
 def test_rules_are_as_long_as_the_rows_where_characters_are_spelled_out(
-    name: str, archives: dict[str, xr.DataTree], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    name, archives, monkeypatch
+):
     content = io.BytesIO()
     tree = archives[name]
     with monkeypatch.context() as patch:
@@ -57,9 +45,7 @@ def test_rules_are_as_long_as_the_rows_where_characters_are_spelled_out(
 
 
 @pytest.mark.parametrize("columns", [30, 80])
-def test_a_table_is_that_of_rich(
-    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_is_that_of_rich(columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     rows = [("mean of 値", ["1.00 ± 0.12", "–"]), ("sd", ["0.5", "0.4 (0.3 … 0.5) and so on"])]
     names = ["first order\nof monte_carlo", "sobol"]
@@ -72,9 +58,7 @@ def test_a_table_is_that_of_rich(
     assert shown == "\ny [m]\n" + capsys.readouterr().out
 
 
-def test_a_quiet_study_shows_its_results_alone(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_quiet_study_shows_its_results_alone(command_line, tmp_path):
     (tmp_path / "small.toml").write_text(STUDY)
     loud = command_line("study", "small.toml", "-o", "loud.nc")
     quiet = command_line("study", "small.toml", "-o", "quiet.nc", "-q")
@@ -84,10 +68,10 @@ def test_a_quiet_study_shows_its_results_alone(
     assert (tmp_path / "quiet.nc").read_bytes() == (tmp_path / "loud.nc").read_bytes()
 
 
-def test_a_warning_is_shown_quietly_too() -> None:
+def test_a_warning_is_shown_quietly_too():
     @click.command()
     @quiet_option
-    def work() -> None:
+    def work():
         with show_progress() as progress:
             progress.start_design("some", 10)
             progress.count_restored(5)

@@ -1,7 +1,5 @@
 """NetCDF files of others: what is read, what is refused with which remedy, and by one module."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import gzip
@@ -11,16 +9,15 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 from scipy.io import netcdf_file
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -51,7 +48,7 @@ FUNCTIONS = {
 }
 
 
-def test_one_module_opens_netcdf_files() -> None:
+def test_one_module_opens_netcdf_files():
     """Types apart, netCDF4 is imported there alone; xarray opens no file."""
     found = set()
     for path in (ROOT / "uqpen").rglob("*.py"):
@@ -72,7 +69,7 @@ def test_one_module_opens_netcdf_files() -> None:
     assert found == {"core/netcdf/opening.py"}
 
 
-def stored(folder: Path, name: str) -> Path:
+def stored(folder, name):
     path = folder / f"{Path(name).name}.nc"
     path.write_bytes(gzip.decompress((DATA / f"{name}.nc.gz").read_bytes()))
     return path
@@ -103,7 +100,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_file_is_refused_by_each_reader(name: str, tmp_path: Path) -> None:
+def test_a_hostile_file_is_refused_by_each_reader(name, tmp_path):
     (tmp_path / "secret.txt").write_text(SECRET)
     path = stored(tmp_path, f"hostile/{name}")
     with pytest.raises(
@@ -120,7 +117,7 @@ def test_a_hostile_file_is_refused_by_each_reader(name: str, tmp_path: Path) -> 
         open_archive(path)
 
 
-def test_a_constant_column_may_be_far_larger_than_its_file(tmp_path: Path) -> None:
+def test_a_constant_column_may_be_far_larger_than_its_file(tmp_path):
     """Of an archive, 17 MB are the limit for so small a file."""
     path = stored(tmp_path, "hostile/zeros")
     (variable,) = read_variables(path.read_bytes())
@@ -130,7 +127,7 @@ def test_a_constant_column_may_be_far_larger_than_its_file(tmp_path: Path) -> No
 
 
 class TestWhatIsNoFile:
-    def refused(self, path: Path) -> None:
+    def refused(self, path):
         with pytest.raises(TableError, match=f'"{path}" is not a file'):
             read_columns(path)
         with pytest.raises(SettingsError, match=f'"{path}", which is not a file'):
@@ -140,9 +137,7 @@ class TestWhatIsNoFile:
         with pytest.raises(ArchiveError, match="is not an archive of uqpen's: it is not a file"):
             open_archive(path)
 
-    def test_a_pipe_a_folder_and_a_socket_are_refused(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_pipe_a_folder_and_a_socket_are_refused(self, tmp_path, monkeypatch):
         os.mkfifo(tmp_path / "pipe.nc")
         self.refused(tmp_path / "pipe.nc")
         (tmp_path / "folder.nc").mkdir()
@@ -153,13 +148,11 @@ class TestWhatIsNoFile:
             self.refused(tmp_path / "socket.nc")
 
     @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null"])
-    def test_a_device_is_refused_by_way_of_a_link_too(self, device: str, tmp_path: Path) -> None:
+    def test_a_device_is_refused_by_way_of_a_link_too(self, device, tmp_path):
         (tmp_path / "device.nc").symlink_to(device)
         self.refused(tmp_path / "device.nc")
 
-    def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(self, tmp_path, monkeypatch):
         """Between the look at a path and its opening, another may take its place."""
         (tmp_path / "file").touch()
         about = (tmp_path / "file").stat()
@@ -168,29 +161,29 @@ class TestWhatIsNoFile:
         with pytest.raises(TableError, match="is not a file"):
             read_columns(tmp_path / "pipe.nc")
 
-    def test_a_link_to_a_file_is_a_file(self, tmp_path: Path) -> None:
+    def test_a_link_to_a_file_is_a_file(self, tmp_path):
         (tmp_path / "link.nc").symlink_to(stored(tmp_path, "netcdf/h5netcdf"))
         assert np.array_equal(read_columns(tmp_path / "link.nc").columns[0].load(), A)
         assert read_data_file(tmp_path / "link.nc").rows == A.size
         read = NetcdfReader("link.nc", variable="a").values(RunFiles(tmp_path))
         assert np.array_equal(read, A)
 
-    def test_no_name_of_a_file_is_one_that_is_not_there(self, tmp_path: Path) -> None:
+    def test_no_name_of_a_file_is_one_that_is_not_there(self, tmp_path):
         for name in ("a\0b.nc", "a\0b.csv"):
             with pytest.raises(SettingsError, match="found no file"):
                 read_data_file(tmp_path / name)
             with pytest.raises(TableError, match="there is no file"):
                 read_columns(tmp_path / name)
 
-    def test_a_huge_file_is_refused_before_it_is_read(self, tmp_path: Path) -> None:
+    def test_a_huge_file_is_refused_before_it_is_read(self, tmp_path):
         with (tmp_path / "huge.nc").open("wb") as stream:
             stream.truncate(LARGEST_DATA + 10**8)
         with pytest.raises(TableError, match=r"it has 2\.1 GB, and at most 2 GB are read"):
             read_columns(tmp_path / "huge.nc")
 
 
-def by_netcdf4(file_format: str = "NETCDF4", size: int | None = 20, **options: Any) -> Any:
-    def write(path: Path) -> None:
+def by_netcdf4(file_format="NETCDF4", size=20, **options):
+    def write(path):
         with netCDF4.Dataset(path, "w", format=file_format) as root:
             root.createDimension("run", size)
             for name, values in (("a", A), ("b", A**2)):
@@ -199,8 +192,8 @@ def by_netcdf4(file_format: str = "NETCDF4", size: int | None = 20, **options: A
     return write
 
 
-def with_texts(**options: Any) -> Any:
-    def write(path: Path) -> None:
+def with_texts(**options):
+    def write(path):
         by_netcdf4(size=options.pop("size", 20))(path)
         with netCDF4.Dataset(path, "a") as root:
             root.createGroup("more/deep").createVariable("c", "f8", ("run",))[:] = A
@@ -210,7 +203,7 @@ def with_texts(**options: Any) -> Any:
     return write
 
 
-def with_characters(path: Path) -> None:
+def with_characters(path):
     by_netcdf4("NETCDF3_CLASSIC")(path)
     with netCDF4.Dataset(path, "a") as root:
         root.createDimension("length", 4)
@@ -218,7 +211,7 @@ def with_characters(path: Path) -> None:
         letters[:] = netCDF4.stringtochar(np.array(["ok"] * A.size, "S4"))
 
 
-def packed(path: Path) -> None:
+def packed(path):
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("run", A.size)
         for name, values in (("a", A), ("b", A**2)):
@@ -227,7 +220,7 @@ def packed(path: Path) -> None:
             variable[:] = values
 
 
-def by_xarray(engine: str, **options: Any) -> Any:
+def by_xarray(engine, **options):
     hours = np.datetime64("2020-01-01", "ns") + np.arange(A.size) * np.timedelta64(1, "h")
     runs = {"a": ("run", A), "b": ("run", A**2), "large": ("run", A > 1.5), "time": ("run", hours)}
     beside = {"run": np.arange(A.size), "status": ("run", ["ok"] * A.size)}
@@ -235,8 +228,8 @@ def by_xarray(engine: str, **options: Any) -> Any:
     return lambda path: dataset.to_netcdf(path, engine=engine, **options)
 
 
-def by_scipy(version: int) -> Any:
-    def write(path: Path) -> None:
+def by_scipy(version):
+    def write(path):
         with netcdf_file(path, "w", version=version) as file:
             file.createDimension("run", None if version == 2 else A.size)
             for name, values in (("a", A), ("b", A**2)):
@@ -249,7 +242,7 @@ FORMATS = (
     *("NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA"),
     *("NETCDF4_CLASSIC", "NETCDF4"),
 )
-GOOD: dict[str, Callable[[Path], object]] = {
+GOOD = {
     **{each: by_netcdf4(each) for each in FORMATS},
     **{f"{each} unlimited": by_netcdf4(each, None) for each in FORMATS},
     "zlib": by_netcdf4(zlib=True),
@@ -273,7 +266,7 @@ STORED = (
 
 
 @pytest.mark.parametrize("name", [*GOOD, *STORED])
-def test_what_other_software_writes_is_read(name: str, tmp_path: Path) -> None:
+def test_what_other_software_writes_is_read(name, tmp_path):
     path = tmp_path / "runs.nc"
     if name in GOOD:
         GOOD[name](path)
@@ -295,30 +288,30 @@ def test_what_other_software_writes_is_read(name: str, tmp_path: Path) -> None:
         assert np.array_equal(columns["large"].numbers(), A > 1.5)
 
 
-def enumeration(path: Path) -> None:
+def enumeration(path):
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("run", 2)
         kind = root.createEnumType(np.uint8, "kind", {"one": 0, "other": 1})
         root.createVariable("a", kind, ("run",))[:] = 0
 
 
-def listed(path: Path) -> None:
+def listed(path):
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("run", 2)
         root.createVariable("a", root.createVLType("f8", "list"), ("run",))[0] = np.ones(3)
 
 
-def compound(path: Path) -> None:
+def compound(path):
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("run", 2)
         kind = root.createCompoundType(np.dtype([("x", "f8")]), "pair")
         root.createVariable("a", kind, ("run",))
 
 
-def changed(change: Callable[[Any], object]) -> Any:
+def changed(change):
     """A good file with a variable changed."""
 
-    def write(path: Path) -> None:
+    def write(path):
         by_netcdf4(fletcher32=True)(path)
         with netCDF4.Dataset(path, "a") as root:
             change(root["a"])
@@ -326,7 +319,7 @@ def changed(change: Callable[[Any], object]) -> Any:
     return write
 
 
-def flipped(path: Path) -> None:
+def flipped(path):
     """A value that its checksum contradicts."""
     by_netcdf4(fletcher32=True)(path)
     data = bytearray(path.read_bytes())
@@ -334,13 +327,13 @@ def flipped(path: Path) -> None:
     path.write_bytes(data)
 
 
-def loaded(path: Path) -> list[Any]:
+def loaded(path):
     return [column.load() for column in read_columns(path).columns]
 
 
 STORE_NUMBERS = "store its values as numbers"
 COPY = 'copy it by "nccopy -d 1 in.nc out.nc"'
-REFUSED: dict[str, tuple[Any, str]] = {
+REFUSED = {
     "bzip2": (by_netcdf4(compression="bzip2"), f"by filter 307, bzip2; {COPY}"),
     "texts": (with_texts(zlib=True), 'of a later form; copy it by "nccopy -d 0 in.nc out.nc"'),
     "enumeration": (enumeration, f"is a data type of its own; {STORE_NUMBERS}"),
@@ -368,35 +361,35 @@ REFUSED: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_refused_names_its_remedy(name: str, tmp_path: Path) -> None:
-    write, told = REFUSED[name]
+def test_what_is_refused_names_its_remedy(name, tmp_path):
+    write, reported = REFUSED[name]
     write(tmp_path / "runs.nc")
     with pytest.raises(TableError) as caught:
         loaded(tmp_path / "runs.nc")
     assert str(caught.value).startswith('"runs.nc" cannot be read as NetCDF: it')
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     with pytest.raises(SettingsError) as noted:
         read_data_file(tmp_path / "runs.nc")
-    assert told.partition("; ")[0] in str(noted.value)
+    assert reported.partition("; ")[0] in str(noted.value)
     with pytest.raises(UnreadableError, match=r"runs\.nc cannot be read as NetCDF"):
         NetcdfReader("runs.nc", variable="a").values(RunFiles(tmp_path))
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("h5py_default", 'an HDF5 file that is no NetCDF; write it with xarray ("to_netcdf")'),
         ("h5py_lzf", f"compressed by filter 32000, lzf; {COPY}"),
     ],
 )
-def test_what_h5py_writes_is_refused_with_a_remedy(name: str, told: str, tmp_path: Path) -> None:
+def test_what_h5py_writes_is_refused_with_a_remedy(name, reported, tmp_path):
     with pytest.raises(TableError, match="cannot be read as NetCDF") as caught:
         read_columns(stored(tmp_path, f"netcdf/{name}"))
-    assert str(caught.value).endswith(told)
+    assert str(caught.value).endswith(reported)
 
 
 @pytest.mark.slow
-def test_thousands_of_columns_are_read_from_one_group(tmp_path: Path) -> None:
+def test_thousands_of_columns_are_read_from_one_group(tmp_path):
     with netCDF4.Dataset(tmp_path / "wide.nc", "w") as root:
         root.createDimension("run", 2)
         for each in [root.createVariable(f"x{n}", "f4", ("run",)) for n in range(3000)]:
@@ -409,7 +402,7 @@ def test_thousands_of_columns_are_read_from_one_group(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [{}, {"chunksizes": (2,)}])
-def test_forged_lengths_of_texts_take_no_memory(options: Any, tmp_path: Path) -> None:
+def test_forged_lengths_of_texts_take_no_memory(options, tmp_path):
     """The library would take 4 GB for the length that it finds before the address of a text."""
     with netCDF4.Dataset(tmp_path / "texts.nc", "w") as root:
         root.createDimension("run", 3)
@@ -432,7 +425,7 @@ def test_forged_lengths_of_texts_take_no_memory(options: Any, tmp_path: Path) ->
         read_variables(bytes(data))
 
 
-def test_a_heap_of_texts_without_lengths_is_not_gone_through_without_end(tmp_path: Path) -> None:
+def test_a_heap_of_texts_without_lengths_is_not_gone_through_without_end(tmp_path):
     """The library would, already while it opens the file."""
     path = tmp_path / "texts.nc"
     with_texts()(path)
@@ -447,7 +440,7 @@ def test_a_heap_of_texts_without_lengths_is_not_gone_through_without_end(tmp_pat
 
 class TestNetcdf3:
     @pytest.fixture(params=["NETCDF3_CLASSIC", "NETCDF3_64BIT_DATA"])
-    def content(self, request: pytest.FixtureRequest, tmp_path: Path) -> bytes:
+    def content(self, request, tmp_path):
         with netCDF4.Dataset(tmp_path / "x.nc", "w", format=request.param) as root:
             root.createDimension("run", None)
             root.createDimension("place", 3)
@@ -456,19 +449,19 @@ class TestNetcdf3:
             root.createVariable("y", "i2", ("run",))[:] = np.arange(5)
         return (tmp_path / "x.nc").read_bytes()
 
-    def refusal(self, content: bytes) -> str:
+    def refusal(self, content):
         with pytest.raises(RefusedContentError) as caught:
             check_netcdf(content, DATA_LIMITS)
         return str(caught.value)
 
-    def test_records_lie_within_the_file(self, content: bytes) -> None:
+    def test_records_lie_within_the_file(self, content):
         check_netcdf(content, DATA_LIMITS)
         assert self.refusal(content[:-8]) == "it ends before what it describes"
         width = 8 if content[3] == 5 else 4
         many = content[:4] + (2**31 - 1).to_bytes(width, "big") + content[4 + width :]
         assert self.refusal(many) == "it ends before what it describes"
 
-    def test_names_and_types_are_those_of_the_format(self, content: bytes) -> None:
+    def test_names_and_types_are_those_of_the_format(self, content):
         assert "a name that is none" in self.refusal(content.replace(b"place", b"pl/ce"))
         assert "a name that is none" in self.refusal(content.replace(b"place\0\0\0", b"\0" * 8))
         assert "one name twice" in self.refusal(content.replace(b"place\0\0\0", b"run\0\0\0\0\0"))
@@ -477,11 +470,11 @@ class TestNetcdf3:
         assert self.refusal(wrong) == "it has a data type that is none"
         assert "not known" in self.refusal(b"CDF\x03" + content[4:])
 
-    def test_numbers_of_objects_are_limited(self, content: bytes) -> None:
+    def test_numbers_of_objects_are_limited(self, content):
         with pytest.raises(RefusedContentError, match="more than 1 dimensions, variables or"):
             check_netcdf(content, replace(DATA_LIMITS, in_group=1))
 
-    def test_a_damaged_file_is_refused_or_within_its_bytes(self, content: bytes) -> None:
+    def test_a_damaged_file_is_refused_or_within_its_bytes(self, content):
         """The check raises nothing but what it says, and what it lets pass, the library reads."""
         random = np.random.default_rng(1)
         outcomes = {"refused": 0, "read": 0}
@@ -497,7 +490,7 @@ class TestNetcdf3:
         assert min(outcomes.values()) > 20
 
 
-def test_a_variable_is_found_in_its_group(tmp_path: Path) -> None:
+def test_a_variable_is_found_in_its_group(tmp_path):
     with_texts()(tmp_path / "x.nc")
     content = (tmp_path / "x.nc").read_bytes()
     assert np.array_equal(read_variable(content, "more/deep/c"), A)
@@ -506,30 +499,19 @@ def test_a_variable_is_found_in_its_group(tmp_path: Path) -> None:
             read_variable(content, name)
 
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.mc]
-kind = "monte-carlo"
-runs = 20
-[designs.given]
-kind = "table"
-file = "points.nc"
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={
+        "mc": {"kind": "monte-carlo", "runs": 20},
+        "given": {"kind": "table", "file": "points.nc"},
+    },
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc"}},
+)
 
 
 @pytest.mark.slow
-def test_no_command_reads_another_file_by_way_of_a_hostile_one(
-    command_line: Any, tmp_path: Path
-) -> None:
+def test_no_command_reads_another_file_by_way_of_a_hostile_one(command_line, tmp_path):
     Path("secret.txt").write_text(SECRET)
     Path("study.toml").write_text(STUDY)
     with netCDF4.Dataset("points.nc", "w") as root:
@@ -537,17 +519,17 @@ def test_no_command_reads_another_file_by_way_of_a_hostile_one(
         root.createVariable("x1", "f8", ("point",))[:] = [1, 2, 3]
     assert command_line("study", "study.toml", "-o", "good.nc").code == 0
     stored(tmp_path, "hostile/external_storage").replace("points.nc")
-    told = "its variable /x refers to another file"
+    reported = "its variable /x refers to another file"
     done = command_line("study", "study.toml", "-o", "other.nc")
     assert (done.code, done.err.count("Traceback")) == (2, 0)
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     done = command_line("predict", "good.nc:pce", "points.nc")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     Path("data.toml").write_text('seed = 1\n[model]\ndata = "points.nc"\noutputs = ["x"]\n')
     done = command_line("check", "data.toml")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
 
     # A stranger's archive, whose hashes are right.
     content = Path("points.nc").read_bytes()
@@ -565,12 +547,12 @@ def test_no_command_reads_another_file_by_way_of_a_hostile_one(
     for words in (("verify", "hostile.nc"), ("rerun", "hostile.nc", "-o", "again.nc")):
         done = command_line(*words)
         assert done.code in (2, 4)
-        assert told in " ".join((done.out + done.err).split())
+        assert reported in " ".join((done.out + done.err).split())
     assert not Path("again.nc").exists()
 
 
 @pytest.mark.slow
-def test_damaged_data_end_no_process(tmp_path: Path) -> None:
+def test_damaged_data_end_no_process(tmp_path):
     """In processes of their own; `benchmarks/fuzz.py` makes as many as one likes."""
     fuzz = ROOT / "benchmarks" / "fuzz.py"
     kinds = ["--kind", "data-netcdf3", "--kind", "data-h5netcdf", "--files", "20"]

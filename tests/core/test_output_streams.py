@@ -1,7 +1,5 @@
 """Standard streams that were closed when the program started."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest
@@ -10,7 +8,7 @@ from uqpen.core.output_streams import lasting_streams, stream_error
 
 
 @pytest.mark.parametrize("name", ["stdout", "stderr"])
-def test_a_closed_stream_can_be_written(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_closed_stream_can_be_written(name, monkeypatch):
     monkeypatch.setattr(sys, name, None)
     with lasting_streams():
         print("nobody reads this", file=getattr(sys, name))

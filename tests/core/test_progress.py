@@ -1,7 +1,5 @@
 """How far a study is, as one value."""
 
-from __future__ import annotations
-
 import pytest
 
 from uqpen.core.progress import ProgressRecord
@@ -10,26 +8,26 @@ from uqpen.core.progress import ProgressRecord
 class Clock:
     """A clock that is set by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.time = 100.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.time
 
 
 @pytest.fixture
-def clock() -> Clock:
+def clock():
     return Clock()
 
 
 @pytest.fixture
-def record(clock: Clock) -> ProgressRecord:
+def record(clock):
     record = ProgressRecord(clock)
     record.announce_designs({"one": 100, "two": 300})
     return record
 
 
-def test_the_runs_of_all_designs_are_counted_together(record: ProgressRecord, clock: Clock) -> None:
+def test_the_runs_of_all_designs_are_counted_together(record, clock):
     record.start_design("one", 100)
     clock.time += 10
     record.advance(50, 3, 8)
@@ -40,7 +38,7 @@ def test_the_runs_of_all_designs_are_counted_together(record: ProgressRecord, cl
     assert state.seconds_left == 70.0
 
 
-def test_a_design_that_ends_early_leaves_fewer_runs(record: ProgressRecord) -> None:
+def test_a_design_that_ends_early_leaves_fewer_runs(record):
     record.start_design("one", 100)
     record.advance(40, 0, 0)
     record.start_design("two", 300)
@@ -49,9 +47,7 @@ def test_a_design_that_ends_early_leaves_fewer_runs(record: ProgressRecord) -> N
     assert record.state.runs == record.state.done == 350, "or more of them"
 
 
-def test_restored_runs_are_done_and_say_nothing_of_the_rate(
-    record: ProgressRecord, clock: Clock
-) -> None:
+def test_restored_runs_are_done_and_say_nothing_of_the_rate(record, clock):
     record.start_design("one", 100)
     record.count_restored(80)
     assert record.state.seconds_left is None
@@ -60,7 +56,7 @@ def test_restored_runs_are_done_and_say_nothing_of_the_rate(
     assert (record.state.done, record.state.runs_per_second) == (100, 10.0)
 
 
-def test_the_rate_is_that_of_the_last_runs(record: ProgressRecord, clock: Clock) -> None:
+def test_the_rate_is_that_of_the_last_runs(record, clock):
     record.announce_designs({"one": 10_000})
     record.start_design("one", 10_000)
     for _ in range(200):  # slow ones
@@ -72,14 +68,14 @@ def test_the_rate_is_that_of_the_last_runs(record: ProgressRecord, clock: Clock)
     assert record.state.runs_per_second == 20.0
 
 
-def test_a_design_that_nobody_announced_is_counted_by_itself() -> None:
+def test_a_design_that_nobody_announced_is_counted_by_itself():
     record = ProgressRecord()
     record.start_design("some", 10)
     record.advance(10, 0, 0)
     assert (record.state.designs, record.state.runs) == (0, 10)
 
 
-def test_a_step_has_a_place_and_a_start(record: ProgressRecord, clock: Clock) -> None:
+def test_a_step_has_a_place_and_a_start(record, clock):
     record.start_design("one", 100)
     record.advance(10, 0, 5)
     clock.time = 300

@@ -1,28 +1,20 @@
 """Active learning of a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from interrupted_study import check_interruptions_and_workers
 from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CORRECTION_WEIGHT, PREDICTED_EVENT
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 
-Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 COPULA = {
     "copula": "gaussian",
     "of": "normal-scores",
@@ -32,20 +24,20 @@ INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
 HALF_SPACE = special.ndtr(-4.0)
 
 
-def half_space(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def half_space(a, b):
     """The sum exceeds 4 √2 with the probability of a standard normal variable above 4."""
     return {"depth": a + b, "speed": a - b}
 
 
 def study(
-    function: Function = half_space,
-    event: str = f"depth > {4 * math.sqrt(2)!r} m",
+    function=half_space,
+    event=f"depth > {4 * 2**0.5!r} m",
     *,
-    learning: int = 40,
-    correction: int = 150,
-    inputs: Mapping[str, object] = INPUTS,
-    **settings: Any,
-) -> uqpen.Study:
+    learning=40,
+    correction=150,
+    inputs=INPUTS,
+    **settings,
+):
     model = uqpen.PythonModel(
         function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True
     )
@@ -56,35 +48,35 @@ def study(
     )
 
 
-def probability(tree: xr.DataTree) -> xr.DataArray:
+def probability(tree):
     (found,) = tree["joint_probabilities/rare"]["joint_probability"]
     return found
 
 
-def beside(tree: xr.DataTree, name: str) -> float:
+def beside(tree, name):
     """A number that stands beside the probability."""
     return float(tree["joint_probabilities/rare"][f"joint_probability_{name}"].item())
 
 
-def contains(found: xr.DataArray, exact: float) -> bool:
+def contains(found, exact):
     """Check that the interval contains a value, and that it says something: few runs are made."""
     _, lower, upper = found.values
     return bool(lower <= exact <= upper < 3 * lower)
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study())
 
 
-def test_the_probability_of_a_half_space_is_in_the_interval(tree: xr.DataTree) -> None:
+def test_the_probability_of_a_half_space_is_in_the_interval(tree):
     found = probability(tree)
     assert contains(found, HALF_SPACE)
     # So many plain runs would most likely have seen none.
     assert tree["runs/rare"].sizes["run"] * HALF_SPACE < 0.01
 
 
-def test_the_surrogate_alone_stands_beside_it(tree: xr.DataTree) -> None:
+def test_the_surrogate_alone_stands_beside_it(tree):
     found = probability(tree)
     # The runs of so simple an event contradict it in hardly any point.
     assert beside(tree, "surrogate_estimate") == pytest.approx(HALF_SPACE, rel=0.2)
@@ -95,7 +87,7 @@ def test_the_surrogate_alone_stands_beside_it(tree: xr.DataTree) -> None:
     assert "parts of the event that no run has met" in found.attrs["note"]
 
 
-def test_weights_are_of_the_runs_that_correct(tree: xr.DataTree) -> None:
+def test_weights_are_of_the_runs_that_correct(tree):
     runs = tree["runs/rare"]
     weights, predicted = runs[CORRECTION_WEIGHT].values, runs[PREDICTED_EVENT].values
     assert ((weights > 0) == (predicted >= 0)).all()
@@ -106,9 +98,9 @@ def test_weights_are_of_the_runs_that_correct(tree: xr.DataTree) -> None:
     assert weights[predicted == 1].sum() == pytest.approx(HALF_SPACE, rel=0.5)
 
 
-def test_it_is_right_whatever_the_surrogate_says() -> None:
+def test_it_is_right_whatever_the_surrogate_says():
     # 20 runs tell little of a function that waves; so the runs that correct it have to.
-    def waves(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+    def waves(a, b):
         return {"depth": a + np.sin(9 * b), "speed": b}
 
     # By the integral over a of the share of b where the sine exceeds 2 - a.
@@ -119,7 +111,7 @@ def test_it_is_right_whatever_the_surrogate_says() -> None:
     assert lower <= exact <= upper
 
 
-def test_inputs_may_depend_on_each_other_and_be_truncated() -> None:
+def test_inputs_may_depend_on_each_other_and_be_truncated():
     # P(a + b > 7) of a copula: both have a correlation of 0.5, so the sum a variance of 3.
     dependent = study(event="depth > 7 m", dependence=COPULA)
     assert contains(probability(uqpen.run(dependent)), special.ndtr(-7 / math.sqrt(3)))
@@ -129,14 +121,14 @@ def test_inputs_may_depend_on_each_other_and_be_truncated() -> None:
     assert contains(probability(uqpen.run(one)), (special.ndtr(-4) - special.ndtr(-4.5)) / share)
 
 
-def test_two_distant_modes_are_both_met() -> None:
-    def two(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_two_distant_modes_are_both_met():
+    def two(a, b):
         return {"depth": np.abs(a), "speed": b}
 
     assert contains(probability(uqpen.run(study(two, "depth > 3.5 m"))), 2 * special.ndtr(-3.5))
 
 
-def test_all_or_any_limits_of_several_outputs() -> None:
+def test_all_or_any_limits_of_several_outputs():
     both = probability(uqpen.run(study(event="depth > 3 m and speed > 3 m/s")))
     either = probability(uqpen.run(study(event="depth > 5 m or speed < -5 m/s")))
     tail = special.ndtr(-5 / math.sqrt(2))
@@ -144,7 +136,7 @@ def test_all_or_any_limits_of_several_outputs() -> None:
     assert contains(either, 2 * tail - tail**2)
 
 
-def test_it_is_conditional_on_admissible_draws() -> None:
+def test_it_is_conditional_on_admissible_draws():
     found = probability(uqpen.run(study(constraints=["a > 0"], event="depth > 5 m")))
     # Of a > 0 twice the probability of both signs, by symmetry less that of a <= 0.
     nodes, weights = np.polynomial.legendre.leggauss(200)
@@ -156,8 +148,8 @@ def test_it_is_conditional_on_admissible_draws() -> None:
     assert found.attrs["conditional_on"] == "admissible inputs"
 
 
-def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
-    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_failed_runs_are_neither_safe_nor_in_the_event():
+    def fails(a, b):
         # Beyond 3.5 the solver fails where b is above 0: half of the event is unknown.
         return {"depth": np.where((a > 3.5) & (b > 0), np.nan, a), "speed": b}
 
@@ -169,8 +161,8 @@ def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
     assert "for any outcome of the missing runs" in found.attrs["interval"]
 
 
-def test_a_failing_region_gives_bounds_and_does_not_stop_the_learning() -> None:
-    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_a_failing_region_gives_bounds_and_does_not_stop_the_learning():
+    def fails(a, b):
         return {"depth": np.where(a > 2, np.nan, b), "speed": a}
 
     tree = uqpen.run(study(fails, "depth > 3.5 m"))
@@ -182,8 +174,8 @@ def test_a_failing_region_gives_bounds_and_does_not_stop_the_learning() -> None:
     assert is_lost.mean() < 0.5, "it does not go on where runs fail"
 
 
-def test_an_event_that_no_run_shows_has_no_number() -> None:
-    def never(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_an_event_that_no_run_shows_has_no_number():
+    def never(a, b):
         return {"depth": np.minimum(a, 1.0), "speed": b}
 
     found = probability(uqpen.run(study(never, "depth > 2 m")))
@@ -191,8 +183,8 @@ def test_an_event_that_no_run_shows_has_no_number() -> None:
     assert "no run shows the event" in found.attrs["note"]
 
 
-def test_a_constant_output_has_no_surrogate_and_no_number() -> None:
-    def constant(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_a_constant_output_has_no_surrogate_and_no_number():
+    def constant(a, b):
         return {"depth": 0 * a, "speed": b}
 
     tree = uqpen.run(study(constant, "depth > 2 m"))
@@ -200,8 +192,8 @@ def test_a_constant_output_has_no_surrogate_and_no_number() -> None:
     assert np.isnan(beside(tree, "surrogate_estimate"))
 
 
-def test_an_output_with_two_values_is_no_obstacle() -> None:
-    def steps(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_an_output_with_two_values_is_no_obstacle():
+    def steps(a, b):
         return {"depth": (a > 2.0) + (a > 3.0) * 1.0, "speed": b}
 
     _, lower, upper = probability(uqpen.run(study(steps, "depth > 1.5 m"))).values
@@ -209,8 +201,8 @@ def test_an_output_with_two_values_is_no_obstacle() -> None:
 
 
 @pytest.mark.parametrize("criterion", ["u-function", "expected-feasibility"])
-def test_either_criterion_learns_where_the_limit_is(criterion: str) -> None:
-    def curved(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_either_criterion_learns_where_the_limit_is(criterion):
+    def curved(a, b):
         return {"depth": a + 0.1 * b**2, "speed": b}
 
     model = uqpen.PythonModel(
@@ -224,7 +216,7 @@ def test_either_criterion_learns_where_the_limit_is(criterion: str) -> None:
     assert np.median(away[14:]) < np.median(away[:14]) / 3
 
 
-def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
+def test_tables_json_and_page_have_it(tree):
     assert not list(find_faults(tree))
     table = next(each for each in output_tables(tree) if "joint probabilities" in each.title)
     assert any(row[0].startswith("P(depth > 5.65") for row in table.rows)
@@ -247,9 +239,7 @@ def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
         ({"event": "depth > 3 m", "tolerance": 2}, "2", "below 1"),
     ],
 )
-def test_mistakes_are_met_before_a_run(
-    tmp_path: Path, settings: dict[str, object], found: str, expected: str
-) -> None:
+def test_mistakes_are_met_before_a_run(tmp_path, settings, found, expected):
     (tmp_path / "model.py").write_text("def model(a, b): raise SystemExit\n")
     keys = "\n".join(
         f"{key} = '{value}'" if isinstance(value, str) else f"{key} = {value}"
@@ -277,6 +267,6 @@ correction = 60
 
 @pytest.mark.slow
 @pytest.mark.processor
-def test_a_kill_at_any_batch_and_workers_change_no_byte(tmp_path: Path) -> None:
+def test_a_kill_at_any_batch_and_workers_change_no_byte(tmp_path):
     depth = "a + b + 0.1 * (a - b) ** 2"
     check_interruptions_and_workers(tmp_path, DESIGN, stops=(2, 4), depth=depth)

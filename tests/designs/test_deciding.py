@@ -1,17 +1,14 @@
-"""A design that decides a claim on a probability: the test, when it ends, and what is told."""
-
-from __future__ import annotations
+"""A design that decides a claim on a probability: the test, when it ends, and what is reported."""
 
 import itertools
 import math
 import re
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, unpack
@@ -37,44 +34,38 @@ from uqpen.statistics.stopped_runs import anytime_interval, decision_attributes,
 from uqpen.testing import check_design
 from uqpen.verification.verify import verify
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[designs.one]
-kind = "monte-carlo"
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    designs={"one": {"kind": "monte-carlo"}},
+)
 # The probability is about 0.35.
 HELD = 'accept = "P(y > 5) < 0.5"\nat_most = 5_000\n'
 NEVER = 'accept = "P(y > 5) < 0.35"\nat_most = 300\n'
 
 
-def study(settings: str = HELD) -> Any:
+def study(settings=HELD):
     return uqpen.parse_study(STUDY + settings)
 
 
 @cache
-def tree(settings: str = HELD) -> xr.DataTree:
+def tree(settings=HELD):
     return uqpen.run(study(settings))
 
 
-def attributes(settings: str = HELD) -> dict[str, Any]:
+def attributes(settings=HELD):
     return dict(tree(settings)["statistics/one"].attrs)
 
 
-def boolean(values: object) -> Any:
+def boolean(values):
     return np.array(values, dtype=bool)
 
 
 class TestLikelihoodRatio:
     @pytest.mark.parametrize("limit", [0.02, 0.2, 0.7])
-    def test_nothing_can_be_won_against_a_true_answer(self, limit: float) -> None:
+    def test_nothing_can_be_won_against_a_true_answer(self, limit):
         # Of all sequences of runs: the wealth is a martingale at the limit, and falls above it.
         sequences = boolean(list(itertools.product([0, 1], repeat=9)))
         wealth = np.exp([log_evidence_below(each, limit)[-1] for each in sequences])
@@ -85,13 +76,13 @@ class TestLikelihoodRatio:
         weights = limit**events * (1 - limit) ** (9 - events)
         assert float(weights @ wealth) == pytest.approx(1, abs=1e-12)
 
-    def test_runs_without_an_event_decide_after_21(self) -> None:
+    def test_runs_without_an_event_decide_after_21(self):
         none = boolean(np.zeros(100))
         assert decide(none, none, 0.2, is_below=True) == (ClaimVerdict.HELD, 21)
         assert decide(none, none, 0.2, is_below=False) == (ClaimVerdict.NOT_HELD, 21)
         assert decide(none[:20], none[:20], 0.2, is_below=True) == (ClaimVerdict.UNDECIDED, 20)
 
-    def test_the_opposite_event_gives_the_opposite_answer(self) -> None:
+    def test_the_opposite_event_gives_the_opposite_answer(self):
         rng = np.random.default_rng(5)
         none = boolean(np.zeros(2_000))
         for p in (0.1, 0.15, 0.3):
@@ -99,7 +90,7 @@ class TestLikelihoodRatio:
             found = decide(events, none, 0.2, is_below=True)
             assert found == decide(~events, none, 0.8, is_below=False)
 
-    def test_missing_runs_count_against_either_answer(self) -> None:
+    def test_missing_runs_count_against_either_answer(self):
         all_missing, none = boolean(np.ones(3_000)), boolean(np.zeros(3_000))
         for is_below in (True, False):
             found = decide(none, all_missing, 0.5, is_below=is_below)
@@ -109,7 +100,7 @@ class TestLikelihoodRatio:
         assert decide(none, some, 0.2, is_below=True).verdict is ClaimVerdict.UNDECIDED
         assert decide(none, some, 0.6, is_below=True).verdict is ClaimVerdict.HELD
 
-    def test_an_interval_for_any_time_has_the_limits_that_are_not_excluded(self) -> None:
+    def test_an_interval_for_any_time_has_the_limits_that_are_not_excluded(self):
         lower, upper = anytime_interval(30, 0, 200)
         assert 0.07 < lower < 0.15 < upper < 0.25
         assert anytime_interval(30, 20, 200) == (lower, anytime_interval(50, 0, 200)[1])
@@ -121,7 +112,7 @@ class TestLikelihoodRatio:
 
 class TestClaims:
     @pytest.mark.parametrize("text", ["P(y > 5) < 0.2", " P ( y>5 )<20 % ", "P(y > 5.0) < 0.2"])
-    def test_a_claim_is_read(self, text: str) -> None:
+    def test_a_claim_is_read(self, text):
         claim = parse_claim(text)
         assert (claim.output, float(claim.value), claim.limit) == ("y", 5.0, 0.2)
         assert claim.is_above
@@ -132,11 +123,11 @@ class TestClaims:
         "text",
         ["", "y > 5", "P(y > 5)", "P(y >= 5) < 0.2", "P(y > 5) < 0", "P(y > 5) > 1", "P() < 1"],
     )
-    def test_any_other_text_is_none(self, text: str) -> None:
+    def test_any_other_text_is_none(self, text):
         with pytest.raises(QuantityError):
             parse_claim(text)
 
-    def test_inadmissible_runs_are_numbered_and_do_not_count(self) -> None:
+    def test_inadmissible_runs_are_numbered_and_do_not_count(self):
         runs = xr.Dataset(
             {
                 "y": ("run", [math.nan, *[1.0] * 30], {"units": "m"}),
@@ -148,14 +139,14 @@ class TestClaims:
 
 
 class TestWhenItEnds:
-    def test_a_round_adds_an_eighth(self) -> None:
+    def test_a_round_adds_an_eighth(self):
         looks = list(deciding_looks(1_000))
         assert looks[:9] == [32, 64, 96, 128, 160, 192, 224, 256, 288]
         assert looks[-1] == 1_000
         assert max(np.diff(looks) / looks[:-1]) <= 1
         assert list(deciding_looks(10)) == [10]
 
-    def test_in_the_round_of_the_decision(self) -> None:
+    def test_in_the_round_of_the_decision(self):
         found = attributes()
         assert found["decision"] == "held"
         made = tree()["runs/one"].sizes["run"]
@@ -170,14 +161,14 @@ class TestWhenItEnds:
             ("P(y < 5) < 0.5", "not held"),
         ],
     )
-    def test_the_same_runs_decide_each_form_of_the_question(self, claim: str, verdict: str) -> None:
+    def test_the_same_runs_decide_each_form_of_the_question(self, claim, verdict):
         found = attributes(HELD.replace("P(y > 5) < 0.5", claim))
         assert (found["decision"], found["decision_runs"]) == (
             verdict,
             attributes()["decision_runs"],
         )
 
-    def test_the_decision_does_not_depend_on_later_runs(self) -> None:
+    def test_the_decision_does_not_depend_on_later_runs(self):
         runs = tree("runs = 500")["runs/one"].to_dataset()
         claim = parse_claim("P(y > 5) < 0.5")
         found = claim.decide(runs)
@@ -185,7 +176,7 @@ class TestWhenItEnds:
         assert claim.decide(runs.isel(run=slice(found.runs))) == found
         assert claim.decide(runs.isel(run=slice(found.runs - 1))).verdict is ClaimVerdict.UNDECIDED
 
-    def test_undecided_at_the_largest_number(self) -> None:
+    def test_undecided_at_the_largest_number(self):
         found = attributes(NEVER)
         assert (found["decision"], found["decision_runs"], found["runs_spent"]) == (
             "undecided",
@@ -193,7 +184,7 @@ class TestWhenItEnds:
             300,
         )
 
-    def test_several_models_each_have_their_decision(self) -> None:
+    def test_several_models_each_have_their_decision(self):
         two = '[models.calm]\nuse = "ishigami"\n[models.wild]\nuse = "ishigami"\na = 21.0\n'
         text = STUDY.replace('[model]\nuse = "ishigami"\n', two) + HELD
         made = uqpen.run(uqpen.parse_study(text))
@@ -201,17 +192,17 @@ class TestWhenItEnds:
         assert (calm["decision"], wild["decision"]) == ("held", "not held")
         assert calm["runs_spent"] == wild["runs_spent"]
 
-    def test_the_design_meets_the_contract_of_designs(self) -> None:
+    def test_the_design_meets_the_contract_of_designs(self):
         check_design(MonteCarlo(accept="P(y > 5) < 0.2", at_most=1_000))
 
 
 class Interrupted(Progress):
     """Stops, as Ctrl-C would, at a number of batches."""
 
-    def __init__(self, batches: int) -> None:
+    def __init__(self, batches):
         self.left = batches
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
@@ -219,7 +210,7 @@ class Interrupted(Progress):
 
 @pytest.mark.processor
 class TestSameBytes:
-    def test_for_three_workers_and_after_an_interruption(self, tmp_path: Path) -> None:
+    def test_for_three_workers_and_after_an_interruption(self, tmp_path):
         alone, several, again = (tmp_path / f"{name}.nc" for name in ("alone", "several", "again"))
         make_archive(study(), alone)
         with processes(3) as workers:
@@ -249,9 +240,7 @@ class TestSameBytes:
         ),
     ],
 )
-def test_a_claim_that_makes_no_sense_is_told_before_any_run(
-    settings: str, key: str, found: str, expected: str
-) -> None:
+def test_a_claim_that_makes_no_sense_is_reported_before_any_run(settings, key, found, expected):
     with pytest.raises(StudyError) as caught:
         study(settings)
     (problem,) = caught.value.problems
@@ -260,14 +249,14 @@ def test_a_claim_that_makes_no_sense_is_told_before_any_run(
     assert re.search(r"study\.toml:1\d ", str(caught.value))
 
 
-def test_one_rule_at_a_time() -> None:
+def test_one_rule_at_a_time():
     rule = uqpen.Precision({"y": {"mean": 1}})
     with pytest.raises(SettingsError, match="until or accept, not both"):
         MonteCarlo(until=rule, accept="P(y > 5) < 0.2", at_most=2_000)
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol-sequence", "halton", "saltelli"])
-def test_designs_whose_points_depend_on_each_other_are_refused(kind: str) -> None:
+def test_designs_whose_points_depend_on_each_other_are_refused(kind):
     size = "base = 64" if kind == "saltelli" else "runs = 1600"
     text = (STUDY + HELD).replace("monte-carlo", kind).replace("at_most = 5_000", size)
     with pytest.raises(StudyError) as caught:
@@ -277,25 +266,25 @@ def test_designs_whose_points_depend_on_each_other_are_refused(kind: str) -> Non
 
 
 class TestShown:
-    def test_in_the_tables_with_its_guarantee(self) -> None:
+    def test_in_the_tables_with_its_guarantee(self):
         (table,) = statistics_tables(tree())
         made = attributes()["decision_runs"]
         row = dict(table.rows)["P(y > 5) < 0.5"]
         assert row[0].startswith(f"held after {made} runs ")
         assert any("a wrong answer has a probability of at most 5" in note for note in table.notes)
 
-    def test_in_json(self) -> None:
+    def test_in_json(self):
         found = archive_json(tree(NEVER))["designs"]["one"]["decision"]
         assert (found["verdict"], found["runs"], found["error"]) == ("undecided", 300, 0.05)
         assert found["lower"] < found["probability"] < found["upper"]
 
-    def test_on_the_page(self) -> None:
+    def test_on_the_page(self):
         (finding,) = decision_findings(ArchiveView(tree(), ""))
         assert finding[0].startswith("P(y > 5) < 0.5")
         assert finding[1].startswith("Held after ")
         assert "an interval that holds whenever one stops" in finding[1]
 
-    def test_in_the_long_table_with_its_own_interval(self) -> None:
+    def test_in_the_long_table_with_its_own_interval(self):
         asked = STUDY.replace("[constraints]", "[outputs.y]\nexceeds = [5, 6]\n[constraints]")
         made = uqpen.run(uqpen.parse_study(asked + NEVER))
         table = long_table(made).set_index(["statistic", "coordinates"]).sort_index()
@@ -311,7 +300,7 @@ class TestShown:
         # Thresholds are numbers beside their labels.
         assert [five["threshold_value"], six["threshold_value"]] == [5.0, 6.0]
 
-    def test_every_interval_for_a_fixed_number_is_marked(self) -> None:
+    def test_every_interval_for_a_fixed_number_is_marked(self):
         found = UnpackedStatistics(tree()["statistics/one/y"].to_dataset())
         for array in (each for each in found.values() if "interval_label" in each.coords):
             has_interval = np.ravel(array["interval_label"].values) != "none"
@@ -319,7 +308,7 @@ class TestShown:
             assert np.array_equal(is_marked, has_interval)
 
 
-def test_attributes_that_cannot_be_read_decide_and_certify_nothing() -> None:
+def test_attributes_that_cannot_be_read_decide_and_certify_nothing():
     runs = tree("runs = 100")["runs/one"].to_dataset()
     assert decision_attributes(runs) == {}
     assert decision_attributes(runs.assign_attrs(stopping_claim="P(")) == {}

@@ -1,9 +1,6 @@
 """What holds of every design, and what each promises of its own."""
 
-from __future__ import annotations
-
 import tracemalloc
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -19,7 +16,6 @@ from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs import DESIGNS, quadrature
-from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -43,13 +39,13 @@ LAW = JointDistribution(
 STREAM = Stream(1, "designs", "mine")
 
 
-def law_of_many(inputs: int) -> JointDistribution:
+def law_of_many(inputs):
     variables = tuple(Input(f"x{number}", "1") for number in range(inputs))
     uniform = (RandomInput(variable, Uniform(0.0, 1.0), "1") for variable in variables)
     return JointDistribution(tuple(uniform), variables)
 
 
-def points(design: Design, joint: JointDistribution = LAW, stream: Stream = STREAM) -> xr.Dataset:
+def points(design, joint=LAW, stream=STREAM):
     (only,) = design.rounds(joint, stream)
     return points_in_memory(only)
 
@@ -75,7 +71,7 @@ OTHER_DESIGNS = [
 ]
 
 
-def test_every_kind_of_design_is_tested() -> None:
+def test_every_kind_of_design_is_tested():
     tested = {type(design) for design in [*RANDOM_DESIGNS, *OTHER_DESIGNS]}
     # The points of two come from files, and those of some come in rounds.
     elsewhere = {"table", "data", "saltelli", "multifidelity"}
@@ -85,30 +81,30 @@ def test_every_kind_of_design_is_tested() -> None:
 
 
 @pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
-def test_a_design_makes_the_runs_it_says(design: Design) -> None:
+def test_a_design_makes_the_runs_it_says(design):
     assert points(design).sizes["run"] == design.run_count(LAW)
 
 
 @pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
-def test_the_same_stream_gives_the_same_points(design: Design) -> None:
+def test_the_same_stream_gives_the_same_points(design):
     assert points(design).identical(points(design))
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
-def test_another_name_gives_other_points(design: Design) -> None:
+def test_another_name_gives_other_points(design):
     other = points(design, stream=Stream(1, "designs", "other"))
     assert not np.isin(points(design)["length"], other["length"]).any()
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
-def test_no_point_is_drawn_twice(design: Design) -> None:
+def test_no_point_is_drawn_twice(design):
     drawn = points(design)
     for name in ("length", "share"):
         assert len(np.unique(drawn[name])) == design.run_count(LAW)
 
 
 @pytest.mark.parametrize("design", OTHER_DESIGNS, ids=str)
-def test_what_is_no_sample_says_so_and_stays_inside_the_law(design: Design) -> None:
+def test_what_is_no_sample_says_so_and_stays_inside_the_law(design):
     assert not design.sampling.is_sample
     drawn = points(design)
     assert np.isfinite(drawn["share"]).all()
@@ -116,18 +112,18 @@ def test_what_is_no_sample_says_so_and_stays_inside_the_law(design: Design) -> N
 
 
 @pytest.mark.parametrize("design", [Quadrature(4), FullFactorial(7), OneAtATime()], ids=str)
-def test_what_is_not_drawn_is_the_same_under_any_name(design: Design) -> None:
+def test_what_is_not_drawn_is_the_same_under_any_name(design):
     assert points(design).identical(points(design, stream=Stream(2, "designs", "other")))
 
 
 @pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
-def test_a_fixed_input_is_a_scalar(design: Design) -> None:
+def test_a_fixed_input_is_a_scalar(design):
     assert points(design)["mass"].dims == ()
     assert float(points(design)["mass"]) == 5.0
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
-def test_points_follow_the_law(design: Design) -> None:
+def test_points_follow_the_law(design):
     drawn = points(design)
     assert bool(((drawn["length"] >= 1.0) & (drawn["length"] <= 3.0)).all())
     # Four standard errors of a mean of as many independent draws.
@@ -137,7 +133,7 @@ def test_points_follow_the_law(design: Design) -> None:
 
 
 @pytest.mark.processor
-def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
+def test_more_runs_of_monte_carlo_keep_those_there_were():
     few, many = points(MonteCarlo(10)), points(MonteCarlo(BLOCK + 10))
     np.testing.assert_array_equal(few["share"], many["share"][:10])
     assert len(np.unique(many["share"])) == BLOCK + 10
@@ -146,9 +142,7 @@ def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("optimization", ["none", "random-cd"])
 @pytest.mark.parametrize(("each", "replicates"), [(2, 1), (3, 4), (17, 2), (40, 3)])
-def test_every_stratum_of_every_hypercube_has_one_point(
-    optimization: str, each: int, replicates: int
-) -> None:
+def test_every_stratum_of_every_hypercube_has_one_point(optimization, each, replicates):
     drawn = points(LatinHypercube(each * replicates, replicates, optimization))
     strata = np.floor((drawn["length"].values - 1.0) / 2.0 * each).astype(int)
     for replicate in range(replicates):
@@ -157,9 +151,7 @@ def test_every_stratum_of_every_hypercube_has_one_point(
 
 
 @given(power=st.integers(1, 9), replicates=st.integers(2, 5))
-def test_sobol_replicates_are_balanced_over_elementary_intervals(
-    power: int, replicates: int
-) -> None:
+def test_sobol_replicates_are_balanced_over_elementary_intervals(power, replicates):
     drawn = points(SobolSequence(2**power * replicates, replicates))
     unit = np.stack([(drawn["length"] - 1.0) / 2.0, special.ndtr(drawn["share"])], axis=1)
     for replicate in range(replicates):
@@ -170,7 +162,7 @@ def test_sobol_replicates_are_balanced_over_elementary_intervals(
             assert len({tuple(box) for box in boxes}) == 2**power
 
 
-def test_a_lower_discrepancy_is_what_optimization_is_for() -> None:
+def test_a_lower_discrepancy_is_what_optimization_is_for():
     plain, better = (
         points(LatinHypercube(100, 1, optimization)) for optimization in ("none", "random-cd")
     )
@@ -179,12 +171,12 @@ def test_a_lower_discrepancy_is_what_optimization_is_for() -> None:
 
 
 @pytest.mark.parametrize("name", ["lloyd", "maximin", ""])
-def test_an_optimization_that_would_break_the_strata_is_refused(name: str) -> None:
+def test_an_optimization_that_would_break_the_strata_is_refused(name):
     with pytest.raises(SettingsError, match='one of "none", "random-cd"'):
         LatinHypercube(100, 1, name)
 
 
-def test_hypercubes_are_drawn_independently() -> None:
+def test_hypercubes_are_drawn_independently():
     drawn = points(LatinHypercube(4000, replicates=2))["length"].values.reshape(2, 2000)
     # A correlation of 2000 independent pairs, within five of its standard errors.
     assert abs(np.corrcoef(drawn)[0, 1]) < 5 / 2000**0.5
@@ -194,9 +186,7 @@ def test_hypercubes_are_drawn_independently() -> None:
     ("runs", "replicates", "nearest"),
     [(1000, 16, "512 or 1024"), (16, 16, "such as 32,"), (100, 2, "64 or 128"), (4, 3, "6")],
 )
-def test_a_sobol_design_of_another_size_is_refused_naming_the_nearest(
-    runs: int, replicates: int, nearest: str
-) -> None:
+def test_a_sobol_design_of_another_size_is_refused_naming_the_nearest(runs, replicates, nearest):
     with pytest.raises(SettingsError, match="times a power of two") as caught:
         SobolSequence(runs, replicates)
     assert nearest in str(caught.value)
@@ -204,8 +194,8 @@ def test_a_sobol_design_of_another_size_is_refused_naming_the_nearest(
 
 @pytest.mark.parametrize("design", [SobolSequence, Halton])
 def test_a_single_set_of_quasi_random_points_is_refused(
-    design: type[SobolSequence] | type[Halton],
-) -> None:
+    design,
+):
     # Nothing tells the error of one.
     with pytest.raises(SettingsError, match="at least 2"):
         design(64, replicates=1)
@@ -215,46 +205,44 @@ def test_a_single_set_of_quasi_random_points_is_refused(
     ("runs", "replicates", "nearest"),
     [(1001, 10, "1000 or 1010"), (15, 10, "20"), (1, 1, ""), (5, 10, "20")],
 )
-def test_runs_that_do_not_divide_are_refused_naming_the_nearest(
-    runs: int, replicates: int, nearest: str
-) -> None:
+def test_runs_that_do_not_divide_are_refused_naming_the_nearest(runs, replicates, nearest):
     with pytest.raises(SettingsError) as caught:
         LatinHypercube(runs, replicates)
     assert nearest in str(caught.value)
 
 
-def test_a_monte_carlo_of_no_runs_is_refused() -> None:
+def test_a_monte_carlo_of_no_runs_is_refused():
     with pytest.raises(SettingsError, match="at least 1"):
         MonteCarlo(0)
 
 
 class TestTable:
-    def write(self, folder: Path, text: str, name: str = "points.csv") -> TableDesign:
+    def write(self, folder, text, name="points.csv"):
         (folder / name).write_text(text, encoding="utf-8")
         return TableDesign(folder / name)
 
-    def test_columns_are_read_in_their_units(self, tmp_path: Path) -> None:
+    def test_columns_are_read_in_their_units(self, tmp_path):
         table = self.write(tmp_path, "length [cm],share\n150,0.5\n200,-1e-1\n")
         drawn = points(table)
         assert drawn["length"].values.tolist() == [1.5, 2.0]
         assert drawn["share"].values.tolist() == [0.5, -0.1]
         assert float(drawn["mass"]) == 5.0
 
-    def test_a_column_wins_over_a_fixed_input(self, tmp_path: Path) -> None:
+    def test_a_column_wins_over_a_fixed_input(self, tmp_path):
         table = self.write(tmp_path, "length [m], share, mass [g]\n1,0,7\n2,0,8\n")
         assert points(table)["mass"].values.tolist() == [0.007, 0.008]
 
-    def test_a_byte_order_mark_and_blank_lines_are_no_matter(self, tmp_path: Path) -> None:
+    def test_a_byte_order_mark_and_blank_lines_are_no_matter(self, tmp_path):
         table = self.write(tmp_path, "\ufefflength [m],share\r\n\r\n1,2\r\n\r\n")
         assert points(table)["length"].values.tolist() == [1.0]
 
-    def test_a_netcdf_file_is_read_like_a_csv_file(self, tmp_path: Path) -> None:
+    def test_a_netcdf_file_is_read_like_a_csv_file(self, tmp_path):
         path = tmp_path / "points.nc"
         length = ("point", [150.0, 200.0], {"units": "cm"})
         xr.Dataset({"length": length, "share": ("point", [0.5, 1.0])}).to_netcdf(path)
         assert points(TableDesign(path))["length"].values.tolist() == [1.5, 2.0]
 
-    def test_a_missing_value_in_a_netcdf_file_is_no_point(self, tmp_path: Path) -> None:
+    def test_a_missing_value_in_a_netcdf_file_is_no_point(self, tmp_path):
         with netCDF4.Dataset(tmp_path / "points.nc", "w") as dataset:
             dataset.createDimension("point", 3)
             length = dataset.createVariable("length", "f8", ("point",))
@@ -263,7 +251,7 @@ class TestTable:
         with pytest.raises(TableError, match="no number at position 1"):
             points(TableDesign(tmp_path / "points.nc"))
 
-    def test_a_table_is_read_once(self, tmp_path: Path) -> None:
+    def test_a_table_is_read_once(self, tmp_path):
         table = self.write(tmp_path, "length [m],share\n1,2\n")
         assert table.run_count(LAW) == 1
         table.file.unlink()
@@ -290,12 +278,12 @@ class TestTable:
             ("", "is empty"),
         ],
     )
-    def test_a_mistake_is_named(self, tmp_path: Path, text: str, complaint: str) -> None:
+    def test_a_mistake_is_named(self, tmp_path, text, complaint):
         with pytest.raises(TableError) as caught:
             points(self.write(tmp_path, text))
         assert complaint in str(caught.value)
 
-    def test_a_file_that_is_none_is_named(self, tmp_path: Path) -> None:
+    def test_a_file_that_is_none_is_named(self, tmp_path):
         with pytest.raises(TableError, match="there is no file"):
             points(TableDesign(tmp_path / "absent.csv"))
         (tmp_path / "broken.nc").write_bytes(b"no netcdf")
@@ -307,13 +295,13 @@ class TestTable:
 
 
 @pytest.mark.parametrize(("each", "dimension"), [(2, 1), (3, 4), (17, 2), (1000, 10)])
-def test_a_hypercube_is_that_of_scipy(each: int, dimension: int) -> None:
+def test_a_hypercube_is_that_of_scipy(each, dimension):
     drawn = LatinHypercube(each, 1).draw(np.random.default_rng(3), each, dimension)
     expected = qmc.LatinHypercube(dimension, rng=np.random.default_rng(3)).random(each)
     np.testing.assert_array_equal(drawn, expected)
 
 
-def test_a_hypercube_takes_little_more_memory_than_its_points() -> None:
+def test_a_hypercube_takes_little_more_memory_than_its_points():
     rng = np.random.default_rng(3)
     tracemalloc.start()
     drawn = LatinHypercube(20_000, 1).draw(rng, 20_000, 10)
@@ -323,7 +311,7 @@ def test_a_hypercube_takes_little_more_memory_than_its_points() -> None:
     assert most < 1.5 * drawn.nbytes
 
 
-def test_a_hypercube_that_is_too_large_to_be_drawn_whole_is_refused() -> None:
+def test_a_hypercube_that_is_too_large_to_be_drawn_whole_is_refused():
     law = law_of_many(2)
     assert list(LatinHypercube(2**26, 2).check_inputs(law)) == []
     assert list(LatinHypercube(10**12, 10_000).check_inputs(law_of_many(1))) == [
@@ -339,14 +327,14 @@ def test_a_hypercube_that_is_too_large_to_be_drawn_whole_is_refused() -> None:
 
 @pytest.mark.parametrize("design", [LatinHypercube, SobolSequence, Halton])
 def test_more_replicates_than_could_be_drawn_in_time_are_refused(
-    design: type[LatinHypercube | SobolSequence | Halton],
-) -> None:
+    design,
+):
     assert design(20_000, 10_000).replicate_count == 10_000
     with pytest.raises(SettingsError, match="at most 10_000"):
         design(2_000_000, 1_000_000)
 
 
-def test_a_hypercube_that_takes_minutes_to_optimize_is_refused() -> None:
+def test_a_hypercube_that_takes_minutes_to_optimize_is_refused():
     law = law_of_many(2)
     assert list(LatinHypercube(2000, 2, "random-cd").check_inputs(law)) == []
     assert list(LatinHypercube(100_000, 2).check_inputs(law)) == []
@@ -356,7 +344,7 @@ def test_a_hypercube_that_takes_minutes_to_optimize_is_refused() -> None:
         assert f"of {design.runs} points in {design.replicates} hypercubes" in problem.found
 
 
-def test_a_sparse_grid_over_many_inputs_is_made_or_refused() -> None:
+def test_a_sparse_grid_over_many_inputs_is_made_or_refused():
     # More than the 32 dimensions that an array of NumPy's may have.
     assert Quadrature(1, "sparse").run_count(law_of_many(40)) == 81
     (problem,) = Quadrature(3, "sparse").check_inputs(law_of_many(60))
@@ -364,7 +352,7 @@ def test_a_sparse_grid_over_many_inputs_is_made_or_refused() -> None:
     assert problem.expected == "at most 5000 grids: a lower order, or fewer inputs"
 
 
-def test_rows_are_told_apart_alike_with_and_without_numbers_of_them() -> None:
+def test_rows_are_distinguished_alike_with_and_without_numbers_of_them():
     rows = np.random.default_rng(1).integers(0, 3, (200, 4))
     short = quadrature._distinct_rows(rows, [3] * 4)
     long = quadrature._distinct_rows(rows, [2**16] * 4)

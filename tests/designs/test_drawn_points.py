@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,18 +10,16 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import DrawnPoints, points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.rounds import draw_rounds
-from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.testing import check_design, example_joint_distribution
 
 STREAM = Stream(1, "designs", "mine")
@@ -41,8 +38,6 @@ runs = 10
 ONE = '[model]\nuse = "ishigami"'
 TWO = '[models.a]\nuse = "ishigami"\n[models.b]\nuse = "ishigami"\nwith = { x3 = 1.5 }'
 
-Change = Callable[[xr.Dataset, int], Any]
-
 
 @dataclass(frozen=True)
 class Drawn(Design):
@@ -53,27 +48,27 @@ class Drawn(Design):
     change: Any = lambda points, start: points
     runs: int = count(default=2 * BLOCK + 100)
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         (plain,) = MonteCarlo(self.runs).rounds(joint, stream)
         assert isinstance(plain, DrawnPoints)
 
-        def draw(start: int, stop: int) -> Any:
+        def draw(start, stop):
             return self.change(plain.draw(start, stop), start)
 
         yield DrawnPoints(self.runs, draw)
 
-    def run_count(self, joint: JointDistribution) -> int:
+    def run_count(self, joint):
         return self.runs
 
 
-def weighted(weights: Callable[[int, int], FloatArray]) -> Change:
-    def change(points: xr.Dataset, start: int) -> xr.Dataset:
+def weighted(weights):
+    def change(points, start):
         return points.assign_coords(weight=(RUN, weights(start, points.sizes[RUN])))
 
     return change
 
 
-def blocks_of(design: Design) -> Iterator[xr.Dataset]:
+def blocks_of(design):
     points = next(draw_rounds(design, JOINT, STREAM))
     assert isinstance(points, DrawnPoints)
     yield from points.blocks()
@@ -90,7 +85,7 @@ class TestBuiltInDesigns:
         ],
         ids=lambda design: type(design).__name__,
     )
-    def test_any_block_is_the_same_drawn_alone(self, design: Design) -> None:
+    def test_any_block_is_the_same_drawn_alone(self, design):
         (points,) = design.rounds(JOINT, STREAM)
         assert isinstance(points, DrawnPoints)
         assert points.size == design.run_count(JOINT)
@@ -100,12 +95,12 @@ class TestBuiltInDesigns:
         assert points.dataset().identical(xr.concat([first, second], RUN, data_vars="minimal"))
         assert points.read(0, points.size).identical(points.dataset())
 
-    def test_a_replicate_is_drawn_once_where_blocks_are_drawn_in_order(self) -> None:
-        drawn: list[int] = []
+    def test_a_replicate_is_drawn_once_where_blocks_are_drawn_in_order(self):
+        drawn = []
 
         @dataclass(frozen=True)
         class Noted(LatinHypercube):
-            def draw(self, rng: Any, points: int, dimension: int) -> FloatArray:
+            def draw(self, rng, points, dimension):
                 drawn.append(points)
                 return super().draw(rng, points, dimension)
 
@@ -113,7 +108,7 @@ class TestBuiltInDesigns:
         assert drawn == [(BLOCK + 40_000) // 4] * 4
         assert sum(each.sizes[RUN] for each in blocks) == BLOCK + 40_000
 
-    def test_points_of_one_block_are_in_memory(self) -> None:
+    def test_points_of_one_block_are_in_memory(self):
         (points,) = MonteCarlo(BLOCK).rounds(JOINT, STREAM)
         found = next(draw_rounds(MonteCarlo(BLOCK), JOINT, STREAM))
         assert isinstance(found, xr.Dataset)
@@ -121,7 +116,7 @@ class TestBuiltInDesigns:
 
 
 class TestPointsFromOutside:
-    def test_they_meet_the_contract(self) -> None:
+    def test_they_meet_the_contract(self):
         check_design(Drawn(runs=500))
         check_design(Drawn(weighted(lambda start, runs: np.ones(runs)), runs=500))
 
@@ -133,11 +128,11 @@ class TestPointsFromOutside:
         ],
         ids=["by the part", "reversed"],
     )
-    def test_points_that_depend_on_the_part_break_it(self, change: Change) -> None:
+    def test_points_that_depend_on_the_part_break_it(self, change):
         with pytest.raises(AssertionError, match="are the same drawn alone"):
             check_design(Drawn(change, runs=500))
 
-    def test_they_may_be_changed_block_by_block(self) -> None:
+    def test_they_may_be_changed_block_by_block(self):
         (points,) = MonteCarlo(BLOCK + 10).rounds(JOINT, STREAM)
         assert isinstance(points, DrawnPoints)
         other = points.assign({"mass": 7.0}).assign_attrs({"note": "x"})
@@ -169,36 +164,34 @@ class TestPointsFromOutside:
         ],
         ids=["no dataset", "input", "size", "coordinate", "negative", "infinite", "error"],
     )
-    def test_a_fault_of_a_later_block_is_refused_where_it_is_drawn(
-        self, change: Change, found: str
-    ) -> None:
+    def test_a_fault_of_a_later_block_is_refused_where_it_is_drawn(self, change, found):
         blocks = blocks_of(Drawn(change))
         next(blocks)
         with pytest.raises(uqpen.StudyError, match=f"the design Drawn fails: .*{found}"):
             next(blocks)
 
     @pytest.mark.parametrize("runs", [100, 2 * BLOCK + 100])
-    def test_a_fault_of_the_first_block_is_refused_before_a_run(self, runs: int) -> None:
+    def test_a_fault_of_the_first_block_is_refused_before_a_run(self, runs):
         study = uqpen.parse_study(STUDY.format(model=ONE))
         design = Drawn(lambda points, start: points.drop_vars("x2"), runs)
         with pytest.raises(uqpen.StudyError, match="its points lack x2"):
             uqpen.run(replace(study, designs={"mine": design}), map=_refuse)
 
-    def test_weights_may_be_0_in_a_block_but_not_in_all(self) -> None:
+    def test_weights_may_be_0_in_a_block_but_not_in_all(self):
         in_the_last = weighted(lambda start, runs: np.full(runs, float(start > BLOCK)))
         assert len(list(blocks_of(Drawn(in_the_last)))) == 3
         with pytest.raises(uqpen.StudyError, match="0 everywhere"):
             next(blocks_of(Drawn(weighted(lambda start, runs: np.zeros(runs)))))
 
-    def test_no_points_are_refused(self) -> None:
+    def test_no_points_are_refused(self):
         class Empty(Drawn):
-            def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+            def rounds(self, joint, stream):
                 yield DrawnPoints(0, lambda start, stop: joint.points(np.empty((0, 2)), {}))
 
         with pytest.raises(uqpen.StudyError, match="the design Empty fails: it yields no points"):
             next(blocks_of(Empty()))
 
-    def test_several_models_get_the_same_points(self) -> None:
+    def test_several_models_get_the_same_points(self):
         study = uqpen.parse_study(STUDY.format(model=TWO))
         tree = uqpen.run(replace(study, designs={"mine": Drawn(runs=300)}))
         one, other = (tree[f"models/{name}/runs/mine"] for name in "ab")
@@ -206,5 +199,5 @@ class TestPointsFromOutside:
         assert (float(one["x3"]), float(other["x3"])) == (0.0, 1.5)
 
 
-def _refuse(*_: object) -> Any:
+def _refuse(*_):
     raise AssertionError("a run was made")

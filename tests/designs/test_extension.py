@@ -1,15 +1,10 @@
 """A larger design keeps the points of a smaller one to the bit, and says where it does not."""
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Callable
-from typing import Any
 
 import chaospy
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +12,7 @@ import uqpen
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.design import Design, Extension
+from uqpen.designs.design import Extension
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -26,13 +21,12 @@ from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.designs.stopping.precision import Precision
-from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.testing import check_extension, example_joint_distribution
 
 pytestmark = pytest.mark.processor
 
 # Designs that grow with both numbers, of replicates and of points in each where there are any.
-SHAPES: dict[str, Callable[[int, int], Design]] = {
+SHAPES = {
     "monte-carlo": lambda r, n: MonteCarlo(1 + 7 * r * n),
     "latin-hypercube": lambda r, _: LatinHypercube(20 * (r + 1), r + 1),
     "sobol-sequence": lambda r, n: SobolSequence((r + 2) << (n + 1), r + 2),
@@ -45,8 +39,8 @@ SAMPLES = ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton")
 SIZES = st.tuples(st.integers(0, 4), st.integers(0, 5))
 
 
-def joint_of(inputs: dict[Any, Any], **others: Any) -> JointDistribution:
-    def model(a: float, b: float, c: float) -> dict[str, float]:
+def joint_of(inputs, **others):
+    def model(a, b, c):
         return {"y": a + b + c}
 
     return uqpen.Study(
@@ -77,9 +71,7 @@ JOINTS = {
 @pytest.mark.parametrize("kind", SHAPES)
 @settings(max_examples=10)
 @given(size=SIZES, more=SIZES, joint=st.sampled_from(sorted(JOINTS)))
-def test_a_larger_design_keeps_all_points(
-    kind: str, size: tuple[int, int], more: tuple[int, int], joint: str
-) -> None:
+def test_a_larger_design_keeps_all_points(kind, size, more, joint):
     inputs = JOINTS[joint if kind in SAMPLES else "discrete"]
     earlier = SHAPES[kind](*size)
     new = SHAPES[kind](size[0] + more[0], size[1] + more[1])
@@ -88,10 +80,10 @@ def test_a_larger_design_keeps_all_points(
 
 
 @st.composite
-def pairs_of_designs(draw: st.DrawFn) -> tuple[Design, Design]:
+def pairs_of_designs(draw):
     """Two designs of a class, whose settings have nothing to do with each other."""
     replicates, each = st.integers(2, 6), st.integers(2, 12)
-    kinds: list[Callable[[], Design]] = [
+    kinds = [
         lambda: Halton((r := draw(replicates)) * draw(each), r),
         lambda: SobolSequence((r := draw(replicates)) << draw(st.integers(1, 5)), r),
         lambda: LatinHypercube((r := draw(replicates)) * draw(each), r),
@@ -107,19 +99,19 @@ def pairs_of_designs(draw: st.DrawFn) -> tuple[Design, Design]:
 
 @settings(max_examples=20)
 @given(pair=pairs_of_designs())
-def test_what_is_kept_and_what_would_keep_all_is_told(pair: tuple[Design, Design]) -> None:
+def test_what_is_kept_and_what_would_keep_all_is_reported(pair):
     check_extension(*pair)
 
 
-def test_points_beyond_a_block_keep_those_before() -> None:
+def test_points_beyond_a_block_keep_those_before():
     check_extension(MonteCarlo(BLOCK + 5), MonteCarlo(BLOCK - 3))
 
 
-def redrawn(design: Saltelli, share: float) -> Counter[bytes]:
+def redrawn(design, share):
     """Return the points of all rounds of a design, a share of which are inadmissible."""
     joint = JOINTS["truncated"]
 
-    def runs(points: xr.Dataset, number: int) -> dict[str, xr.Dataset]:
+    def runs(points, number):
         is_lost = np.mod(10 * points["a"] * points["b"], 1) < share
         status = np.where(is_lost, Status.INADMISSIBLE, Status.OK)
         return {"": points.assign({STATUS: (RUN, status.astype(np.int8))})}
@@ -138,11 +130,11 @@ def redrawn(design: Saltelli, share: float) -> Counter[bytes]:
     share=st.sampled_from([0.3, 0.6]),
 )
 def test_a_larger_design_keeps_what_was_drawn_again(
-    replicates: tuple[int, int],
-    exponents: tuple[int, int],
-    is_second_order: tuple[bool, bool],
-    share: float,
-) -> None:
+    replicates,
+    exponents,
+    is_second_order,
+    share,
+):
     few, more = replicates
     size, doublings = exponents
     earlier = Saltelli(few << size, few, second_order=all(is_second_order))
@@ -205,17 +197,15 @@ def test_a_larger_design_keeps_what_was_drawn_again(
     ],
     ids=str,
 )
-def test_a_loss_is_told_with_the_nearest_that_has_none(
-    new: Design, earlier: Design, text: str
-) -> None:
+def test_a_loss_is_reported_with_the_nearest_that_has_none(new, earlier, text):
     joint = example_joint_distribution()
     found = new.extension(earlier, joint)
     assert found.text(earlier.run_count(joint), new.run_count(joint)) == text
 
 
-def test_a_design_that_promises_too_much_breaks_the_contract() -> None:
+def test_a_design_that_promises_too_much_breaks_the_contract():
     class Promising(MonteCarlo):
-        def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        def extension(self, earlier, joint):
             return Extension(earlier.run_count(joint))
 
     with pytest.raises(AssertionError, match="64 points are kept, found 0"):

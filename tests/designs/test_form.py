@@ -1,10 +1,6 @@
 """FORM and SORM: design points of planes and paraboloids, what is not known, mistakes."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +9,6 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.designs.rare_events.form import (
     curvature_offsets,
     principal_curvatures,
@@ -24,17 +19,14 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.statistics.rare_events.form_probability import DesignPoint, design_points
+from uqpen.statistics.rare_events.form_probability import design_points
 from uqpen.statistics.rare_events.rare_event_probability import rare_event
 
-Function = Callable[[FloatArray, FloatArray, FloatArray], Mapping[str, FloatArray]]
 NORMAL = uqpen.Normal(0.0, 1.0)
 INPUTS = {"a": NORMAL, "b": NORMAL, "c": NORMAL}
 
 
-def study(
-    function: Function, event: str, *, inputs: object = INPUTS, **settings: object
-) -> uqpen.Study:
+def study(function, event, *, inputs=INPUTS, **settings):
     model = uqpen.PythonModel(
         function, {"a": "1", "b": "1", "c": "1"}, {"depth": "m"}, vectorized=True
     )
@@ -42,34 +34,34 @@ def study(
     return uqpen.Study(model, inputs, designs=designs, seed=1)
 
 
-def probability(tree: xr.DataTree) -> xr.DataArray:
+def probability(tree):
     (found,) = tree["joint_probabilities/rare"]["joint_probability"]
     return found
 
 
-def points_of(tree: xr.DataTree) -> list[DesignPoint]:
+def points_of(tree):
     runs = tree["runs/rare"].to_dataset()
     rare = rare_event(runs)
     assert rare is not None
     return design_points(runs, rare.event, rare.event.outcomes(runs))
 
 
-def plane(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+def plane(a, b, c):
     """A plane at the distance 4 from the median, across (3, 4, 0)."""
     return {"depth": 0.6 * a + 0.8 * b + 0 * c}
 
 
-def paraboloid(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+def paraboloid(a, b, c):
     """A limit at a = 4 that bends away from the median along b and c."""
     return {"depth": a - 0.1 * b**2 - 0.05 * c**2}
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study(plane, "depth > 4 m"))
 
 
-def test_a_plane_is_exact(tree: xr.DataTree) -> None:
+def test_a_plane_is_exact(tree):
     (point,) = points_of(tree)
     # Differences of a plane are exact but for rounding, divided by the step of 0.01.
     assert point.reliability_index == pytest.approx(4, rel=1e-9)
@@ -78,7 +70,7 @@ def test_a_plane_is_exact(tree: xr.DataTree) -> None:
     assert probability(tree)[0] == pytest.approx(special.ndtr(-4.0), rel=1e-7)
 
 
-def test_it_has_no_interval_and_says_why(tree: xr.DataTree) -> None:
+def test_it_has_no_interval_and_says_why(tree):
     found = probability(tree)
     assert np.isnan(found.values[1:]).all()
     note = found.attrs["note"]
@@ -91,7 +83,7 @@ def test_it_has_no_interval_and_says_why(tree: xr.DataTree) -> None:
     assert not list(find_faults(tree))
 
 
-def test_design_points_stand_in_archive_json_and_a_table(tree: xr.DataTree) -> None:
+def test_design_points_stand_in_archive_json_and_a_table(tree):
     found = tree["joint_probabilities/rare"]
     assert found["reliability_index"].dims == ("design_point", "bound")
     assert found["reliability_index"].values[0, 0] == pytest.approx(4, rel=1e-9)
@@ -108,7 +100,7 @@ def test_design_points_stand_in_archive_json_and_a_table(tree: xr.DataTree) -> N
     assert rows["importance of b"].startswith("0.640")
 
 
-def test_curvatures_are_those_of_a_paraboloid() -> None:
+def test_curvatures_are_those_of_a_paraboloid():
     (point,) = points_of(uqpen.run(study(paraboloid, "depth > 4 m")))
     # The limit is a = 4 + 0.1 b² + 0.05 c². The point is found to within 0.05 of the step.
     assert point.reliability_index == pytest.approx(4, rel=1e-2)
@@ -122,7 +114,7 @@ def test_curvatures_are_those_of_a_paraboloid() -> None:
     assert point.first_order > 1.4 * exact
 
 
-def test_second_differences_of_a_quadratic_are_exact() -> None:
+def test_second_differences_of_a_quadratic_are_exact():
     gradient = np.array([1.0, -2.0, 2.0])
     basis = tangent_basis(gradient)
     assert basis @ gradient == pytest.approx([0, 0], abs=1e-12)
@@ -134,8 +126,8 @@ def test_second_differences_of_a_quadratic_are_exact() -> None:
     assert found == pytest.approx(np.linalg.eigvalsh(hessian), abs=1e-12)
 
 
-def test_several_design_points_are_united() -> None:
-    def two(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+def test_several_design_points_are_united():
+    def two(a, b, c):
         return {"depth": np.maximum(a - 3, -b - 3.5) + 0 * c}
 
     tree = uqpen.run(study(two, "depth > 0 m", starts=9))
@@ -145,10 +137,10 @@ def test_several_design_points_are_united() -> None:
     assert probability(tree)[0] == pytest.approx(first + second - first * second, rel=1e-4)
 
 
-def test_points_are_in_the_units_of_the_inputs() -> None:
+def test_points_are_in_the_units_of_the_inputs():
     inputs = {"a": uqpen.Normal(10.0, 2.0), "b": uqpen.Uniform(0.0, 1.0), "c": NORMAL}
 
-    def first(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+    def first(a, b, c):
         return {"depth": a + 0 * b + 0 * c}
 
     tree = uqpen.run(study(first, "depth > 16 m", inputs=inputs))
@@ -156,14 +148,14 @@ def test_points_are_in_the_units_of_the_inputs() -> None:
     assert probability(tree)[0] == pytest.approx(special.ndtr(-3.0), rel=1e-6)
 
 
-def test_a_common_event_has_a_negative_index() -> None:
+def test_a_common_event_has_a_negative_index():
     tree = uqpen.run(study(plane, "depth > -1 m"))
     assert points_of(tree)[0].reliability_index == pytest.approx(-1, rel=1e-6)
     assert probability(tree)[0] == pytest.approx(special.ndtr(1.0), rel=1e-6)
 
 
-def test_without_a_design_point_there_is_no_number() -> None:
-    def steps(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+def test_without_a_design_point_there_is_no_number():
+    def steps(a, b, c):
         return {"depth": 1.0 * (a > 4) + 0 * b + 0 * c}
 
     found = probability(uqpen.run(study(steps, "depth > 0.5 m")))
@@ -171,15 +163,15 @@ def test_without_a_design_point_there_is_no_number() -> None:
     assert "no search has reached a design point" in found.attrs["note"]
 
 
-def test_failed_runs_are_counted() -> None:
-    def fails(a: FloatArray, b: FloatArray, c: FloatArray) -> dict[str, FloatArray]:
+def test_failed_runs_are_counted():
+    def fails(a, b, c):
         return {"depth": np.where(b > 0.3, np.nan, a + 0 * c)}
 
     found = probability(uqpen.run(study(fails, "depth > 3 m", starts=9)))
     assert "runs failed, and what lies there is not in it" in found.attrs["note"]
 
 
-def test_designs_that_disagree_are_named() -> None:
+def test_designs_that_disagree_are_named():
     designs = {
         "first_look": uqpen.Form(event="depth > 4 m"),
         "sampled": uqpen.ImportanceSampling(event="depth > 4 m", samples=600),
@@ -196,8 +188,8 @@ def test_designs_that_disagree_are_named() -> None:
     assert entry["disagrees_with"] == ["first_look"]
 
 
-def test_disjoint_intervals_are_a_disagreement_and_others_are_not() -> None:
-    def of(*values: float) -> xr.DataArray:
+def test_disjoint_intervals_are_a_disagreement_and_others_are_not():
+    def of(*values):
         condition = {"event_condition": ("event", ["y > 1"])}
         return xr.DataArray([values], dims=("event", "bound"), coords=condition)
 
@@ -208,7 +200,7 @@ def test_disjoint_intervals_are_a_disagreement_and_others_are_not() -> None:
     assert not list(disagreements({"a": near, "none": of(math.nan, math.nan, math.nan)}))
 
 
-def test_mistakes_are_met_before_a_run(tmp_path: Path) -> None:
+def test_mistakes_are_met_before_a_run(tmp_path):
     (tmp_path / "model.py").write_text("def model(a): raise SystemExit\n")
     (tmp_path / "study.toml").write_text(
         '[model]\npython = "model.py:model"\ninputs = { a = "1" }\noutputs = { depth = "m" }\n'

@@ -1,30 +1,23 @@
 """Designs that move one input after the other: trajectories, and steps from the nominal point."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.write import write
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.one_at_a_time import Morris, OneAtATime
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.single_steps import mean_effect
 from uqpen.study.load import parse_study
@@ -33,10 +26,10 @@ STUDIES = Path(__file__).parents[2] / "studies"
 OUTPUT = Output("y", "m")
 
 
-def law_of(
-    given: Mapping[str, Distribution | float], bounds: Mapping[str, Bounds] = {}
-) -> JointDistribution:
-    variables = {name: Input(name, "m", bounds=bounds.get(name, Bounds())) for name in given}
+def law_of(given, bounds=None):
+    variables = {
+        name: Input(name, "m", bounds=(bounds or {}).get(name, Bounds())) for name in given
+    }
     return JointDistribution(
         tuple(
             FixedInput(variables[name], entry, "m")
@@ -48,18 +41,18 @@ def law_of(
     )
 
 
-def points(design: Design, joint: JointDistribution, name: str = "mine") -> xr.Dataset:
+def points(design, joint, name="mine"):
     (only,) = design.rounds(joint, Stream(1, "designs", name))
     return only
 
 
 def runs_of(
-    design: Design,
-    joint: JointDistribution,
-    function: Callable[..., Any],
+    design,
+    joint,
+    function,
     *,
-    vectorized: bool = True,
-) -> xr.Dataset:
+    vectorized=True,
+):
     names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
@@ -74,28 +67,28 @@ def runs_of(
 
 
 def sensitivity(
-    design: Design,
-    joint: JointDistribution,
-    function: Callable[..., Any],
+    design,
+    joint,
+    function,
     *,
-    vectorized: bool = True,
-) -> OutputStatistics:
+    vectorized=True,
+):
     runs = runs_of(design, joint, function, vectorized=vectorized)
     return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 
 
-def figure(found: OutputStatistics, name: str, entry: str) -> float:
+def figure(found, name, entry):
     return float(found[name].sel(input=entry, bound="estimate"))
 
 
-def note(found: OutputStatistics, name: str, entry: str) -> str:
+def note(found, name, entry):
     return interval_text(found[name].sel(input=entry), "note")
 
 
 class TestMorris:
     LAW = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0), "c": Uniform(0.0, 1.0), "f": 2.0})
 
-    def test_each_step_of_a_trajectory_moves_one_input_by_half_of_the_levels(self) -> None:
+    def test_each_step_of_a_trajectory_moves_one_input_by_half_of_the_levels(self):
         drawn = points(Morris(20, levels=6), self.LAW)
         unit = np.stack([drawn[name].values for name in "abc"], axis=1).reshape(20, 4, 3)
         grid = np.arange(1, 7) / 7
@@ -114,7 +107,7 @@ class TestMorris:
         assert drawn["position"].values.tolist() == [0, 1, 2, 3] * 20
         assert drawn["moved_input"].attrs["flag_meanings"] == "_none a b c"
 
-    def test_starts_are_spread_over_all_levels_and_steps_over_both_directions(self) -> None:
+    def test_starts_are_spread_over_all_levels_and_steps_over_both_directions(self):
         drawn = points(Morris(4000), self.LAW)
         starts = drawn["a"].values[drawn["position"].values == 0]
         _, counts = np.unique(np.round(starts, 9), return_counts=True)
@@ -122,23 +115,23 @@ class TestMorris:
         assert np.abs(counts - 1000).max() < 5 * math.sqrt(4000 * 0.25 * 0.75)
         assert abs((drawn["moved_by"].values > 0).sum() - 6000) < 5 * math.sqrt(12_000 / 4)
 
-    def test_more_trajectories_keep_those_there_were(self) -> None:
+    def test_more_trajectories_keep_those_there_were(self):
         few, many = points(Morris(5), self.LAW), points(Morris(50), self.LAW)
         assert few.identical(many.isel(run=slice(20)))
 
-    def test_another_name_gives_other_trajectories_and_the_global_generator_is_left(self) -> None:
+    def test_another_name_gives_other_trajectories_and_the_global_generator_is_left(self):
         before = np.random.get_state()[1].copy()  # noqa: NPY002 - what must not be touched
         assert not points(Morris(20), self.LAW).identical(points(Morris(20), self.LAW, "other"))
         np.testing.assert_array_equal(before, np.random.get_state()[1])  # noqa: NPY002
 
-    def test_levels_of_an_unbounded_law_are_finite(self) -> None:
+    def test_levels_of_an_unbounded_law_are_finite(self):
         drawn = points(Morris(50), law_of({"a": Normal(0.0, 1.0)}))
         assert np.abs(drawn["a"].values).max() < 1
 
-    def test_effects_are_salibs(self) -> None:
+    def test_effects_are_salibs(self):
         from SALib.analyze import morris
 
-        def function(a: Any, b: Any, c: Any, f: Any) -> Any:
+        def function(a, b, c, f):
             return f * a + b**2 * c - 3 * a * c
 
         found = sensitivity(Morris(30), self.LAW, function)
@@ -153,7 +146,7 @@ class TestMorris:
                 expected = theirs[figure_name][position] * (2 / 3) / (2 / 5)
                 assert figure(found, figure_name, name) == pytest.approx(expected, rel=1e-10)
 
-    def test_a_linear_effect_is_known_and_has_no_scatter(self) -> None:
+    def test_a_linear_effect_is_known_and_has_no_scatter(self):
         found = sensitivity(Morris(10), self.LAW, lambda a, b, c, f: 3 * a - 2 * b + 0 * c)
         assert figure(found, "mu", "a") == pytest.approx(3.0, rel=1e-12)
         assert figure(found, "mu", "b") == pytest.approx(-2.0, rel=1e-12)
@@ -162,7 +155,7 @@ class TestMorris:
         assert figure(found, "sigma", "a") == pytest.approx(0.0, abs=1e-12)
         assert "show no scatter" in note(found, "mu", "a")
 
-    def test_an_effect_with_the_period_of_half_the_law_is_seen(self) -> None:
+    def test_an_effect_with_the_period_of_half_the_law_is_seen(self):
         study = parse_study(
             'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n'
             + "".join(
@@ -176,7 +169,7 @@ class TestMorris:
         exact = 7 * abs(math.sin(math.pi / 5) ** 2 - math.sin(3 * math.pi / 5) ** 2) / 0.4
         assert figure(found, "mu_star", "x2") == pytest.approx(exact, rel=1e-9)
 
-    def test_intervals_of_the_mean_size_cover(self) -> None:
+    def test_intervals_of_the_mean_size_cover(self):
         function = lambda a, b, c, f: np.exp(a) * (1 + b) - c**2  # noqa: E731
         runs = runs_of(Morris(1000), self.LAW, function)
         # Exactly: the mean over all places of the grid.
@@ -188,23 +181,23 @@ class TestMorris:
             found = analyze(
                 runs.isel(run=slice(start, start + 40)), [QuantityOfInterest(OUTPUT, "m")]
             )
-            told = found["y"]["mu_star"].sel(input="a")
-            held += bool(told.sel(bound="lower") <= truth <= told.sel(bound="upper"))
+            reported = found["y"]["mu_star"].sel(input="a")
+            held += bool(reported.sel(bound="lower") <= truth <= reported.sel(bound="upper"))
         # Of ten trajectories each, 93 % to 98 % were measured; four standard errors below.
         assert held > 84
 
-    def test_few_trajectories_carry_a_note(self) -> None:
+    def test_few_trajectories_carry_a_note(self):
         found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * b + c)
         assert "only 4 effects" in note(found, "mu_star", "a")
 
-    def test_an_effect_that_is_rare_carries_a_note(self) -> None:
+    def test_an_effect_that_is_rare_carries_a_note(self):
         effects = np.zeros(40)
         effects[:4] = 1.0, 1.0, 2.0, 3.0
         assert "only 4 of 40 effects differ from the others" in mean_effect(effects).note
         effects[4] = 1.0
         assert mean_effect(effects).note == ""
 
-    def test_a_lost_run_takes_away_no_more_than_two_steps(self) -> None:
+    def test_a_lost_run_takes_away_no_more_than_two_steps(self):
         lost = {7, 41}
         runs = runs_of(Morris(20), self.LAW, lambda a, b, c, f: 3 * a - 2 * b + c)
         first = runs["y"].values[0]
@@ -216,13 +209,15 @@ class TestMorris:
         runs = runs.assign(status=("run", status, runs["status"].attrs), y=("run", values))
         found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
         notes = [note(found, "mu", name) for name in "abc"]
-        told = sum(int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text)
+        reported = sum(
+            int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text
+        )
         # Run 7 ends its trajectory; run 41 stands inside one.
-        assert told == 1 + 2
+        assert reported == 1 + 2
         assert figure(found, "mu", "a") == pytest.approx(3.0, rel=1e-12)
 
     @pytest.mark.parametrize("bad", [lambda: math.nan, lambda: 1 // 0], ids=["nan", "exception"])
-    def test_lost_runs_are_counted_and_change_no_other_effect(self, bad: Callable[[], Any]) -> None:
+    def test_lost_runs_are_counted_and_change_no_other_effect(self, bad):
         found = sensitivity(
             Morris(40),
             self.LAW,
@@ -234,14 +229,14 @@ class TestMorris:
             assert figure(found, "mu", name) == pytest.approx(effect, rel=1e-12)
             assert "of 40 effects are missing because a run failed" in note(found, "sigma", name)
 
-    def test_inadmissible_runs_are_counted(self) -> None:
+    def test_inadmissible_runs_are_counted(self):
         joint = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
         found = sensitivity(Morris(40), joint, lambda a, b: a + b)
         assert found["mu"].attrs["runs_inadmissible"] > 0
         assert found["mu"].attrs["conditional_on"] == "admissible inputs"
         assert figure(found, "mu", "b") == pytest.approx(1.0, rel=1e-12)
 
-    def test_with_no_run_left_there_is_no_figure(self) -> None:
+    def test_with_no_run_left_there_is_no_figure(self):
         found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * math.nan)
         for name in ("mu", "mu_star", "sigma"):
             assert np.isnan(found[name].values).all()
@@ -251,7 +246,7 @@ class TestMorris:
 class TestOneAtATime:
     LAW = law_of({"a": Normal(2.0, 0.2), "b": Uniform(1.0, 5.0), "f": 4.0, "zero": 0.0})
 
-    def test_points_are_the_nominal_one_and_two_for_each_random_input(self) -> None:
+    def test_points_are_the_nominal_one_and_two_for_each_random_input(self):
         drawn = points(OneAtATime(0.1), self.LAW)
         assert drawn.sizes["run"] == OneAtATime(0.1).run_count(self.LAW) == 5
         np.testing.assert_allclose(drawn["a"], [2, 1.8, 2.2, 2, 2])
@@ -261,7 +256,7 @@ class TestOneAtATime:
         assert drawn["moved_by"].values.tolist() == [0, -0.1, 0.1, -0.1, 0.1]
 
     @pytest.mark.parametrize("exponent", [-2.0, -0.5, 0.3, 1.0, 3.0])
-    def test_the_response_of_a_power_law_is_its_exponent(self, exponent: float) -> None:
+    def test_the_response_of_a_power_law_is_its_exponent(self, exponent):
         found = sensitivity(OneAtATime(), self.LAW, lambda a, b, f, zero: 7 * a**exponent / b)
         # The third derivative leaves a term of the square of the step.
         allowed = abs(exponent * (exponent - 1) * (exponent - 2)) / 6 * 0.01**2 * 1.1 + 1e-12
@@ -273,7 +268,7 @@ class TestOneAtATime:
         assert figure(found, "contribution", "b") == pytest.approx(uniform, rel=1e-9)
         assert note(found, "response", "a") == "a derivative at one point has no scatter"
 
-    def test_fixed_inputs_are_moved_where_that_is_asked(self) -> None:
+    def test_fixed_inputs_are_moved_where_that_is_asked(self):
         design = OneAtATime(fixed=True)
         found = sensitivity(design, self.LAW, lambda a, b, f, zero: a * f**2)
         assert found["response"]["input"].values.tolist() == ["a", "b", "f"]
@@ -281,7 +276,7 @@ class TestOneAtATime:
         assert math.isnan(figure(found, "contribution", "f"))
         assert note(found, "contribution", "f") == "a fixed input has no uncertainty"
 
-    def test_a_step_from_zero_is_relative_to_the_spread(self) -> None:
+    def test_a_step_from_zero_is_relative_to_the_spread(self):
         joint = law_of({"a": Normal(0.0, 2.0), "b": Uniform(1.0, 3.0)})
         half_spread = 2.0 * 0.9944578832097532
         drawn = points(OneAtATime(0.01), joint)
@@ -294,17 +289,17 @@ class TestOneAtATime:
         assert "its nominal value is 0" in note(found, "response", "a")
         assert "nominal value is 0" not in note(found, "response", "b")
 
-    def test_a_negative_nominal_value_has_the_same_response(self) -> None:
+    def test_a_negative_nominal_value_has_the_same_response(self):
         found = sensitivity(OneAtATime(), law_of({"a": Normal(-2.0, 0.5)}), lambda a: 3 * a**3)
         assert figure(found, "response", "a") == pytest.approx(3.0, abs=1.1e-4)
         assert figure(found, "contribution", "a") == pytest.approx(0.75, rel=1e-3)
 
-    def test_a_curved_response_says_so(self) -> None:
+    def test_a_curved_response_says_so(self):
         found = sensitivity(OneAtATime(0.3), self.LAW, lambda a, b, f, zero: a**3 + 0 * b)
         assert "nonlinear" in note(found, "response", "a")
         assert "nonlinear" not in note(found, "response", "b")
 
-    def test_a_step_that_lost_a_side_is_of_the_other(self) -> None:
+    def test_a_step_that_lost_a_side_is_of_the_other(self):
         found = sensitivity(
             OneAtATime(),
             self.LAW,
@@ -317,13 +312,13 @@ class TestOneAtATime:
         assert "from the step down only" in note(found, "response", "a")
         assert "from the step up only" in note(found, "response", "b")
 
-    def test_a_step_out_of_the_models_domain_is_inadmissible(self) -> None:
+    def test_a_step_out_of_the_models_domain_is_inadmissible(self):
         joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
         found = sensitivity(OneAtATime(), joint, lambda a, b: a * b)
         assert found["response"].attrs["runs_inadmissible"] == 1
         assert "from the step down only" in note(found, "response", "a")
 
-    def test_a_step_that_lost_both_sides_has_no_response(self) -> None:
+    def test_a_step_that_lost_both_sides_has_no_response(self):
         found = sensitivity(
             OneAtATime(), self.LAW, lambda a, b, f, zero: np.where(a == 2, a * b, math.nan)
         )
@@ -342,15 +337,13 @@ class TestOneAtATime:
             (lambda a, b, f, zero: (a - 2) * b, "the output is 0 at the nominal point"),
         ],
     )
-    def test_without_a_nominal_output_there_is_no_response(
-        self, function: Callable[..., Any], reason: str
-    ) -> None:
+    def test_without_a_nominal_output_there_is_no_response(self, function, reason):
         found = sensitivity(OneAtATime(), self.LAW, function)
         for name in ("response", "contribution"):
             assert np.isnan(found[name].values).all()
             assert reason in note(found, name, "a")
 
-    def test_the_responses_of_the_concrete_study_are_the_reports(self) -> None:
+    def test_the_responses_of_the_concrete_study_are_the_reports(self):
         text = (STUDIES / "concrete.toml").read_text(encoding="utf-8").split("[designs.")[0]
         study = parse_study(f'{text}[designs.steps]\nkind = "one-at-a-time"\n')
         found = uqpen.run(study)["statistics/steps/penetration_depth"].to_dataset()
@@ -362,14 +355,14 @@ class TestOneAtATime:
             ("crater_radius", 59.4, 10.5),
         ):
             at = {"input": name, "bound": "estimate"}
-            told = found["response"].sel(at)
-            assert 100 * float(told) == pytest.approx(response, abs=0.1)
-            told = found["contribution"].sel(at)
-            assert 100 * float(told) == pytest.approx(contribution, abs=0.1)
+            reported = found["response"].sel(at)
+            assert 100 * float(reported) == pytest.approx(response, abs=0.1)
+            reported = found["contribution"].sel(at)
+            assert 100 * float(reported) == pytest.approx(contribution, abs=0.1)
 
 
 @pytest.mark.parametrize("design", [Morris(4), OneAtATime()], ids=str)
-def test_an_input_that_a_model_does_not_vary_has_no_figure(design: Design) -> None:
+def test_an_input_that_a_model_does_not_vary_has_no_figure(design):
     joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
     runs = runs_of(design, joint, lambda a, b: a * b)
     # What another model makes of the points: a value of its own for one input.
@@ -381,9 +374,7 @@ def test_an_input_that_a_model_does_not_vary_has_no_figure(design: Design) -> No
 
 
 @pytest.mark.parametrize("named", ["y_mean", "y_sigma_note", "y_response", "y_contribution"])
-def test_an_output_may_have_the_name_of_another_and_of_a_statistic(
-    named: str, tmp_path: Path
-) -> None:
+def test_an_output_may_have_the_name_of_another_and_of_a_statistic(named, tmp_path):
     (tmp_path / "mine.py").write_text(
         f"def f(x):\n    return {{'y': x, '{named}': 2 * x + x**2}}\n", encoding="utf-8"
     )

@@ -1,7 +1,5 @@
 """The best split of a budget among a model and its stand-ins, against exact answers."""
 
-from __future__ import annotations
-
 from itertools import combinations, product
 
 import numpy as np
@@ -9,18 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError
 from uqpen.designs.multifidelity import LinearEstimator, Multifidelity, best_allocation
 
 
-def polynomials() -> tuple[FloatArray, FloatArray]:
+def polynomials():
     """Exact covariances of x⁵, x⁴, x³, x², x for x uniform on [0, 1], and costs of 1 to 1e-4."""
     a, b = np.meshgrid((5, 4, 3, 2, 1), (5, 4, 3, 2, 1))
     return 1 / (a + b + 1) - 1 / ((a + 1) * (b + 1)), 10.0 ** -np.arange(5)
 
 
-def ishigami_trio() -> tuple[FloatArray, FloatArray]:
+def ishigami_trio():
     """Covariances of three functions like Ishigami's, exact by Gauss's rule, and their costs."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
     x1, x2, x3 = np.array(list(product(np.pi * nodes, repeat=3))).T
@@ -35,11 +32,11 @@ def ishigami_trio() -> tuple[FloatArray, FloatArray]:
     return (joint * centred) @ centred.T, np.array([1, 0.05, 0.001])
 
 
-def correlations(covariance: FloatArray) -> FloatArray:
+def correlations(covariance):
     return covariance[0, 1:] / np.sqrt(covariance[0, 0] * np.diag(covariance)[1:])
 
 
-def multifidelity_ratio(correlations: FloatArray, costs: FloatArray) -> float:
+def multifidelity_ratio(correlations, costs):
     """Return the variance of multifidelity Monte Carlo over that of Monte Carlo, at equal cost.
 
     It has the best numbers of nested points, and the best choice of the stand-ins (Peherstorfer,
@@ -60,7 +57,7 @@ def multifidelity_ratio(correlations: FloatArray, costs: FloatArray) -> float:
     ("problem", "nested", "groups"),
     [(polynomials, 0.0461, 0.0043), (ishigami_trio, 0.0156, 0.0138)],
 )
-def test_ratios_to_monte_carlo_are_those_of_the_literature(problem, nested, groups) -> None:
+def test_ratios_to_monte_carlo_are_those_of_the_literature(problem, nested, groups):
     covariance, costs = problem()
     # The figures have three or two digits.
     assert multifidelity_ratio(correlations(covariance), costs[1:]) == pytest.approx(
@@ -77,9 +74,7 @@ def test_ratios_to_monte_carlo_are_those_of_the_literature(problem, nested, grou
     st.lists(st.floats(1e-3, 0.9), min_size=3, max_size=3),
     st.integers(0, 60),
 )
-def test_an_allocation_spends_the_budget_and_loses_to_no_nested_one(
-    loadings: list[float], prices: list[float], pilot: int
-) -> None:
+def test_an_allocation_spends_the_budget_and_loses_to_no_nested_one(loadings, prices, pilot):
     factors = np.array([1.0, *loadings])
     covariance = np.outer(factors, factors) + np.diag([0.0, *(1 - np.square(loadings))])
     costs = np.array([1.0, *prices[: len(loadings)]])
@@ -97,7 +92,7 @@ def test_an_allocation_spends_the_budget_and_loses_to_no_nested_one(
 
 
 @given(st.lists(st.floats(0.1, 1000), min_size=3, max_size=3), st.floats(0.1, 10))
-def test_weights_are_unbiased_and_do_not_depend_on_units(runs: list[float], unit: float) -> None:
+def test_weights_are_unbiased_and_do_not_depend_on_units(runs, unit):
     covariance, _ = polynomials()
     groups = [np.arange(5) >= first for first in (0, 1, 4)]
     weights = LinearEstimator(covariance, groups).weights(np.array(runs))
@@ -108,12 +103,12 @@ def test_weights_are_unbiased_and_do_not_depend_on_units(runs: list[float], unit
     assert other * scale == pytest.approx(weights, rel=1e-3, abs=1e-4)
 
 
-def test_a_pilot_is_no_larger_than_the_budget() -> None:
+def test_a_pilot_is_no_larger_than_the_budget():
     with pytest.raises(SettingsError, match="at most the budget, 60"):
         Multifidelity(budget=60, pilot=70)
 
 
-def test_points_of_a_smaller_budget_are_among_those_of_a_larger_one() -> None:
+def test_points_of_a_smaller_budget_are_among_those_of_a_larger_one():
     # Its points are those of the contract's test of extensions.
     larger, smaller = Multifidelity(budget=400), Multifidelity(budget=200)
     assert larger.extension(smaller, None).kept == 200  # type: ignore[arg-type]

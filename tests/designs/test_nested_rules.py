@@ -1,7 +1,5 @@
 """Nested rules: as exact as Gauss's of the same order, and each among the next."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import subprocess
@@ -12,12 +10,11 @@ from types import SimpleNamespace
 import chaospy
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
-from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Input
 from uqpen.core.streams import Stream
@@ -28,7 +25,6 @@ from uqpen.designs.quadrature import (
     node_counts,
     univariate_rules,
 )
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import (
     Beta,
@@ -47,14 +43,14 @@ ROUNDING = 1e-12
 
 UNIFORM, NORMAL = Uniform(2.0, 5.0), Normal(3.0, 0.5)
 GAMMA, BETA = Gamma(2.0, 0.5), Beta(2.0, 3.5, -1.0, 3.0)
-BOUNDED: list[Distribution] = [
+BOUNDED = [
     UNIFORM,
     BETA,
     Beta(2.0, 2.0, -1.0, 3.0),
     Triangular(-1.0, 0.5, 3.0),
     Truncated(Normal(0.0, 1.0), -0.5, 2.0),
 ]
-ACCEPTED: dict[str, list[Distribution]] = {
+ACCEPTED = {
     "clenshaw-curtis": BOUNDED,
     "fejer-1": BOUNDED,
     "fejer-2": BOUNDED,
@@ -65,18 +61,18 @@ ACCEPTED: dict[str, list[Distribution]] = {
 PAIRS = [(rule, distribution) for rule, accepted in ACCEPTED.items() for distribution in accepted]
 
 
-def law_of(*distributions: Distribution) -> JointDistribution:
+def law_of(*distributions):
     inputs = tuple(Input(f"x{number}", "m") for number in range(1, 1 + len(distributions)))
     random = tuple(map(RandomInput, inputs, distributions, ["m"] * len(inputs)))
     return JointDistribution(random, inputs)
 
 
-def points(design: Quadrature, joint: JointDistribution) -> xr.Dataset:
+def points(design, joint):
     (only,) = design.rounds(joint, Stream(1, "designs", "mine"))
     return only
 
 
-def moment(distribution: Distribution, degree: int) -> float:
+def moment(distribution, degree):
     """Return the exact moment of (x - 3) / 0.5 of the normal, (x - 3.5) / 1.5 of the uniform."""
     if degree % 2:
         return 0.0
@@ -85,11 +81,11 @@ def moment(distribution: Distribution, degree: int) -> float:
     return float(math.prod(range(1, degree, 2)))
 
 
-def standardised(distribution: Distribution, values: FloatArray) -> FloatArray:
+def standardised(distribution, values):
     return (values - 3.5) / 1.5 if isinstance(distribution, Uniform) else (values - 3) / 0.5
 
 
-def test_every_nested_rule_is_tested() -> None:
+def test_every_nested_rule_is_tested():
     assert set(ACCEPTED) == set(NESTED_RULES)
 
 
@@ -97,9 +93,7 @@ def test_every_nested_rule_is_tested() -> None:
     ("rule", "distribution"), [pair for pair in PAIRS if pair[1] in (UNIFORM, NORMAL)], ids=str
 )
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 5, 8])
-def test_moments_are_exact_to_the_degree_of_the_order(
-    rule: str, distribution: Distribution, order: int
-) -> None:
+def test_moments_are_exact_to_the_degree_of_the_order(rule, distribution, order):
     ((values, weights),) = univariate_rules(rule, distribution, [order])
     assert [len(values)] == node_counts(rule, distribution, [order])
     assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
@@ -113,9 +107,7 @@ def test_moments_are_exact_to_the_degree_of_the_order(
 
 @pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
 @pytest.mark.parametrize("order", [1, 4])
-def test_a_polynomial_has_the_mean_that_gausss_rule_gives(
-    rule: str, distribution: Distribution, order: int
-) -> None:
+def test_a_polynomial_has_the_mean_that_gausss_rule_gives(rule, distribution, order):
     ((values, weights),) = univariate_rules(rule, distribution, [order])
     ((gauss, shares),) = univariate_rules("gauss", distribution, [order])
     centre = shares @ gauss
@@ -128,7 +120,7 @@ def test_a_polynomial_has_the_mean_that_gausss_rule_gives(
 
 @pytest.mark.parametrize("order", [1, 4, 15, 27, 31, 33])
 @pytest.mark.parametrize("variant", [16, 18, 22, 24])
-def test_genz_and_keisters_weights_are_chaospys(variant: int, order: int) -> None:
+def test_genz_and_keisters_weights_are_chaospys(variant, order):
     import chaospy
 
     rule = f"genz-keister-{variant}"
@@ -146,9 +138,7 @@ def test_genz_and_keisters_weights_are_chaospys(variant: int, order: int) -> Non
 
 @settings(max_examples=50)
 @given(st.sampled_from(PAIRS), st.integers(0, 4), st.integers(0, 4))
-def test_the_points_of_a_lower_order_are_among_those_of_a_higher(
-    pair: tuple[str, Distribution], one: int, other: int
-) -> None:
+def test_the_points_of_a_lower_order_are_among_those_of_a_higher(pair, one, other):
     rule, distribution = pair
     lower, higher = sorted([one, other])
     (few, _), (many, _) = univariate_rules(rule, distribution, [lower, higher])
@@ -157,7 +147,7 @@ def test_the_points_of_a_lower_order_are_among_those_of_a_higher(
 
 
 @pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2", "leja"])
-def test_sparse_grids_are_nested(rule: str) -> None:
+def test_sparse_grids_are_nested(rule):
     joint = law_of(UNIFORM, UNIFORM)
     nodes = [
         np.stack([found["x1"].values, found["x2"].values], axis=1)
@@ -170,9 +160,7 @@ def test_sparse_grids_are_nested(rule: str) -> None:
 
 @pytest.mark.parametrize("grid", ["tensor", "sparse"])
 @pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
-def test_polynomials_of_all_inputs_are_exact(
-    rule: str, distribution: Distribution, grid: str
-) -> None:
+def test_polynomials_of_all_inputs_are_exact(rule, distribution, grid):
     joint = law_of(distribution, distribution)
     design = Quadrature(2, grid, rule)
     drawn, gauss = points(design, joint), points(Quadrature(2), joint)
@@ -187,14 +175,14 @@ def test_polynomials_of_all_inputs_are_exact(
             assert float(ours) == pytest.approx(float(exact), rel=1e-11, abs=1e-11)
 
 
-def test_both_ends_of_a_range_are_nodes() -> None:
+def test_both_ends_of_a_range_are_nodes():
     for distribution in BOUNDED:
         ((values, _),) = univariate_rules("clenshaw-curtis", distribution, [3])
         assert values[0] == distribution.ppf(np.array(0.0))
         assert values[-1] == distribution.isf(np.array(0.0))
 
 
-def test_a_range_far_from_zero_costs_no_digits() -> None:
+def test_a_range_far_from_zero_costs_no_digits():
     ((_, near),) = univariate_rules("clenshaw-curtis", Uniform(-1.0, 1.0), [4])
     ((_, far),) = univariate_rules("clenshaw-curtis", Uniform(2.0**40 - 1, 2.0**40 + 1), [4])
     np.testing.assert_allclose(far, near, rtol=1e-12)
@@ -213,9 +201,7 @@ def test_a_range_far_from_zero_costs_no_digits() -> None:
         ("genz-keister-24", UNIFORM, "normal inputs"),
     ],
 )
-def test_a_rule_that_an_input_does_not_have_is_refused(
-    rule: str, distribution: Distribution, expected: str
-) -> None:
+def test_a_rule_that_an_input_does_not_have_is_refused(rule, distribution, expected):
     suited = {"genz-keister-24": NORMAL}.get(rule, UNIFORM)
     for grid in ("tensor", "sparse"):
         (problem,) = Quadrature(2, grid, rule).check_inputs(law_of(suited, distribution))
@@ -228,7 +214,7 @@ def test_a_rule_that_an_input_does_not_have_is_refused(
 
 
 @pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2"])
-def test_an_order_that_rounding_spoils_is_refused(rule: str) -> None:
+def test_an_order_that_rounding_spoils_is_refused(rule):
     narrow = Beta(200.0, 350.0, 0.0, 1.0)
     (problem,) = Quadrature(10, "sparse", rule).check_inputs(law_of(UNIFORM, narrow))
     assert problem.path == ("order",)
@@ -239,22 +225,16 @@ def test_an_order_that_rounding_spoils_is_refused(rule: str) -> None:
         assert list(Quadrature(100, rule=rule).check_inputs(law_of(distribution))) == []
 
 
-def test_a_grid_over_many_inputs_is_refused_before_it_is_made() -> None:
+def test_a_grid_over_many_inputs_is_refused_before_it_is_made():
     (problem,) = Quadrature(5, "sparse", "clenshaw-curtis").check_inputs(law_of(*[BETA] * 20))
     assert "20 random inputs" in problem.found
 
 
-TEXT = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { uniform = { lower = -1, upper = 1 } }
-x3 = { normal = { mean = 0, std = 1 } }
-[designs.mine]
-kind = "quadrature"
-"""
+TEXT = study_text(
+    "ishigami",
+    inputs={"x1": (-1, 1), "x2": (-1, 1), "x3": {"normal": {"mean": 0, "std": 1}}},
+    designs={"mine": {"kind": "quadrature"}},
+)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +245,7 @@ kind = "quadrature"
         ('order = 2\nrule = "simpson"', 'one of "gauss", "clenshaw-curtis"'),
     ],
 )
-def test_a_study_is_refused_before_any_run(keys: str, complaint: str) -> None:
+def test_a_study_is_refused_before_any_run(keys, complaint):
     with pytest.raises(StudyError) as caught:
         parse_study(TEXT + keys)
     assert complaint in str(caught.value)
@@ -281,16 +261,16 @@ LEJA = {
 
 @pytest.mark.filterwarnings("ignore:.newshape. keyword:DeprecationWarning")
 @pytest.mark.parametrize("family", LEJA)
-def test_leja_nodes_are_those_of_chaospy(family: str) -> None:
+def test_leja_nodes_are_those_of_chaospy(family):
     theirs, _ = chaospy.quadrature.leja(6, getattr(chaospy, family)(*LEJA[family]))
     nodes = _search_leja_nodes.__wrapped__(7, family, *LEJA[family])
     np.testing.assert_allclose(nodes, np.ravel(theirs), rtol=1e-12)
 
 
-def test_leja_nodes_take_any_version_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leja_nodes_take_any_version_of_numpy(monkeypatch):
     """From 2.4 on, NumPy refuses the keyword by which numpoly reshapes."""
 
-    def refuse(*_: object, **__: object) -> None:
+    def refuse(*_, **__):
         raise TypeError("reshape() got an unexpected keyword argument 'newshape'")
 
     reshaping = sys.modules["numpoly.array_function.reshape"]
@@ -299,7 +279,7 @@ def test_leja_nodes_take_any_version_of_numpy(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.slow
-def test_gausss_rule_and_a_check_load_no_chaospy() -> None:
+def test_gausss_rule_and_a_check_load_no_chaospy():
     code = (
         "import sys, uqpen\n"
         "from uqpen.study.load import parse_study\n"
@@ -314,7 +294,7 @@ def test_gausss_rule_and_a_check_load_no_chaospy() -> None:
 
 
 @pytest.mark.slow
-def test_archives_are_the_same_with_any_workers(tmp_path: Path) -> None:
+def test_archives_are_the_same_with_any_workers(tmp_path):
     study = uqpen.Study(
         model=uqpen.Ishigami(),
         inputs={name: uqpen.Uniform(-math.pi, math.pi) for name in ("x1", "x2", "x3")},

@@ -1,20 +1,14 @@
 """Designs for a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from interrupted_study import check_interruptions_and_workers
 from scipy import special, stats
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
@@ -29,7 +23,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-Function = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 COPULA = {
     "copula": "gaussian",
     "of": "normal-scores",
@@ -39,18 +32,18 @@ INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
 HALF_SPACE = special.ndtr(-4.0)
 
 
-def half_space(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def half_space(a, b):
     """The sum exceeds 4 √2 with the probability of a standard normal variable above 4."""
     return {"depth": a + b, "speed": a - b}
 
 
 def study(
-    function: Function = half_space,
-    event: str = f"depth > {4 * math.sqrt(2)!r} m",
+    function=half_space,
+    event=f"depth > {4 * 2**0.5!r} m",
     *,
-    samples: int = 400,
-    **settings: object,
-) -> uqpen.Study:
+    samples=400,
+    **settings,
+):
     model = uqpen.PythonModel(
         function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True
     )
@@ -63,30 +56,30 @@ def study(
     )
 
 
-def probability(tree: xr.DataTree) -> xr.DataArray:
+def probability(tree):
     (found,) = tree["joint_probabilities/rare"]["joint_probability"]
     return found
 
 
-def contains(found: xr.DataArray, exact: float) -> bool:
+def contains(found, exact):
     """Check that the interval contains a value, and that it says something: few runs are made."""
     _, lower, upper = found.values
     return bool(lower <= exact <= upper < 30 * lower)
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study())
 
 
-def test_the_probability_of_a_half_space_is_in_the_interval(tree: xr.DataTree) -> None:
+def test_the_probability_of_a_half_space_is_in_the_interval(tree):
     found = probability(tree)
     assert contains(found, HALF_SPACE)
     # So many plain runs would most likely have seen none.
     assert tree["runs/rare"].sizes["run"] * HALF_SPACE < 1
 
 
-def test_a_candidate_is_a_state_where_it_reaches_its_level(tree: xr.DataTree) -> None:
+def test_a_candidate_is_a_state_where_it_reaches_its_level(tree):
     runs = tree["runs/rare"]
     parent, level = runs[CHAIN_PARENT].values, runs[SUBSET_LEVEL].values
     moved = level > 0
@@ -103,7 +96,7 @@ def test_a_candidate_is_a_state_where_it_reaches_its_level(tree: xr.DataTree) ->
         assert (reached >= runs[LEVEL_THRESHOLD].values[own & moved] - 1e-12).all()
 
 
-def test_inputs_may_depend_on_each_other_and_be_truncated() -> None:
+def test_inputs_may_depend_on_each_other_and_be_truncated():
     # P(a + b > 7) of a copula: both have a correlation of 0.5, so the sum a variance of 3.
     dependent = study(
         event="depth > 7 m",
@@ -116,7 +109,7 @@ def test_inputs_may_depend_on_each_other_and_be_truncated() -> None:
     assert contains(probability(uqpen.run(one)), (special.ndtr(-4) - special.ndtr(-4.5)) / share)
 
 
-def test_it_is_conditional_on_admissible_draws() -> None:
+def test_it_is_conditional_on_admissible_draws():
     one = study(constraints=["a > 0"], event="depth > 5 m")
     # Of a > 0 twice the probability of both signs, by symmetry less that of a <= 0.
     nodes, weights = np.polynomial.legendre.leggauss(200)
@@ -128,14 +121,14 @@ def test_it_is_conditional_on_admissible_draws() -> None:
     assert found.attrs["conditional_on"] == "admissible inputs"
 
 
-def test_two_distant_modes_are_both_met() -> None:
-    def two(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_two_distant_modes_are_both_met():
+    def two(a, b):
         return {"depth": np.abs(a), "speed": b}
 
     assert contains(probability(uqpen.run(study(two, "depth > 3.5 m"))), 2 * special.ndtr(-3.5))
 
 
-def test_all_or_any_limits_of_several_outputs() -> None:
+def test_all_or_any_limits_of_several_outputs():
     both = probability(uqpen.run(study(event="depth > 3 m and speed > 3 m/s")))
     either = probability(uqpen.run(study(event="depth > 5 m or speed < -5 m/s")))
     tail = special.ndtr(-5 / math.sqrt(2))
@@ -143,8 +136,8 @@ def test_all_or_any_limits_of_several_outputs() -> None:
     assert contains(either, 2 * tail - tail**2)
 
 
-def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
-    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_failed_runs_are_neither_safe_nor_in_the_event():
+    def fails(a, b):
         # Beyond 3.5 the solver fails where b is above 0: half of the event is unknown.
         return {"depth": np.where((a > 3.5) & (b > 0), np.nan, a), "speed": b}
 
@@ -156,8 +149,8 @@ def test_failed_runs_are_neither_safe_nor_in_the_event() -> None:
     assert "for any outcome of the missing runs" in found.attrs["interval"]
 
 
-def test_a_failing_region_gives_bounds_not_a_number_between() -> None:
-    def fails(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_a_failing_region_gives_bounds_not_a_number_between():
+    def fails(a, b):
         return {"depth": np.where(a > 2, np.nan, b), "speed": a}
 
     _, lower, upper = probability(uqpen.run(study(fails, "depth > 3.5 m"))).values
@@ -165,8 +158,8 @@ def test_a_failing_region_gives_bounds_not_a_number_between() -> None:
     assert lower <= special.ndtr(-3.5) * special.ndtr(2.0)
 
 
-def test_an_event_that_no_run_shows_has_no_number() -> None:
-    def never(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_an_event_that_no_run_shows_has_no_number():
+    def never(a, b):
         return {"depth": np.minimum(a, 1.0), "speed": b}
 
     found = probability(uqpen.run(study(never, "depth > 2 m", samples=100)))
@@ -174,14 +167,14 @@ def test_an_event_that_no_run_shows_has_no_number() -> None:
     assert "no run shows the event" in found.attrs["note"]
 
 
-def test_an_output_with_two_values_is_no_obstacle() -> None:
-    def steps(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_an_output_with_two_values_is_no_obstacle():
+    def steps(a, b):
         return {"depth": (a > 2.0) + (a > 3.0) * 1.0, "speed": b}
 
     assert contains(probability(uqpen.run(study(steps, "depth > 1.5 m"))), special.ndtr(-3.0))
 
 
-def test_a_threshold_leaves_the_probability_of_its_level_unbiased() -> None:
+def test_a_threshold_leaves_the_probability_of_its_level_unbiased():
     # Of uniform values, 1 - t lie above a threshold t. A tenth of the states stands for it, so the
     # mean of 0.1 / (1 - t) is 1. At the smallest of ten of a hundred states it would be 10/9.
     rng = Stream(1).generator()
@@ -195,7 +188,7 @@ def test_a_threshold_leaves_the_probability_of_its_level_unbiased() -> None:
     assert abs(ratios.mean() - 1) < 0.02
 
 
-def test_states_equal_to_the_largest_left_out_are_left_out() -> None:
+def test_states_equal_to_the_largest_left_out_are_left_out():
     # States of a chain that has not moved: were they kept, the threshold would depend on them.
     performance = np.repeat([-3.0, -2.0, -1.0], [75, 20, 5])
     none = np.zeros(100, dtype=np.bool_)
@@ -204,7 +197,7 @@ def test_states_equal_to_the_largest_left_out_are_left_out() -> None:
     assert -2 < threshold <= -1
 
 
-def test_many_equal_states_reach_a_threshold_together() -> None:
+def test_many_equal_states_reach_a_threshold_together():
     performance = np.repeat([-3.0, -2.0, -1.0], [50, 30, 20])
     none = np.zeros(100, dtype=np.bool_)
     states = ChainStates(np.arange(100), performance, none, none)
@@ -214,12 +207,12 @@ def test_many_equal_states_reach_a_threshold_together() -> None:
     assert states.at(performance == -1.0).next_threshold(threshold) is None
 
 
-def test_a_hundred_inputs_leave_no_bias() -> None:
+def test_a_hundred_inputs_leave_no_bias():
     # x₁ + 4.5 - 0.1 Σx² is above 0 where (x₁ - 5)² and the other squares are below 70. Moves with
     # a scale for each input, from the states that move, gave more than twice the probability.
     names = [f"x{number}" for number in range(100)]
 
-    def function(**inputs: FloatArray) -> dict[str, FloatArray]:
+    def function(**inputs):
         squares = sum(each**2 for each in inputs.values())
         return {"y": inputs["x0"] + 4.5 - 0.1 * squares}
 
@@ -233,7 +226,7 @@ def test_a_hundred_inputs_leave_no_bias() -> None:
     assert lower < 1 < upper
 
 
-def test_replicates_that_differ_by_log_normal_factors_are_covered() -> None:
+def test_replicates_that_differ_by_log_normal_factors_are_covered():
     # Estimates of a small probability are log-normal, here with a standard deviation of 1. The
     # interval by the mean and its standard error alone covers 89 %.
     values = np.exp(Stream(2).generator().standard_normal((5, 4000)) - 0.5)
@@ -242,8 +235,8 @@ def test_replicates_that_differ_by_log_normal_factors_are_covered() -> None:
     assert covered.mean() > 0.915  # 92.7 % of many more samples, less 3 standard errors
 
 
-def test_without_the_event_in_a_replicate_there_is_no_interval() -> None:
-    def jumps(a: FloatArray, b: FloatArray) -> dict[str, FloatArray]:
+def test_without_the_event_in_a_replicate_there_is_no_interval():
+    def jumps(a, b):
         return {"depth": 1.0 * (a > 2.5), "speed": b}
 
     tree = uqpen.run(study(jumps, "depth > 0.5 m", samples=100))
@@ -259,14 +252,14 @@ def test_without_the_event_in_a_replicate_there_is_no_interval() -> None:
     assert reason[1:] in str(list(answer(ArchiveView(tree, ""))))
 
 
-def test_replicates_orders_of_magnitude_apart_have_no_number() -> None:
+def test_replicates_orders_of_magnitude_apart_have_no_number():
     found = [ReplicateProbability(each, 0.0) for each in (1e-5, 3e-9, 2e-7, 4e-6, 1e-8)]
     estimate = replicate_interval(found, 0.95)
     assert np.isnan(estimate.bounds).all()
     assert "differ by a factor above 1000: they say nothing" in estimate.note
 
 
-def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
+def test_tables_json_and_page_have_it(tree):
     table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
     assert any(row[0].startswith("P(depth > 5.65") for row in table.rows)
     entry = archive_json(tree)["designs"]["rare"]["joint_probabilities"]
@@ -277,7 +270,7 @@ def test_tables_json_and_page_have_it(tree: xr.DataTree) -> None:
     assert "parts of the event that no replicate met are not in it" in page.lower()
 
 
-def test_it_takes_the_name_and_limits_of_the_same_requested_event() -> None:
+def test_it_takes_the_name_and_limits_of_the_same_requested_event():
     events = {"breach": {"all": ["depth > 3 m"], "at_most": 0.1}, "other": ["speed > 0 m/s"]}
     one = study(event="depth  >  3 m", samples=100, joint_probabilities=events)
     found = uqpen.run(one)["joint_probabilities/rare"]["joint_probability"]
@@ -296,9 +289,7 @@ def test_it_takes_the_name_and_limits_of_the_same_requested_event() -> None:
         ({"event": "depth > 3 m", "replicates": 2}, "2", "at least 3"),
     ],
 )
-def test_mistakes_are_met_before_a_run(
-    tmp_path: Path, settings: dict[str, object], found: str, expected: str
-) -> None:
+def test_mistakes_are_met_before_a_run(tmp_path, settings, found, expected):
     (tmp_path / "model.py").write_text("def model(a, b): raise SystemExit\n")
     keys = "\n".join(
         f"{key} = '{value}'" if isinstance(value, str) else f"{key} = {value}"
@@ -316,7 +307,7 @@ def test_mistakes_are_met_before_a_run(
     assert expected in str(raised.value)
 
 
-def test_the_runs_are_no_sample(tree: xr.DataTree) -> None:
+def test_the_runs_are_no_sample(tree):
     assert not list(find_faults(tree))
     assert not Sampling(tree["runs/rare"].attrs["sampling"]).is_sample
     assert "depth" not in tree["statistics/rare"].children
@@ -329,5 +320,5 @@ samples = 100
 """
 
 
-def test_a_kill_at_any_level_and_workers_change_no_byte(tmp_path: Path) -> None:
+def test_a_kill_at_any_level_and_workers_change_no_byte(tmp_path):
     check_interruptions_and_workers(tmp_path, DESIGN, stops=(4, 14, 27))

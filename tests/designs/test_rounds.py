@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,11 +14,10 @@ from uqpen.core.errors import UnknownNameError
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import no_estimates
-from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics import running_estimates
 from uqpen.testing import check_design
 
@@ -56,23 +55,23 @@ class Listening(Design):
 
     number: int = count(default=3)
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         self.heard.clear()
         for part in range(self.number):
             unit = stream.generator("points", part).random((50, len(joint.random)))
             self.heard.append((yield joint.points(unit, {})))
 
-    def run_count(self, joint: JointDistribution) -> int:
+    def run_count(self, joint):
         return 50 * self.number
 
 
-def listen(model: str = '[model]\nuse = "ishigami"') -> tuple[Any, list[Feedback]]:
+def listen(model='[model]\nuse = "ishigami"'):
     study = uqpen.parse_study(STUDY.format(model=model))
     tree = uqpen.run(replace(study, designs={"one": Listening()}))
     return tree, list(Listening.heard)
 
 
-def test_it_is_sent_the_runs_of_the_last_round() -> None:
+def test_it_is_sent_the_runs_of_the_last_round():
     tree, heard = listen()
     runs = tree["runs/one"]
     assert [each.runs[""].sizes["run"] for each in heard] == [50, 50, 50]
@@ -82,7 +81,7 @@ def test_it_is_sent_the_runs_of_the_last_round() -> None:
 
 
 @pytest.mark.processor
-def test_the_estimates_of_all_rounds_are_those_of_the_archive() -> None:
+def test_the_estimates_of_all_rounds_are_those_of_the_archive():
     tree, heard = listen()
     found = heard[-1].estimates("", "y")
     archived = tree["statistics/one/y"]
@@ -93,7 +92,7 @@ def test_the_estimates_of_all_rounds_are_those_of_the_archive() -> None:
         assert array.attrs["runs"] == archived[name].attrs["runs"] == 150
 
 
-def test_the_estimates_of_an_earlier_round_stay_those_of_that_round() -> None:
+def test_the_estimates_of_an_earlier_round_stay_those_of_that_round():
     _, heard = listen()
     means = [each.estimates("", "y", only=["moments"])["mean"] for each in heard]
     assert [mean.attrs["runs"] for mean in means] == [50, 100, 150]
@@ -101,15 +100,15 @@ def test_the_estimates_of_an_earlier_round_stay_those_of_that_round() -> None:
     assert float(means[1][0]) == pytest.approx(np.nanmean(values), rel=1e-12)
 
 
-def test_only_the_analyses_that_it_asks_for_are_made() -> None:
+def test_only_the_analyses_that_it_asks_for_are_made():
     _, heard = listen()
     assert set(heard[0].estimates("", "y", only=["exceedance"])) == {"exceedance"}
 
 
 def test_a_design_that_asks_for_no_estimates_costs_no_analysis(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
+    monkeypatch,
+):
+    def refuse(*_, **__):
         raise AssertionError("nobody asked")
 
     monkeypatch.setattr(running_estimates, "analyze", refuse)
@@ -118,7 +117,7 @@ def test_a_design_that_asks_for_no_estimates_costs_no_analysis(
     assert len(heard) == 3
 
 
-def test_of_several_models_it_is_sent_all() -> None:
+def test_of_several_models_it_is_sent_all():
     tree, heard = listen(MODELS)
     for name in ("plain", "other"):
         sent = np.concatenate([each.runs[name]["y"].values for each in heard])
@@ -128,7 +127,7 @@ def test_of_several_models_it_is_sent_all() -> None:
         assert np.array_equal(mean.values, archived.values)
 
 
-def test_a_run_that_one_of_several_models_refuses_is_refused() -> None:
+def test_a_run_that_one_of_several_models_refuses_is_refused():
     statuses = {"plain": [0, 2, 0, 2], "picky": [1, 0, 0, 1]}
     runs = {
         name: xr.Dataset({"status": ("run", np.array(status, dtype=np.int8))})
@@ -137,7 +136,7 @@ def test_a_run_that_one_of_several_models_refuses_is_refused() -> None:
     assert Feedback(runs, no_estimates).status.tolist() == [1, 2, 0, 1]
 
 
-def test_a_name_that_is_unknown_is_told_with_the_nearest() -> None:
+def test_a_name_that_is_unknown_is_reported_with_the_nearest():
     _, heard = listen()
     with pytest.raises(UnknownNameError, match=r"no output 'z'; .*y"):
         heard[0].estimates("", "z")
@@ -153,13 +152,13 @@ class Altering(Listening):
 
     name: ClassVar[str] = "replicate"
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         points = joint.points(stream.generator("points").random((5, len(joint.random))), {})
         yield points
         yield points.assign_coords({self.name: ("run", np.ones(5))})
 
 
-def test_rounds_with_other_coordinates_are_refused() -> None:
+def test_rounds_with_other_coordinates_are_refused():
     study = uqpen.parse_study(STUDY.format(model='[model]\nuse = "ishigami"'))
     with pytest.raises(uqpen.StudyError, match="some of its rounds have a replicate, others none"):
         uqpen.run(replace(study, designs={"one": Altering()}))
@@ -167,6 +166,6 @@ def test_rounds_with_other_coordinates_are_refused() -> None:
         check_design(Altering())
 
 
-def test_a_plain_design_is_asked_once() -> None:
+def test_a_plain_design_is_asked_once():
     joint = uqpen.parse_study(STUDY.format(model='[model]\nuse = "ishigami"')).joint
     assert len(list(MonteCarlo(7).rounds(joint, Stream(1)))) == 1

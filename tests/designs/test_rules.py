@@ -1,24 +1,18 @@
 """Integration rules: exact where they should be, and honest where nodes were lost."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.one_at_a_time import Morris
 from uqpen.designs.quadrature import Quadrature
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.univariate import (
@@ -34,7 +28,7 @@ from uqpen.distributions.univariate import (
 )
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.load import parse_study
 
@@ -43,7 +37,7 @@ ROUNDING = 1e-12
 
 OUTPUT = Output("y", "m")
 
-LAWS: list[Distribution] = [
+LAWS = [
     Normal(2.0, 0.5),
     Uniform(-1.0, 3.0),
     Lognormal(2.0, 0.5),
@@ -56,7 +50,7 @@ LAWS: list[Distribution] = [
 ]
 
 
-def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> JointDistribution:
+def law_of(*distributions, bounds=None):
     inputs = tuple(
         Input(f"x{number}", "m", bounds=bounds or Bounds())
         for number in range(1, 1 + len(distributions))
@@ -68,18 +62,18 @@ def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> JointD
     return JointDistribution(random, inputs)
 
 
-def points(design: Design, joint: JointDistribution) -> xr.Dataset:
+def points(design, joint):
     (only,) = design.rounds(joint, Stream(1, "designs", "mine"))
     return only
 
 
 def moments(
-    design: Design,
-    joint: JointDistribution,
-    function: Callable[..., Any],
+    design,
+    joint,
+    function,
     *,
-    vectorized: bool = True,
-) -> OutputStatistics:
+    vectorized=True,
+):
     names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
@@ -94,11 +88,11 @@ def moments(
     return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 
 
-def value(found: OutputStatistics, statistic: str) -> float:
+def value(found, statistic):
     return float(found[statistic].sel(bound="estimate"))
 
 
-def note(found: OutputStatistics, statistic: str) -> str:
+def note(found, statistic):
     return interval_text(found[statistic], "note")
 
 
@@ -107,7 +101,7 @@ GRIDS = ["tensor", "sparse"]
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("distribution", LAWS, ids=str)
-def test_mean_and_std_of_an_input_are_its_laws(distribution: Distribution, grid: str) -> None:
+def test_mean_and_std_of_an_input_are_its_laws(distribution, grid):
     found = moments(Quadrature(2, grid), law_of(distribution), lambda x1: x1)
     exact = recurrence(distribution, 1)
     assert value(found, "mean") == pytest.approx(exact.mean, rel=ROUNDING)
@@ -116,7 +110,7 @@ def test_mean_and_std_of_an_input_are_its_laws(distribution: Distribution, grid:
     assert np.isnan(found["mean"].values[1:]).all()
 
 
-def test_skewness_and_kurtosis_are_the_laws() -> None:
+def test_skewness_and_kurtosis_are_the_laws():
     found = moments(Quadrature(2), law_of(Gamma(2.0, 0.5)), lambda x1: x1)
     assert value(found, "skewness") == pytest.approx(2 / math.sqrt(16), rel=ROUNDING)
     assert value(found, "kurtosis") == pytest.approx(3 + 6 / 16, rel=ROUNDING)
@@ -124,7 +118,7 @@ def test_skewness_and_kurtosis_are_the_laws() -> None:
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize(("order", "degree"), [(1, 3), (3, 7)])
-def test_polynomials_up_to_its_degree_are_exact(grid: str, order: int, degree: int) -> None:
+def test_polynomials_up_to_its_degree_are_exact(grid, order, degree):
     drawn = points(Quadrature(order, grid), law_of(*[Uniform(0.0, 1.0)] * 3))
     weights = drawn["quadrature_weight"].values
     assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
@@ -137,13 +131,13 @@ def test_polynomials_up_to_its_degree_are_exact(grid: str, order: int, degree: i
             assert product @ weights == pytest.approx(exact, abs=ROUNDING)
 
 
-def test_the_order_of_a_rule_is_where_it_ends() -> None:
+def test_the_order_of_a_rule_is_where_it_ends():
     drawn = points(Quadrature(1), law_of(Uniform(0.0, 1.0)))
     assert drawn["x1"].values ** 4 @ drawn["quadrature_weight"].values != pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("grid", "order"), [("tensor", 4), ("sparse", 8)])
-def test_rosenbrocks_function_is_exact(grid: str, order: int) -> None:
+def test_rosenbrocks_function_is_exact(grid, order):
     found = moments(
         Quadrature(order, grid),
         law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0)),
@@ -153,7 +147,7 @@ def test_rosenbrocks_function_is_exact(grid: str, order: int) -> None:
     assert value(found, "std") == pytest.approx(606.5602418425781, rel=1e-12)
 
 
-def test_a_sparse_grid_has_far_fewer_nodes_and_says_how_many() -> None:
+def test_a_sparse_grid_has_far_fewer_nodes_and_says_how_many():
     joint_distribution = law_of(*[Normal(0.0, 1.0)] * 6)
     tensor, sparse = Quadrature(3), Quadrature(3, "sparse")
     assert tensor.run_count(joint_distribution) == 4**6
@@ -170,7 +164,7 @@ def test_a_sparse_grid_has_far_fewer_nodes_and_says_how_many() -> None:
     assert len(np.unique(np.round(nodes, 9), axis=0)) == len(nodes)
 
 
-def test_a_sparse_grid_is_chaospys() -> None:
+def test_a_sparse_grid_is_chaospys():
     import chaospy
 
     joint_distribution = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
@@ -185,7 +179,7 @@ def test_a_sparse_grid_is_chaospys() -> None:
         assert ours @ drawn["quadrature_weight"].values == pytest.approx(theirs @ weights, abs=1e-9)
 
 
-def test_a_full_factorial_takes_every_combination_of_medians() -> None:
+def test_a_full_factorial_takes_every_combination_of_medians():
     joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 10.0))
     drawn = points(FullFactorial(2), joint)
     pairs = list(zip(drawn["x1"].values.tolist(), drawn["x2"].values.tolist(), strict=True))
@@ -197,13 +191,13 @@ def test_a_full_factorial_takes_every_combination_of_medians() -> None:
 class TestLosses:
     LAW = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0), bounds=Bounds(lower=-0.75))
 
-    def lossy(self, design: Design, worst: Callable[[float], float]) -> OutputStatistics:
+    def lossy(self, design, worst):
         joint = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0))
         return moments(
             design, joint, lambda x1, x2: worst(x1) if x1 > 0.7 else 5.0 + x2, vectorized=False
         )
 
-    def counted(self, found: OutputStatistics, design: Design, joint: JointDistribution) -> None:
+    def counted(self, found, design, joint):
         counts = found["mean"].attrs
         lost = counts["runs"] - counts["runs_used"]
         assert 0 < lost < counts["runs"] == design.run_count(joint)
@@ -211,31 +205,31 @@ class TestLosses:
             assert f"{lost} of {design.run_count(joint)} nodes" in note(found, statistic)
             assert "biased" in note(found, statistic)
 
-    def test_a_run_that_is_not_finite_is_told(self, design: Design) -> None:
+    def test_a_run_that_is_not_finite_is_reported(self, design):
         found = self.lossy(design, lambda x: math.nan)
         self.counted(found, design, self.LAW)
         counts = found["mean"].attrs
         assert counts["runs_not_finite"] == counts["runs"] - counts["runs_used"]
         assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
 
-    def test_an_exception_is_told(self, design: Design) -> None:
+    def test_an_exception_is_reported(self, design):
         found = self.lossy(design, lambda x: 1 // 0)
         self.counted(found, design, self.LAW)
         assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
 
-    def test_an_inadmissible_node_is_told(self, design: Design) -> None:
+    def test_an_inadmissible_node_is_reported(self, design):
         found = moments(design, self.LAW, lambda x1, x2: 5.0 + x1 * x2)
         self.counted(found, design, self.LAW)
         assert found["mean"].attrs["conditional_on"] == "admissible inputs"
         assert math.isfinite(value(found, "mean"))
 
-    def test_with_no_run_left_there_is_no_figure(self, design: Design) -> None:
+    def test_with_no_run_left_there_is_no_figure(self, design):
         found = moments(design, self.LAW, lambda x1, x2: x1 * math.nan)
         for statistic in ("mean", "std", "skewness", "kurtosis"):
             assert math.isnan(value(found, statistic))
             assert "no run completed" in note(found, statistic)
 
-    def test_a_constant_does_not_vary(self, design: Design) -> None:
+    def test_a_constant_does_not_vary(self, design):
         found = moments(design, law_of(Uniform(-1.0, 1.0)), lambda x1: 0 * x1 + 0.1)
         assert value(found, "mean") == 0.1
         assert value(found, "std") == 0.0
@@ -243,7 +237,7 @@ class TestLosses:
         assert note(found, "skewness") == "the output does not vary"
 
 
-def test_a_variance_below_zero_is_none() -> None:
+def test_a_variance_below_zero_is_none():
     # A spike at the middle, whose weight on this sparse grid is negative.
     found = moments(
         Quadrature(2, "sparse"),
@@ -259,16 +253,9 @@ def test_a_variance_below_zero_is_none() -> None:
 
 
 class TestMistakes:
-    TEXT = """
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { uniform = { lower = -1, upper = 1 } }
-x3 = { uniform = { lower = -1, upper = 1 } }
-[designs.mine]
-"""
+    TEXT = study_text(
+        "ishigami", inputs={"x1": (-1, 1), "x2": (-1, 1), "x3": (-1, 1)}, designs={"mine": {}}
+    )
 
     @pytest.mark.parametrize(
         ("keys", "complaint"),
@@ -283,7 +270,7 @@ x3 = { uniform = { lower = -1, upper = 1 } }
             ('kind = "one-at-a-time"\nstep = 1', "above 0 and below 1"),
         ],
     )
-    def test_a_design_that_cannot_be_is_refused(self, keys: str, complaint: str) -> None:
+    def test_a_design_that_cannot_be_is_refused(self, keys, complaint):
         if not complaint:
             assert parse_study(self.TEXT + keys).runs == 100**3
             return
@@ -291,30 +278,30 @@ x3 = { uniform = { lower = -1, upper = 1 } }
             parse_study(self.TEXT + keys)
         assert complaint in str(caught.value)
 
-    def test_a_grid_over_many_inputs_is_refused_before_it_is_made(self) -> None:
+    def test_a_grid_over_many_inputs_is_refused_before_it_is_made(self):
         joint = law_of(*[Normal(0.0, 1.0)] * 40)
         for design in (Quadrature(5), Quadrature(20, "sparse"), FullFactorial(3)):
             (problem,) = design.check_inputs(joint)
             assert "40 random inputs" in problem.found
             assert "10_000_000" in problem.expected
 
-    def test_more_nodes_than_a_law_has_polynomials_are_refused(self) -> None:
+    def test_more_nodes_than_a_law_has_polynomials_are_refused(self):
         joint = law_of(Lognormal(1.0, 10.0))
         (problem,) = Quadrature(90).check_inputs(joint)
         assert "x1 has no polynomials" in problem.found
 
-    def test_an_order_out_of_range_is_refused(self) -> None:
+    def test_an_order_out_of_range_is_refused(self):
         with pytest.raises(SettingsError, match="at most 100"):
             Quadrature(101)
 
 
-def test_gausss_rules_are_for_independent_inputs_and_a_grid_of_probabilities_is_not() -> None:
+def test_gausss_rules_are_for_independent_inputs_and_a_grid_of_probabilities_is_not():
     assert Quadrature(2).assumes_independence
     assert Morris(2).assumes_independence
     assert not FullFactorial(2).assumes_independence
 
 
-def test_a_fixed_input_stays_a_scalar() -> None:
+def test_a_fixed_input_stays_a_scalar():
     x, fixed = Input("x1", "m"), Input("f", "m")
     joint = JointDistribution(
         (RandomInput(x, Uniform(0.0, 1.0), "m"), FixedInput(fixed, 7.0, "m")), (x, fixed)

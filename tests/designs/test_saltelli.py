@@ -1,15 +1,10 @@
 """Pick-freeze blocks: what shares what with what, and what is drawn again."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from scipy import special
 
 from uqpen.core.errors import SettingsError
@@ -36,18 +31,17 @@ LAW = JointDistribution(
 )
 NAMES = ("length", "share", "width")
 
-# What becomes of points, told from their values.
-Fate = Callable[[FloatArray, FloatArray, FloatArray], Any]
+# What becomes of points, distinguished from their values.
 
 
-def everything_is_fine(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+def everything_is_fine(length, share, width):
     return np.zeros(len(length))
 
 
-def made(design: Saltelli, fate: Fate = everything_is_fine, seed: int = 1) -> xr.Dataset:
+def made(design, fate=everything_is_fine, seed=1):
     """All runs of a design whose model does nothing."""
 
-    def runs(points: xr.Dataset, number: int) -> dict[str, xr.Dataset]:
+    def runs(points, number):
         status = fate(*(points[name].values for name in NAMES)).astype(np.int8)
         return {"": points.assign(status=("run", status))}
 
@@ -55,11 +49,11 @@ def made(design: Saltelli, fate: Fate = everything_is_fine, seed: int = 1) -> xr
     return join_rounds([each[""] for each in rounds])
 
 
-def values(runs: xr.Dataset, rows: Any) -> FloatArray:
+def values(runs, rows):
     return np.stack([runs[name].values[rows] for name in NAMES], axis=-1)
 
 
-def inadmissible(condition: Any) -> Any:
+def inadmissible(condition):
     return np.where(condition, Status.INADMISSIBLE, Status.OK)
 
 
@@ -67,7 +61,7 @@ DESIGNS = [Saltelli(64, 4), Saltelli(64, 4, second_order=True)]
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
-def test_the_first_round_is_the_size_that_is_told(design: Saltelli) -> None:
+def test_the_first_round_is_the_size_that_is_given(design):
     runs = made(design)
     assert runs.sizes["run"] == design.run_count(LAW) == 64 * (8 if design.second_order else 5)
     assert "round" not in runs.coords
@@ -75,7 +69,7 @@ def test_the_first_round_is_the_size_that_is_told(design: Saltelli) -> None:
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
-def test_mixed_rows_are_a_matrix_with_one_column_of_the_other(design: Saltelli) -> None:
+def test_mixed_rows_are_a_matrix_with_one_column_of_the_other(design):
     runs = made(design)
     rows = {
         matrix: values(runs, np.flatnonzero(runs["matrix"].values == matrix))
@@ -91,7 +85,7 @@ def test_mixed_rows_are_a_matrix_with_one_column_of_the_other(design: Saltelli) 
 
 
 @pytest.mark.parametrize("matrix", [0, 1])
-def test_every_replicate_of_both_matrices_is_balanced(matrix: int) -> None:
+def test_every_replicate_of_both_matrices_is_balanced(matrix):
     runs = made(Saltelli(256, 4))
     for replicate in range(4):
         inside = (runs["replicate"].values == replicate) & (runs["matrix"].values == matrix)
@@ -100,13 +94,13 @@ def test_every_replicate_of_both_matrices_is_balanced(matrix: int) -> None:
             assert sorted(np.floor(unit * 64).astype(int)) == list(range(64))
 
 
-def test_blocks_are_numbered_over_replicates() -> None:
+def test_blocks_are_numbered_over_replicates():
     runs = made(Saltelli(64, 4))
     assert np.unique(runs["block"]).tolist() == list(range(64))
     np.testing.assert_array_equal(runs["block"] // 16, runs["replicate"])
 
 
-def test_what_the_matrices_mean_stands_beside_them() -> None:
+def test_what_the_matrices_mean_stands_beside_them():
     attributes = made(Saltelli(8, 2, second_order=True))["matrix"].attrs
     meanings = attributes["flag_meanings"].split()
     assert len(meanings) == len(set(meanings)) == len(attributes["flag_values"])
@@ -115,19 +109,19 @@ def test_what_the_matrices_mean_stands_beside_them() -> None:
     assert meanings[-1] == "redrawn_sharing_share+width"
 
 
-def test_a_flag_stands_for_one_matrix_only() -> None:
+def test_a_flag_stands_for_one_matrix_only():
     layout = BlockLayout(tuple(f"x{i}" for i in range(20)), second_order=True)
     flags = layout.flag_attributes()
     assert len(set(flags["flag_values"].tolist())) == len(flags["flag_meanings"].split())
     assert set(layout.parts) <= set(flags["flag_values"].tolist())
 
 
-def half_lost(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+def half_lost(length, share, width):
     return inadmissible(length - 1 < 2 * width)
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
-def test_what_is_drawn_again_shares_what_it_should(design: Saltelli) -> None:
+def test_what_is_drawn_again_shares_what_it_should(design):
     runs = made(design, half_lost)
     layout = BlockLayout.from_runs(runs)
     rows = layout.run_numbers(runs)
@@ -144,7 +138,7 @@ def test_what_is_drawn_again_shares_what_it_should(design: Saltelli) -> None:
     assert (runs["matrix"].values[runs["round"].values > 0] > 1).any()
 
 
-def test_what_is_not_inadmissible_is_not_drawn_again() -> None:
+def test_what_is_not_inadmissible_is_not_drawn_again():
     runs = made(Saltelli(64, 4), half_lost)
     later = runs["round"].values > 0
     last_before = runs["status"].values[~later].reshape(64, 5)
@@ -154,7 +148,7 @@ def test_what_is_not_inadmissible_is_not_drawn_again() -> None:
         assert redrawn.tolist() == np.flatnonzero(last_before[:, matrix]).tolist()
 
 
-def test_blocks_without_an_inadmissible_draw_cost_nothing_more() -> None:
+def test_blocks_without_an_inadmissible_draw_cost_nothing_more():
     runs = made(Saltelli(1024, 4), lambda length, share, width: inadmissible(width < 0.002))
     extra = runs.sizes["run"] - 1024 * 5
     touched = len(np.unique(runs["block"].values[runs["round"].values > 0]))
@@ -164,26 +158,26 @@ def test_blocks_without_an_inadmissible_draw_cost_nothing_more() -> None:
 
 
 @pytest.mark.parametrize("status", [Status.FAILED, Status.NOT_FINITE, Status.CRASHED])
-def test_a_run_lost_to_anything_else_is_not_drawn_again(status: Status) -> None:
+def test_a_run_lost_to_anything_else_is_not_drawn_again(status):
     runs = made(Saltelli(64, 4), lambda length, share, width: np.where(width < 0.1, status, 0))
     assert "round" not in runs.coords
 
 
-def test_nothing_is_drawn_for_ever() -> None:
+def test_nothing_is_drawn_for_ever():
     runs = made(Saltelli(4, 2), lambda length, share, width: inadmissible(length > 0))
     assert int(runs["round"].max()) == MOST_ROUNDS
     assert (runs["matrix"].values[runs["round"].values > 0] < 2).all()
 
 
 @pytest.mark.processor
-def test_the_same_stream_gives_the_same_redraws() -> None:
+def test_the_same_stream_gives_the_same_redraws():
     one, again = (made(Saltelli(64, 4), half_lost) for _ in range(2))
     assert one.identical(again)
     assert not np.isin(one["width"], made(Saltelli(64, 4), half_lost, seed=2)["width"]).any()
 
 
 @pytest.mark.parametrize("pair", [(0, 2), (2, 0)])
-def test_points_drawn_given_others_follow_the_conditional_law(pair: tuple[int, int]) -> None:
+def test_points_drawn_given_others_follow_the_conditional_law(pair):
     # Of (length - 1) / 2 and width the first is larger. Given the width, the first is uniform above
     # it; given the first, the width is uniform below it.
     runs = made(Saltelli(16 * 256, 16), half_lost)
@@ -203,19 +197,19 @@ def test_points_drawn_given_others_follow_the_conditional_law(pair: tuple[int, i
 
 
 @pytest.mark.parametrize(("base", "replicates"), [(1000, 16), (16, 16), (24, 4)])
-def test_another_number_of_blocks_is_refused(base: int, replicates: int) -> None:
+def test_another_number_of_blocks_is_refused(base, replicates):
     with pytest.raises(SettingsError, match="times a power of two") as caught:
         Saltelli(base, replicates)
     assert "base" in str(caught.value)
 
 
-def test_a_row_of_the_first_round_does_not_serve_beside_an_anchor_drawn_again() -> None:
+def test_a_row_of_the_first_round_does_not_serve_beside_an_anchor_drawn_again():
     # Of several models on the same points another may have lost the run of a B that was drawn
     # again; so no point that shares an input with it was ever made.
     first = made(Saltelli(64, 4))
     lost = float(first["width"].values[1])
 
-    def fate(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+    def fate(length, share, width):
         of_round = np.full(len(width), Status.OK if len(width) == 64 * 5 else Status.FAILED)
         return np.where(width == lost, Status.INADMISSIBLE, of_round)
 

@@ -1,16 +1,11 @@
 """A design that stops at a wanted precision: when, with which runs, and what is refused."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics
@@ -41,41 +36,33 @@ from uqpen.testing import check_design, check_stopping_rule, example_joint_distr
 from uqpen.verification.verify import verify
 from uqpen.workflow import run_design
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[outputs.y]
-exceeds = [5]
-below = [0]
-[designs.one]
-kind = "monte-carlo"
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    outputs={"y": {"exceeds": [5], "below": [0]}},
+    designs={"one": {"kind": "monte-carlo"}},
+)
 MARK = "not certified"
 UNTIL = 'until = { y = { mean = "4 %", exceeds = { 5 = "4 %" } } }\nat_most = 20_000\n'
 
 
-def study(settings: str = UNTIL) -> Any:
+def study(settings=UNTIL):
     return uqpen.parse_study(STUDY + settings)
 
 
-def half_width(array: xr.DataArray) -> float:
+def half_width(array):
     _, lower, upper = array.values.ravel()
     return float(upper - lower) / 2
 
 
 class TestWhenItStops:
-    def test_looks_double(self) -> None:
+    def test_looks_double(self):
         assert list(doubling_looks(5_000)) == [512, 1024, 2048, 4096, 5_000]
         assert list(doubling_looks(2_048)) == [512, 1024, 2048]
 
-    def test_at_the_first_look_that_is_precise_enough(self) -> None:
+    def test_at_the_first_look_that_is_precise_enough(self):
         tree = uqpen.run(study())
         runs = tree["runs/one"].sizes["run"]
         assert runs in (1024, 2048, 4096)
@@ -84,7 +71,7 @@ class TestWhenItStops:
             within = half_width(found["mean"]) <= 0.04 * float(found["mean"][0])
             assert (within and half_width(found["exceedance"]) <= 0.04) == is_enough
 
-    def test_the_runs_are_those_of_a_design_of_that_size(self) -> None:
+    def test_the_runs_are_those_of_a_design_of_that_size(self):
         tree = uqpen.run(study())
         plain = uqpen.run(study(f"runs = {tree['runs/one'].sizes['run']}"))
         runs = tree["runs/one"].to_dataset().drop_vars("round")
@@ -100,7 +87,7 @@ class TestWhenItStops:
         for name, array in same.items():
             assert np.array_equal(found[name].values, array.values, equal_nan=True)
 
-    def test_only_the_intervals_that_decided_are_unmarked(self) -> None:
+    def test_only_the_intervals_that_decided_are_unmarked(self):
         wanted = (
             'until = { y = { quantile_95 = "9 % of sd", mean = "9 % of sd" } }\nat_most = 2_000'
         )
@@ -112,23 +99,23 @@ class TestWhenItStops:
         assert all(MARK in note for note in found["pearson"]["note"].values.tolist())
         assert "not certified" not in str(found["skewness"]["note"].values)  # has no interval
 
-    def test_in_the_end_at_the_largest_number(self) -> None:
+    def test_in_the_end_at_the_largest_number(self):
         tree = uqpen.run(study("until = { y = { mean = 1e-6 } }\nat_most = 1_500"))
         rounds = tree["runs/one"]["round"].values
         assert np.bincount(rounds).tolist() == [512, 512, 476]
 
-    def test_an_output_that_does_not_vary_is_known_at_once(self) -> None:
+    def test_an_output_that_does_not_vary_is_known_at_once(self):
         constant = STUDY.replace("x1 = {", "x1 = 0 #").replace("x2 = {", "x2 = 1 #")
         # Where x1 is 0, the last input has no effect.
         constant = constant.replace("x3 = 1", "x3 = { uniform = { lower = -1, upper = 1 } }")
         constant += 'until = { y = { mean = "1 %" } }\nat_most = 20_000\n'
         assert uqpen.run(uqpen.parse_study(constant))["runs/one"].sizes["run"] == 512
 
-    def test_without_an_interval_it_goes_on(self) -> None:
+    def test_without_an_interval_it_goes_on(self):
         none = study().text.replace("x1 < 2.9", "x1 > 4").replace("20_000", "1_024")
         assert uqpen.run(uqpen.parse_study(none))["runs/one"].sizes["run"] == 1_024
 
-    def test_of_several_models_when_each_is_precise_enough(self) -> None:
+    def test_of_several_models_when_each_is_precise_enough(self):
         # The second varies three times as much as the first.
         two = '[models.calm]\nuse = "ishigami"\n[models.wild]\nuse = "ishigami"\na = 21.0\n'
         text = STUDY.replace('[model]\nuse = "ishigami"\n', two)
@@ -137,12 +124,12 @@ class TestWhenItStops:
         alone = uqpen.run(study("until = { y = { mean = 0.2 } }\nat_most = 20_000"))
         assert runs > alone["runs/one"].sizes["run"]
 
-    def test_rounds_join_across_the_blocks_of_the_random_stream(self) -> None:
+    def test_rounds_join_across_the_blocks_of_the_random_stream(self):
         joint, stream = example_joint_distribution(), Stream(1, "designs", "one")
         most = BLOCK + 40_000
 
         class Never(Precision):
-            def is_satisfied(self, feedback: object) -> bool:
+            def is_satisfied(self, feedback):
                 return False
 
         rounds = run_rounds(
@@ -173,12 +160,12 @@ class TestWhenItStops:
     ],
 )
 def test_every_kind_of_target_is_met_by_half_the_width_of_its_interval(
-    many_runs: xr.Dataset,
-    wanted: dict[str, Any],
-    statistic: str,
-    entry: int,
-    largest: Callable[[Mapping[str, xr.DataArray]], float],
-) -> None:
+    many_runs,
+    wanted,
+    statistic,
+    entry,
+    largest,
+):
     quantities = study().quantities_of_interest
     decisions = []
     for size in (512, 1024, 2048, 4096, 8192):
@@ -194,7 +181,7 @@ def test_every_kind_of_target_is_met_by_half_the_width_of_its_interval(
 
 
 @pytest.fixture(scope="module")
-def many_runs() -> xr.Dataset:
+def many_runs():
     wanted = study("runs = 8_192")
     design, stream = wanted.designs["one"], Stream(1, "designs", "one")
     return run_design(wanted, design, stream, map=map, progress=Progress())[""].drop_vars(
@@ -205,21 +192,21 @@ def many_runs() -> xr.Dataset:
 class Interrupted(Progress):
     """Stops, as Ctrl-C would, at a number of batches."""
 
-    def __init__(self, batches: int) -> None:
+    def __init__(self, batches):
         self.left = batches
         self.restored = 0
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.restored += runs
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def whole(tmp_path_factory):
     """The archive of the study, made without an interruption by one worker."""
     path = tmp_path_factory.mktemp("whole") / "study.nc"
     make_archive(study(), path)
@@ -228,15 +215,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @pytest.mark.processor
 class TestSameBytes:
-    def test_for_two_workers(self, tmp_path: Path, whole: bytes) -> None:
+    def test_for_two_workers(self, tmp_path, whole):
         with processes(2) as workers:
             make_archive(study(), tmp_path / "study.nc", map=workers)
         assert (tmp_path / "study.nc").read_bytes() == whole
 
     @pytest.mark.parametrize("rounds", [1, 2, 3])
-    def test_after_an_interruption_in_any_round(
-        self, tmp_path: Path, whole: bytes, rounds: int
-    ) -> None:
+    def test_after_an_interruption_in_any_round(self, tmp_path, whole, rounds):
         with pytest.raises(KeyboardInterrupt):
             make_archive(study(), tmp_path / "study.nc", progress=Interrupted(rounds))
         again = Interrupted(0)
@@ -244,12 +229,12 @@ class TestSameBytes:
         assert again.restored == 512 * 2 ** (rounds - 1)
         assert (tmp_path / "study.nc").read_bytes() == whole
 
-    def test_it_is_verified_as_any_other(self, tmp_path: Path, whole: bytes) -> None:
+    def test_it_is_verified_as_any_other(self, tmp_path, whole):
         (tmp_path / "study.nc").write_bytes(whole)
         checks = verify(tmp_path / "study.nc", runs=None)
         assert {check.verdict.name for check in checks} == {"EQUAL"}
 
-    def test_a_study_in_python_is_the_same(self, tmp_path: Path) -> None:
+    def test_a_study_in_python_is_the_same(self, tmp_path):
         rule = Precision({"y": {"mean": "4 %", "exceeds": {"5": "4 %"}}})
         written = uqpen.Study(
             seed=3,
@@ -286,9 +271,7 @@ class TestSameBytes:
         ("until = 3", "until", "3", "a table of outputs"),
     ],
 )
-def test_a_target_that_makes_no_sense_is_told_before_any_run(
-    settings: str, key: str, found: str, expected: str
-) -> None:
+def test_a_target_that_makes_no_sense_is_reported_before_any_run(settings, key, found, expected):
     with pytest.raises(StudyError) as caught:
         study(f"{settings}\nat_most = 2_000")
     (problem,) = caught.value.problems
@@ -299,7 +282,7 @@ def test_a_target_that_makes_no_sense_is_told_before_any_run(
 
 
 @pytest.mark.parametrize("wanted", [{"mean": "1 %"}, {"exceeds": {"1 m": 0.1}}])
-def test_a_field_has_no_precision(wanted: dict[str, Any]) -> None:
+def test_a_field_has_no_precision(wanted):
     height = uqpen.OutputSpec("m", along={"time": {"unit": "s", "values": [0, 1]}})
     with pytest.raises(StudyError) as caught:
         uqpen.Study(
@@ -330,9 +313,7 @@ def test_a_field_has_no_precision(wanted: dict[str, Any]) -> None:
         (lambda: MonteCarlo(until="1 %", at_most=5_000), "until", "a table of outputs"),  # type: ignore[arg-type]
     ],
 )
-def test_the_number_of_runs_is_given_in_one_way(
-    make: Callable[[], object], key: str, expected: str
-) -> None:
+def test_the_number_of_runs_is_given_in_one_way(make, key, expected):
     with pytest.raises(SettingsError) as caught:
         make()
     (problem,) = caught.value.problems
@@ -344,17 +325,17 @@ SETTINGS = {"until": {"y": {"mean": "10 cm", "quantile_95": "3 %", "exceeds": {"
 
 
 class TestContracts:
-    def test_rules_meet_theirs(self) -> None:
+    def test_rules_meet_theirs(self):
         assert SETTINGS.keys() == STOPPING_RULES.keys()
         thresholds = (Threshold("2 m", 2.0),)
         requested = QuantityOfInterest(Output("y", "m"), "m", thresholds=thresholds)
         for name, reference in STOPPING_RULES.items():
             check_stopping_rule(resolve(reference)(SETTINGS[name]), requested)
 
-    def test_a_design_with_a_rule_meets_its_own(self) -> None:
+    def test_a_design_with_a_rule_meets_its_own(self):
         check_design(MonteCarlo(until=Precision({"y": {"mean": 0.05}}), at_most=10_000))
 
-    def test_a_rule_that_never_asks_for_an_interval_is_told(self) -> None:
+    def test_a_rule_that_never_asks_for_an_interval_is_reported(self):
         with pytest.raises(AssertionError, match="without an interval"):
             check_stopping_rule(_Content({"y": {"mean": 1}}))
 
@@ -362,11 +343,11 @@ class TestContracts:
 class _Content(Precision):
     """Satisfied with anything."""
 
-    def is_satisfied(self, feedback: object) -> bool:
+    def is_satisfied(self, feedback):
         return True
 
 
-def test_other_designs_take_no_rule() -> None:
+def test_other_designs_take_no_rule():
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace("monte-carlo", "saltelli") + "base = 64\n" + UNTIL)
     (problem,) = caught.value.problems
@@ -374,7 +355,7 @@ def test_other_designs_take_no_rule() -> None:
     assert '"sobol-sequence" or "halton": intervals of other designs' in problem.expected
 
 
-def test_it_is_scaled_as_a_plain_design_is() -> None:
+def test_it_is_scaled_as_a_plain_design_is():
     design = MonteCarlo(until=Precision({"y": {"mean": 1}}), at_most=5_000)
     joint = example_joint_distribution()
     assert design.run_count(joint) == 5_000
@@ -382,14 +363,14 @@ def test_it_is_scaled_as_a_plain_design_is() -> None:
     assert replace(design, at_most=2_000).run_count(joint) == 2_000
 
 
-def test_the_summary_of_a_study_says_that_it_may_end_earlier() -> None:
+def test_the_summary_of_a_study_says_that_it_may_end_earlier():
     assert design_rows(study()) == [("one", "monte-carlo", "at most 20000")]
     assert runs_text(study()) == "at most 20000 runs"
     assert runs_text(study("runs = 300")) == "300 runs"
 
 
 class TestShown:
-    """What a reader is told of a rule: in the tables, in JSON and on the page."""
+    """What a reader is shown of a rule: in the tables, in JSON and on the page."""
 
     EARLY = "until = { y = { mean = 0.4 } }\nat_most = 20_000"
     NEVER = "until = { y = { mean = 1e-6 } }\nat_most = 1_500"
@@ -410,24 +391,24 @@ class TestShown:
             ),
         ],
     )
-    def test_the_number_of_runs_has_a_note(self, settings: str, note: str) -> None:
+    def test_the_number_of_runs_has_a_note(self, settings, note):
         (table,) = statistics_tables(uqpen.run(study(settings)))
         name, (cell,) = table.rows[0]
         assert name == "runs"
         assert cell.endswith(" ¹")
         assert " ".join(table.notes[0].split()) == note
 
-    def test_a_fixed_number_has_none(self) -> None:
+    def test_a_fixed_number_has_none(self):
         (table,) = statistics_tables(uqpen.run(study("runs = 600")))
         assert table.rows[0] == ("runs", ["600"])
 
-    def test_in_json(self) -> None:
+    def test_in_json(self):
         found = archive_json(uqpen.run(study(self.NEVER)))["designs"]["one"]
         assert found["stopping_rule"].startswith("until the mean of y within 1e-06")
         assert found["stopping_at_most"] == found["runs"] == 1_500
         assert "as looks double from 512 runs" in found["stopping_note"]
 
-    def test_the_page_does_not_say_that_such_intervals_cover_less_often(self) -> None:
+    def test_the_page_does_not_say_that_such_intervals_cover_less_often(self):
         (remarks,) = (
             block
             for block in convergence(ArchiveView(uqpen.run(study(self.EARLY)), ""))

@@ -1,13 +1,9 @@
 """Replicated designs that stop at a wanted precision: their points, estimates and settings."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics
@@ -15,7 +11,6 @@ from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.progress import Progress
 from uqpen.core.status import Status
-from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.stopping.precision import Precision
@@ -33,32 +28,29 @@ PAIRS = {
 }
 kinds = pytest.mark.parametrize("kind", PAIRS)
 
-STUDY = """\
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.9"]
-[outputs.y]
-exceeds = [5]
-[designs.one]
-kind = "sobol-sequence"
-until = { y = { mean = 0.08, exceeds = { 5 = "2 %" } } }
-at_most = 20_000
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.9"]},
+    outputs={"y": {"exceeds": [5]}},
+    designs={
+        "one": {
+            "kind": "sobol-sequence",
+            "until": {"y": {"mean": 0.08, "exceeds": {"5": "2 %"}}},
+            "at_most": 20_000,
+        }
+    },
+)
 
 
-def fails_at_times(length: float, share: float) -> dict[str, float]:
+def fails_at_times(length, share):
     if length * share % 0.05 < 0.002:
         raise ValueError("no equilibrium")
     return {"y": length + share**2}
 
 
-def run(design: Design) -> xr.DataTree:
+def run(design):
     """Run a design over a constrained joint distribution; some runs fail."""
     return uqpen.run(
         uqpen.Study(
@@ -72,7 +64,7 @@ def run(design: Design) -> xr.DataTree:
     )
 
 
-def rows(runs: xr.Dataset) -> list[tuple[float, ...]]:
+def rows(runs):
     """Return replicate, inputs, status and output of each run, in an order of their own."""
     names = ("replicate", "length", "share", "status")
     return sorted(zip(*(runs[name].values.tolist() for name in names), strict=True))
@@ -80,7 +72,7 @@ def rows(runs: xr.Dataset) -> list[tuple[float, ...]]:
 
 @pytest.mark.slow
 @kinds
-def test_points_and_estimates_are_those_of_a_plain_design_of_its_size(kind: str) -> None:
+def test_points_and_estimates_are_those_of_a_plain_design_of_its_size(kind):
     tree, plain = (run(design) for design in PAIRS[kind])
     made = tree["runs/one"].to_dataset()
     assert np.bincount(made["round"].values).tolist() == [made.sizes["run"] // 2] * 2
@@ -96,7 +88,7 @@ def test_points_and_estimates_are_those_of_a_plain_design_of_its_size(kind: str)
 
 
 @kinds
-def test_it_meets_the_contract_and_keeps_the_points_of_a_smaller_design(kind: str) -> None:
+def test_it_meets_the_contract_and_keeps_the_points_of_a_smaller_design(kind):
     stopped, plain = PAIRS[kind]
     joint = example_joint_distribution()
     check_design(stopped, joint)
@@ -117,9 +109,7 @@ def test_it_meets_the_contract_and_keeps_the_points_of_a_smaller_design(kind: st
         (LatinHypercube(2_000, until=RULE, at_most=4_000), 2_000, 4_000),
     ],
 )
-def test_looks_double_as_often_as_the_largest_number_allows(
-    design: SobolSequence | Halton | LatinHypercube, first: int, most: int
-) -> None:
+def test_looks_double_as_often_as_the_largest_number_allows(design, first, most):
     assert design.first_runs == first
     assert design.run_count(example_joint_distribution()) == most
 
@@ -138,9 +128,7 @@ def test_looks_double_as_often_as_the_largest_number_allows(
         (lambda: SobolSequence(768, 32, RULE, 5_000), "runs", "times a power of two"),
     ],
 )
-def test_settings_that_do_not_go_together_are_told(
-    make: Callable[[], object], key: str, expected: str
-) -> None:
+def test_settings_that_do_not_go_together_are_reported(make, key, expected):
     with pytest.raises(SettingsError) as caught:
         make()
     (problem,) = caught.value.problems
@@ -149,7 +137,7 @@ def test_settings_that_do_not_go_together_are_told(
 
 
 @pytest.mark.parametrize("kind", ["sobol-sequence", "halton", "latin-hypercube"])
-def test_a_quantile_is_refused_before_any_run(kind: str) -> None:
+def test_a_quantile_is_refused_before_any_run(kind):
     text = STUDY.replace("sobol-sequence", kind).replace("mean = 0.08", 'quantile_95 = "2 %"')
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(text)
@@ -161,7 +149,7 @@ def test_a_quantile_is_refused_before_any_run(kind: str) -> None:
 class Interrupted(Progress):
     """Stops, as Ctrl-C would, in the second round."""
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.finished = getattr(self, "finished", 0) + runs
         if self.finished > 512:
             raise KeyboardInterrupt
@@ -169,7 +157,7 @@ class Interrupted(Progress):
 
 @pytest.mark.processor
 @pytest.mark.slow
-def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path: Path) -> None:
+def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path):
     study = uqpen.parse_study(STUDY)
     one, two, again = (tmp_path / name / "study.nc" for name in ("one", "two", "again"))
     for path in (one, two, again):
@@ -186,7 +174,7 @@ def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path: 
     assert "intervals over 32 replicates cover" in runs.attrs["stopping_note"]
 
 
-def test_while_replicates_grow_those_of_the_most_common_size_are_a_sample() -> None:
+def test_while_replicates_grow_those_of_the_most_common_size_are_a_sample():
     replicate = np.concatenate([np.repeat(np.arange(8), 4), [0, 0, 0, 0, 1, 1]])
     runs = xr.Dataset(
         {"y": ("run", np.arange(38.0))},

@@ -1,7 +1,5 @@
 """Constraints compare inputs, mind their units, and are never executed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,7 +38,7 @@ POINTS = {
         ("radius < 1 / 0 * depth", [False, False, False]),
     ],
 )
-def test_a_constraint_holds_where_its_comparison_does(text: str, holds: list[bool]) -> None:
+def test_a_constraint_holds_where_its_comparison_does(text, holds):
     assert parse_constraint(text, UNITS).is_satisfied(POINTS).tolist() == holds
 
 
@@ -66,7 +64,7 @@ def test_a_constraint_holds_where_its_comparison_does(text: str, holds: list[boo
         ("radius > " + "depth + " * 500 + "depth", "at most 500"),
     ],
 )
-def test_what_is_no_constraint_is_refused_in_words(text: str, complaint: str) -> None:
+def test_what_is_no_constraint_is_refused_in_words(text, complaint):
     with pytest.raises(ConstraintError) as caught:
         parse_constraint(text, UNITS)
     assert complaint in str(caught.value)
@@ -84,13 +82,13 @@ def test_what_is_no_constraint_is_refused_in_words(text: str, complaint: str) ->
         "(radius := depth) > depth",
     ],
 )
-def test_nothing_but_arithmetic_is_accepted(text: str) -> None:
+def test_nothing_but_arithmetic_is_accepted(text):
     with pytest.raises(ConstraintError):
         parse_constraint(text, UNITS)
 
 
 @given(st.text(max_size=60))
-def test_any_text_is_a_constraint_or_an_error(text: str) -> None:
+def test_any_text_is_a_constraint_or_an_error(text):
     try:
         constraint = parse_constraint(text, UNITS)
     except ConstraintError:

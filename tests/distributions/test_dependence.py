@@ -1,10 +1,7 @@
 """Copulas: uniform margins, the stated dependence, and exact conditional laws."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +20,6 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.distributions import COPULAS
 from uqpen.distributions.copulas import (
     ClaytonCopula,
-    Dependence,
     FrankCopula,
     GaussianCopula,
     GumbelCopula,
@@ -41,7 +37,7 @@ FloatArray = npt.NDArray[np.float64]
 TWO, THREE = ("a", "b"), ("a", "b", "c")
 MATRIX = ((1.0, 0.6, -0.2), (0.6, 1.0, 0.3), (-0.2, 0.3, 1.0))
 
-CASES: dict[str, Dependence] = {
+CASES = {
     "gaussian": GaussianCopula(TWO, ((1.0, 0.6), (0.6, 1.0))),
     "gaussian of three": GaussianCopula(THREE, MATRIX),
     "student": StudentCopula(TWO, ((1.0, 0.6), (0.6, 1.0)), 2.0),
@@ -65,7 +61,7 @@ CASES: dict[str, Dependence] = {
 DEBYE = (math.pi**2 / 6 - sum(math.exp(-5 * k) * (5 / k + 1 / k**2) for k in range(1, 20))) / 5
 
 # Kendall's rank correlation of each pair, from textbooks and, of Joe's, the series of its integral.
-KENDALL: dict[str, dict[tuple[int, int], float]] = {
+KENDALL = {
     "gaussian of three": {
         (0, 1): 2 / math.pi * math.asin(0.6),
         (0, 2): 2 / math.pi * math.asin(-0.2),
@@ -90,18 +86,18 @@ GRID = np.concatenate(
 )
 
 
-def spread(dependence: Dependence, exponent: int = 12) -> FloatArray:
+def spread(dependence, exponent=12):
     """Points of the copula that are spread evenly, so that averages hardly scatter."""
     engine = qmc.Sobol(len(dependence.inputs), seed=1)
     return dependence.inverse_rosenblatt(engine.random_base2(exponent))
 
 
-def test_every_copula_that_a_study_can_name_is_tested() -> None:
+def test_every_copula_that_a_study_can_name_is_tested():
     assert {name.partition(" ")[0].strip(",") for name in CASES} == set(COPULAS)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_margin_stays_uniform(name: str) -> None:
+def test_each_margin_stays_uniform(name):
     # Of 4096 scrambled Sobol' points the distance is below 0.007 in three dimensions. Where the
     # conditional law is wrong it is large: 0.02 for a t copula that forgets to widen, 0.17 and 0.25
     # for what chaospy 4.3.21 calls Gumbel's and Joe's.
@@ -110,7 +106,7 @@ def test_each_margin_stays_uniform(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", KENDALL)
-def test_kendalls_rank_correlation_is_the_exact_one(name: str) -> None:
+def test_kendalls_rank_correlation_is_the_exact_one(name):
     points = spread(CASES[name])
     for (one, other), exact in KENDALL[name].items():
         # Of independent draws, the standard error would be 0.01; of these it is below a fifth.
@@ -119,20 +115,20 @@ def test_kendalls_rank_correlation_is_the_exact_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["clayton, strong", "gumbel", "frank", "frank, negative", "joe"])
-def test_a_copula_tells_its_own_rank_correlation(name: str) -> None:
+def test_a_copula_tells_its_own_rank_correlation(name):
     (exact,) = KENDALL[name].values()
     assert CASES[name].kendall == pytest.approx(exact, abs=1e-6)  # type: ignore[attr-defined]
     assert f"Kendall's rank correlation {exact:.4g}" in str(CASES[name])
 
 
 @pytest.mark.parametrize(("theta", "exact"), [(2.0, 2 - math.pi**2 / 6), (2.0 + 1e-5, None)])
-def test_joes_rank_correlation_has_no_hole_at_two(theta: float, exact: float | None) -> None:
+def test_joes_rank_correlation_has_no_hole_at_two(theta, exact):
     exact = exact or JoeCopula(TWO, 2.0).kendall
     assert JoeCopula(TWO, theta).kendall == pytest.approx(exact, abs=1e-5)
 
 
 @pytest.mark.parametrize("correlation", [-0.8, -0.3, 0.1, 0.6, 0.95])
-def test_rank_correlations_become_those_of_the_scores(correlation: float) -> None:
+def test_rank_correlations_become_those_of_the_scores(correlation):
     ranks = GaussianCopula(TWO, _pair(score_correlation(correlation, "ranks")))
     kendall = GaussianCopula(TWO, _pair(score_correlation(correlation, "kendall")))
     points = spread(ranks, 13)
@@ -143,26 +139,26 @@ def test_rank_correlations_become_those_of_the_scores(correlation: float) -> Non
     assert score_correlation(correlation, "normal-scores") == correlation
 
 
-def _pair(correlation: float) -> tuple[tuple[float, ...], ...]:
+def _pair(correlation):
     return ((1.0, correlation), (correlation, 1.0))
 
 
-def _clayton(u: FloatArray, v: FloatArray, t: float) -> FloatArray:
+def _clayton(u, v, t):
     return u ** (-t - 1) * (u**-t + v**-t - 1) ** (-1 / t - 1)
 
 
-def _gumbel(u: FloatArray, v: FloatArray, t: float) -> FloatArray:
+def _gumbel(u, v, t):
     x, y = -np.log(u), -np.log(v)
     both = (x**t + y**t) ** (1 / t)
     return np.exp(-both) * (both / x) ** (1 - t) / u
 
 
-def _frank(u: FloatArray, v: FloatArray, t: float) -> FloatArray:
+def _frank(u, v, t):
     a, b = np.expm1(-t * u), np.expm1(-t * v)
     return np.exp(-t * u) * b / (np.expm1(-t) + a * b)
 
 
-def _joe(u: FloatArray, v: FloatArray, t: float) -> FloatArray:
+def _joe(u, v, t):
     a, b = (1 - u) ** t, (1 - v) ** t
     return (a + b - a * b) ** (1 / t - 1) * (1 - u) ** (t - 1) * (1 - b)
 
@@ -172,9 +168,7 @@ def _joe(u: FloatArray, v: FloatArray, t: float) -> FloatArray:
     [(ClaytonCopula, _clayton), (GumbelCopula, _gumbel), (FrankCopula, _frank), (JoeCopula, _joe)],
 )
 @pytest.mark.parametrize("theta", [1.1, 2.0, 5.0, 15.0])
-def test_a_draw_is_the_quantile_of_the_textbooks_conditional_law(
-    copula: Callable[..., Dependence], distribution: Callable[..., FloatArray], theta: float
-) -> None:
+def test_a_draw_is_the_quantile_of_the_textbooks_conditional_law(copula, distribution, theta):
     u, p = (axis.ravel() for axis in np.meshgrid(np.linspace(0.02, 0.98, 25), GRID[2:-2]))
     v = copula(TWO, theta).inverse_rosenblatt(np.column_stack([u, p]))[:, 1]
     # A rounding of v is one of p times the density; the density's is below 1e3 here, but where v
@@ -185,7 +179,7 @@ def test_a_draw_is_the_quantile_of_the_textbooks_conditional_law(
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_corners_of_the_cube_stay_inside_it_and_in_order(name: str) -> None:
+def test_the_corners_of_the_cube_stay_inside_it_and_in_order(name):
     dependence = CASES[name]
     axes = [GRID] * len(dependence.inputs)
     unit = np.array(list(itertools.product(*axes)))
@@ -200,7 +194,7 @@ def test_the_corners_of_the_cube_stay_inside_it_and_in_order(name: str) -> None:
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", CASES)
-def test_a_point_does_not_depend_on_its_batch(name: str) -> None:
+def test_a_point_does_not_depend_on_its_batch(name):
     dependence = CASES[name]
     unit = np.random.default_rng(3).random((257, len(dependence.inputs)))
     whole = dependence.inverse_rosenblatt(unit)
@@ -214,9 +208,7 @@ def test_a_point_does_not_depend_on_its_batch(name: str) -> None:
 
 
 @given(correlation=st.floats(-0.99, 0.99), z=st.floats(-4, 4), w=st.floats(-4, 4))
-def test_two_normal_scores_follow_the_conditional_normal_law(
-    correlation: float, z: float, w: float
-) -> None:
+def test_two_normal_scores_follow_the_conditional_normal_law(correlation, z, w):
     gaussian = GaussianCopula(TWO, _pair(correlation))
     for known, free in ((0, 1), (1, 0)):
         unit = np.full((1, 2), 0.123)
@@ -226,7 +218,7 @@ def test_two_normal_scores_follow_the_conditional_normal_law(
         assert found[0, free] == pytest.approx(special.ndtr(score), rel=1e-9, abs=1e-15)
 
 
-def test_many_normal_scores_given_others_have_the_textbooks_mean_and_covariance() -> None:
+def test_many_normal_scores_given_others_have_the_textbooks_mean_and_covariance():
     rng = np.random.default_rng(5)
     factor = rng.normal(size=(5, 9))
     covariance = factor @ factor.T
@@ -249,7 +241,7 @@ def test_many_normal_scores_given_others_have_the_textbooks_mean_and_covariance(
     np.testing.assert_allclose(root @ root.T, expected, atol=1e-8)
 
 
-def test_t_scores_given_another_follow_a_wider_t_law() -> None:
+def test_t_scores_given_another_follow_a_wider_t_law():
     student = StudentCopula(TWO, _pair(0.6), 3.0)
     p, x = np.array([0.01, 0.3, 0.9]), -1.7
     unit = np.column_stack([p, np.full(3, 0.5)])
@@ -259,7 +251,7 @@ def test_t_scores_given_another_follow_a_wider_t_law() -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name: str) -> None:
+def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name):
     dependence = CASES[name]
     size = len(dependence.inputs)
     points = qmc.Sobol(2 * size, seed=2).random_base2(11)
@@ -276,7 +268,7 @@ def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("make", "key", "told"),
+    ("make", "key", "reported"),
     [
         (lambda: GaussianCopula(("a",), ((1.0,),)), "inputs", "at least two"),
         (lambda: GaussianCopula(("a", "a"), _pair(0.5)), "inputs[1]", "each input once"),
@@ -298,17 +290,15 @@ def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name: str) -> N
         (lambda: FrankCopula(THREE, 1.0), "inputs", "two inputs"),
     ],
 )
-def test_parameters_that_make_no_copula_are_refused(
-    make: Callable[[], Dependence], key: str, told: str
-) -> None:
+def test_parameters_that_make_no_copula_are_refused(make, key, reported):
     with pytest.raises(SettingsError) as caught:
         make()
     problem = caught.value.problems[0]
     assert problem.key == key
-    assert told in problem.expected
+    assert reported in problem.expected
 
 
-def test_correlations_that_cannot_hold_together_tell_the_smallest_eigenvalue() -> None:
+def test_correlations_that_cannot_hold_together_tell_the_smallest_eigenvalue():
     matrix = ((1.0, 0.9, 0.9), (0.9, 1.0, -0.9), (0.9, -0.9, 1.0))
     with pytest.raises(SettingsError) as caught:
         GaussianCopula(THREE, matrix)
@@ -318,7 +308,7 @@ def test_correlations_that_cannot_hold_together_tell_the_smallest_eigenvalue() -
 
 
 @given(st.lists(st.floats(-0.99, 0.99), min_size=3, max_size=3))
-def test_any_matrix_is_refused_or_drawn_from(entries: list[float]) -> None:
+def test_any_matrix_is_refused_or_drawn_from(entries):
     one, two, three = entries
     try:
         gaussian = GaussianCopula(THREE, ((1.0, one, two), (one, 1.0, three), (two, three, 1.0)))
@@ -342,11 +332,11 @@ LAW = JointDistribution(
 
 
 class TestLaw:
-    def test_inputs_are_independent_unless_it_says_otherwise(self) -> None:
+    def test_inputs_are_independent_unless_it_says_otherwise(self):
         assert JointDistribution(LAW.inputs, LAW.variables).is_independent
         assert not LAW.is_independent
 
-    def test_only_the_inputs_that_are_joined_depend_on_each_other(self) -> None:
+    def test_only_the_inputs_that_are_joined_depend_on_each_other(self):
         points = LAW.points(qmc.Sobol(3, seed=1).random_base2(12), {})
         values = np.column_stack([points[name].values for name in ("x1", "x2", "x3")])
         ranks = stats.spearmanr(values).statistic
@@ -357,7 +347,7 @@ class TestLaw:
             share = stats.kstest(entry.distribution.cdf(column), "uniform").statistic
             assert share < 0.005
 
-    def test_points_say_that_their_inputs_depend_through_evaluation_and_joining(self) -> None:
+    def test_points_say_that_their_inputs_depend_through_evaluation_and_joining(self):
         unit = np.random.default_rng(1).random((8, 3))
         points = LAW.points(unit, {})
         before = points.copy(deep=True)
@@ -371,7 +361,7 @@ class TestLaw:
         independent = JointDistribution(LAW.inputs, LAW.variables).points(unit, {})
         assert DEPENDENCE not in independent.attrs
 
-    def test_given_columns_stand_and_independent_ones_too(self) -> None:
+    def test_given_columns_stand_and_independent_ones_too(self):
         unit = np.random.default_rng(1).random((5, 3))
         held = np.full(5, 0.9)
         found = LAW.conditional_probabilities(unit, {2: held})
@@ -388,13 +378,13 @@ class TestLaw:
         np.testing.assert_array_equal(free[:, :2], unit[:, :2])
         np.testing.assert_array_equal(free[:, 2], held)
 
-    def test_values_are_quantiles_of_the_laws(self) -> None:
+    def test_values_are_quantiles_of_the_laws(self):
         values = LAW.ppf(np.array([[0.5, 0.5, 0.5], [0.75, 0.1, 0.975]]))
         assert values["x1"].tolist() == [0.0, 1.5]
         assert values["x3"][1] == pytest.approx(1.959964, abs=1e-6)
         assert "w" not in values
 
-    def test_a_latin_hypercube_stays_one_before_it_is_joined(self) -> None:
+    def test_a_latin_hypercube_stays_one_before_it_is_joined(self):
         design = LatinHypercube(runs=64, replicates=4)
         points = points_in_memory(next(design.rounds(LAW, Stream(1, "designs", "lhs"))))
         # The first input of a copula and those outside keep a draw in each stratum; of the others

@@ -1,10 +1,5 @@
 """Distributions of single values."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -31,11 +26,11 @@ COUNTS = FrozenDistribution(stats.poisson(3))
     ],
     ids=["dice", "unsorted", "rare", "poisson", "binomial"],
 )
-def test_a_discrete_distribution_keeps_the_contract(distribution: Any) -> None:
+def test_a_discrete_distribution_keeps_the_contract(distribution):
     check_distribution(distribution)
 
 
-def test_quantiles_are_the_values() -> None:
+def test_quantiles_are_the_values():
     p = np.array([1e-9, 1 / 6, 0.17, 0.5, 0.51, 1 - 1e-9])
     assert DICE.ppf(p).tolist() == [1.0, 1.0, 2.0, 3.0, 4.0, 6.0]
     assert DICE.isf(1 - p).tolist() == [1.0, 1.0, 2.0, 3.0, 4.0, 6.0]
@@ -43,13 +38,13 @@ def test_quantiles_are_the_values() -> None:
     assert DICE.sf(np.array([0.0, 1.0, 3.5, 6.0])) == pytest.approx([1.0, 5 / 6, 0.5, 0.0])
 
 
-def test_a_small_probability_in_the_upper_tail_keeps_its_digits() -> None:
+def test_a_small_probability_in_the_upper_tail_keeps_its_digits():
     rare = Discrete([0, 1], [1, 1e-18])
     assert float(rare.sf(np.array(0.5))) == pytest.approx(1e-18, rel=1e-12)
     assert float(rare.isf(np.array(5e-19))) == 1.0
 
 
-def test_polynomials_are_those_of_the_values() -> None:
+def test_polynomials_are_those_of_the_values():
     found = recurrence(DICE, 5)
     assert found.mean == pytest.approx(3.5)
     assert found.std**2 == pytest.approx(35 / 12)
@@ -59,14 +54,14 @@ def test_polynomials_are_those_of_the_values() -> None:
     assert not recurrence(DICE, 6).is_finite
 
 
-def test_polynomials_of_counts_are_charliers() -> None:
+def test_polynomials_of_counts_are_charliers():
     found = recurrence(COUNTS, 5)
     k = np.arange(6.0)
     assert found.location + found.scale * found.alpha == pytest.approx(3 + k, rel=1e-9)
     assert found.scale**2 * found.beta[1:] == pytest.approx(3 * k[1:], rel=1e-9)
 
 
-def test_a_study_draws_the_values(study_of: Callable[..., uqpen.Study]) -> None:
+def test_a_study_draws_the_values(study_of):
     law = "{ discrete = { values = [1, 2, 4], weights = [1, 2, 1] } }"
     made = study_of("a * b", '[designs.some]\nkind = "quadrature"\norder = 2', a=law, b=(0.0, 2.0))
     runs = uqpen.run(made)
@@ -76,7 +71,7 @@ def test_a_study_draws_the_values(study_of: Callable[..., uqpen.Study]) -> None:
     assert set(uqpen.run(drawn)["runs/some"]["a"].values) <= {1.0, 2.0, 4.0}
 
 
-def test_python_and_toml_meet() -> None:
+def test_python_and_toml_meet():
     law = uqpen.Discrete(["8 mm", "10 mm"], [1, 3])
     made = uqpen.Study(
         model=lambda d: {"y": d},
@@ -102,14 +97,14 @@ def test_python_and_toml_meet() -> None:
         ("{ discrete = { values = [1, 2] }, lower = 1 }", "its values within them alone"),
     ],
 )
-def test_mistakes_are_met(law: str, found: str, study_of: Callable[..., uqpen.Study]) -> None:
+def test_mistakes_are_met(law, found, study_of):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("a", a=law)
     assert found in str(caught.value)
     assert "study.toml:10" in str(caught.value)
 
 
-def test_steps_of_single_values_are_refused(study_of: Callable[..., uqpen.Study]) -> None:
+def test_steps_of_single_values_are_refused(study_of):
     with pytest.raises(uqpen.StudyError, match="which has single values"):
         study_of(
             "a", '[designs.some]\nkind = "one-at-a-time"', a="{ discrete = { values = [1, 2] } }"
@@ -117,7 +112,7 @@ def test_steps_of_single_values_are_refused(study_of: Callable[..., uqpen.Study]
 
 
 @pytest.mark.parametrize("values", [{1: 0.3, 2: 0.7}, {1, 2}])
-def test_values_without_an_order_are_refused(values: Any) -> None:
+def test_values_without_an_order_are_refused(values):
     with pytest.raises(SettingsError, match="expected a list of quantities"):
         uqpen.Discrete(values)
     with pytest.raises(SettingsError, match="expected a list of numbers"):

@@ -1,9 +1,6 @@
 """Every law against SciPy's, and the properties that any law has."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from scipy import stats
 
 from uqpen.core.errors import SettingsError
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -29,7 +25,7 @@ from uqpen.distributions.univariate import (
 
 pytestmark = pytest.mark.processor
 
-LAWS: dict[str, tuple[Distribution, Any]] = {
+LAWS = {
     "normal": (Normal(2.0, 0.5), stats.norm(2.0, 0.5)),
     "lognormal": (
         Lognormal(2.0, 0.5),
@@ -59,12 +55,12 @@ ROUNDING = 1e-12
 PROBABILITIES = np.array([1e-9, 0.001, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
 
 
-def test_every_family_that_a_study_can_name_is_tested() -> None:
+def test_every_family_that_a_study_can_name_is_tested():
     assert set(DISTRIBUTIONS) <= {*LAWS, "discrete"}  # which has tests of its own
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_quantiles_are_scipys(name: str) -> None:
+def test_quantiles_are_scipys(name):
     distribution, scipys = LAWS[name]
     np.testing.assert_allclose(
         distribution.ppf(PROBABILITIES), scipys.ppf(PROBABILITIES), rtol=1e-9, atol=ROUNDING
@@ -74,7 +70,7 @@ def test_quantiles_are_scipys(name: str) -> None:
     )
 
 
-def test_a_law_truncated_far_out_keeps_its_accuracy() -> None:
+def test_a_law_truncated_far_out_keeps_its_accuracy():
     distribution, parent = Truncated(Normal(0.0, 1.0), 9.0, math.inf), stats.norm()
     p = np.array([1e-12, 1e-3, 0.5, 0.999])
     np.testing.assert_allclose(distribution.isf(p), parent.isf(p * parent.sf(9.0)), rtol=ROUNDING)
@@ -82,7 +78,7 @@ def test_a_law_truncated_far_out_keeps_its_accuracy() -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_probabilities_are_scipys_in_both_tails(name: str) -> None:
+def test_probabilities_are_scipys_in_both_tails(name):
     distribution, scipys = LAWS[name]
     low, high = scipys.ppf(0.001), scipys.ppf(0.999)
     values = np.linspace(low, high, 23)
@@ -93,7 +89,7 @@ def test_probabilities_are_scipys_in_both_tails(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["normal", "lognormal", "gamma", "gumbel"])
-def test_mean_and_std_are_those_of_the_variable_itself(name: str) -> None:
+def test_mean_and_std_are_those_of_the_variable_itself(name):
     distribution, _ = LAWS[name]
     nodes, weights = np.polynomial.legendre.leggauss(20)
     # Gauss's rule over 20 000 pieces of the unit interval, each tail piece 5e-5 wide: what the
@@ -109,7 +105,7 @@ def test_mean_and_std_are_those_of_the_variable_itself(name: str) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 @given(p=st.floats(1e-6, 1 - 1e-6))
-def test_the_probability_below_a_quantile_is_its_own(name: str, p: float) -> None:
+def test_the_probability_below_a_quantile_is_its_own(name, p):
     distribution, _ = LAWS[name]
     value = distribution.ppf(np.array(p))
     # An ulp of the value moves the probability by the density times it.
@@ -118,7 +114,7 @@ def test_the_probability_below_a_quantile_is_its_own(name: str, p: float) -> Non
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_no_draw_leaves_the_support(name: str) -> None:
+def test_no_draw_leaves_the_support(name):
     distribution, scipys = LAWS[name]
     extremes = distribution.ppf(np.array([2**-54, 1 - 2**-53]))
     low, high = scipys.support()
@@ -126,7 +122,7 @@ def test_no_draw_leaves_the_support(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_the_median_is_exceeded_as_often_as_not(name: str) -> None:
+def test_the_median_is_exceeded_as_often_as_not(name):
     distribution, scipys = LAWS[name]
     assert distribution.median == pytest.approx(scipys.median(), rel=1e-12)
 
@@ -134,9 +130,7 @@ def test_the_median_is_exceeded_as_often_as_not(name: str) -> None:
 @given(
     lower=st.floats(-30, 30), width=st.floats(0.01, 10), p=st.floats(0, 1), std=st.floats(0.1, 10)
 )
-def test_a_truncated_law_stays_inside_and_keeps_its_order(
-    lower: float, width: float, p: float, std: float
-) -> None:
+def test_a_truncated_law_stays_inside_and_keeps_its_order(lower, width, p, std):
     try:
         distribution = Truncated(Normal(0.0, std), lower, lower + width)
     except SettingsError:
@@ -161,7 +155,7 @@ def test_a_truncated_law_stays_inside_and_keeps_its_order(
         (lambda: Truncated(Normal(0.0, 1.0), 50.0, 51.0), "", "leave some of the distribution"),
     ],
 )
-def test_parameters_that_make_no_law_are_refused(make: Any, key: str, expected: str) -> None:
+def test_parameters_that_make_no_law_are_refused(make, key, expected):
     with pytest.raises(SettingsError) as caught:
         make()
     (problem,) = caught.value.problems
@@ -170,7 +164,7 @@ def test_parameters_that_make_no_law_are_refused(make: Any, key: str, expected: 
 
 
 @pytest.mark.parametrize("mode", [0.0, 1.0])
-def test_a_triangle_may_be_upright_on_one_side(mode: float) -> None:
+def test_a_triangle_may_be_upright_on_one_side(mode):
     distribution = Triangular(0.0, mode, 1.0)
     scipys = stats.triang(mode)
     np.testing.assert_allclose(

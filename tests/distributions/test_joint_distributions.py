@@ -1,15 +1,11 @@
 """Members of joint distributions: copulas, samples, chaospy's."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import chaospy
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.streams import Stream
@@ -29,22 +25,22 @@ JOINTS = {
 }
 
 
-def posterior(rows: int = 400) -> dict[str, Any]:
+def posterior(rows=400):
     generator = np.random.default_rng(0)
     a = generator.normal(5.0, 1.0, rows)
     b = a + 0.3 * generator.normal(size=rows)
     return {"a [mm]": a, "b": b, "weight": generator.random(rows)}
 
 
-def model(a: float, b: float, c: float) -> dict[str, float]:
+def model(a, b, c):
     return {"y": a + b * c}
 
 
 def study(
-    inputs: Mapping[Any, object] | None = None,
-    designs: Mapping[str, object] | None = None,
-    **others: Any,
-) -> uqpen.Study:
+    inputs=None,
+    designs=None,
+    **others,
+):
     return uqpen.Study(
         model=model,
         inputs={"c": uqpen.Uniform(1, 2)} if inputs is None else inputs,
@@ -56,14 +52,14 @@ def study(
 
 
 @pytest.mark.parametrize("name", JOINTS)
-def test_a_joint_distribution_of_chaospy_keeps_the_contract(name: str) -> None:
+def test_a_joint_distribution_of_chaospy_keeps_the_contract(name):
     made = study({("a", "b"): JOINTS[name], "c": 1.0})
     check_joint(made.joint)
     assert made.joint.is_independent == (name == "independent")
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-def test_a_sample_keeps_the_contract(*, weighted: bool) -> None:
+def test_a_sample_keeps_the_contract(*, weighted):
     columns = posterior()
     if not weighted:
         del columns["weight"]
@@ -72,14 +68,14 @@ def test_a_sample_keeps_the_contract(*, weighted: bool) -> None:
     assert not made.joint.is_independent
 
 
-def test_copulas_keep_the_contract() -> None:
+def test_copulas_keep_the_contract():
     independent = example_joint_distribution()
     check_joint(independent)
     copula = uqpen.GaussianCopula(("length", "share"), ((1.0, 0.6), (0.6, 1.0)))
     check_joint(replace(independent, dependence=copula))
 
 
-def test_a_draw_is_a_row_of_the_sample() -> None:
+def test_a_draw_is_a_row_of_the_sample():
     columns = posterior()
     runs = uqpen.run(study(joint={"posterior": {"sample": columns}}))["runs/mc"]
     rows = {(a / 1000, b) for a, b in zip(columns["a [mm]"], columns["b"], strict=True)}
@@ -88,7 +84,7 @@ def test_a_draw_is_a_row_of_the_sample() -> None:
     assert runs.attrs["dependence"] == "400 weighted rows of a table of a, b"
 
 
-def test_stratified_points_take_rows_evenly() -> None:
+def test_stratified_points_take_rows_evenly():
     columns = posterior(100)
     del columns["weight"]
     joint = study(joint={"p": {"sample": columns}}).joint
@@ -103,7 +99,7 @@ def test_stratified_points_take_rows_evenly() -> None:
         assert counts.std() < 0.5 * np.sqrt(share)  # that of independent draws is its root
 
 
-def test_the_mean_over_a_sample_is_right() -> None:
+def test_the_mean_over_a_sample_is_right():
     columns = posterior()
     made = study(
         joint={"p": {"sample": columns}},
@@ -114,38 +110,30 @@ def test_the_mean_over_a_sample_is_right() -> None:
     assert lower < truth < upper
 
 
-def write(folder: Path, text: str = "a [mm],b,note\n5000,1,x\n6000,2,y\n7000,4,z\n") -> None:
+def write(folder, text="a [mm],b,note\n5000,1,x\n6000,2,y\n7000,4,z\n"):
     (folder / "posterior.csv").write_text(text)
 
 
-TOML = """
-seed = 1
-[model]
-python = "m.py:f"
-vectorized = true
-[model.inputs]
-a = "m"
-b = "1"
-c = "1"
-[model.outputs]
-y = "1"
-[inputs]
-c = { uniform = { lower = 1, upper = 2 } }
-[joint.posterior]
-sample = "posterior.csv"
-[designs.mc]
-kind = "monte-carlo"
-runs = 50
-"""
+TOML = study_text(
+    {
+        "python": "m.py:f",
+        "vectorized": True,
+        "inputs": {"a": "m", "b": "1", "c": "1"},
+        "outputs": {"y": "1"},
+    },
+    inputs={"c": (1, 2)},
+    joint={"posterior": {"sample": "posterior.csv"}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
-def from_text(folder: Path, text: str = TOML) -> Any:
+def from_text(folder, text=TOML):
     (folder / "m.py").write_text("def f(a, b, c):\n    return {'y': a + b * c}\n")
     (folder / "s.toml").write_text(text)
     return uqpen.load_study(folder / "s.toml")
 
 
-def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
+def test_a_file_of_a_sample_is_kept_and_verified(tmp_path):
     write(tmp_path)
     uqpen.make_archive(from_text(tmp_path), tmp_path / "a.nc")
     tree = uqpen.open_archive(tmp_path / "a.nc")
@@ -186,7 +174,7 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path: Path) -> None:
+def test_a_mistake_is_met_with_its_line(old, new, found, tmp_path):
     write(tmp_path)
     assert old in TOML
     with pytest.raises(uqpen.StudyError) as caught:
@@ -208,21 +196,21 @@ def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path
         ("a [mm],b\n1,2\n", "number of rows: 1, expected two or more"),
     ],
 )
-def test_a_mistake_in_a_sample_is_met(text: str, found: str, tmp_path: Path) -> None:
+def test_a_mistake_in_a_sample_is_met(text, found, tmp_path):
     write(tmp_path, text)
     with pytest.raises(uqpen.StudyError) as caught:
         from_text(tmp_path)
     assert found in str(caught.value)
 
 
-def test_a_study_may_have_grouped_inputs_alone(tmp_path: Path) -> None:
+def test_a_study_may_have_grouped_inputs_alone(tmp_path):
     write(tmp_path, "a [mm],b,c\n5000,1,1\n6000,2,1.5\n")
     text = TOML.replace("[inputs]\nc = { uniform = { lower = 1, upper = 2 } }\n", "")
     made = from_text(tmp_path, text)
     check_joint(made.joint)
 
 
-def test_an_expansion_is_fitted_over_a_sample() -> None:
+def test_an_expansion_is_fitted_over_a_sample():
     columns = posterior()
     surrogate = uqpen.PolynomialChaos(design="mc", order=2, check="test")
     made = study(
@@ -245,7 +233,7 @@ def test_an_expansion_is_fitted_over_a_sample() -> None:
     assert all("±" in cells[first] or "…" in cells[first] for _, cells in shares.rows)
 
 
-def test_data_of_chaospy_stand_in_the_text() -> None:
+def test_data_of_chaospy_stand_in_the_text():
     made = study({("a", "b"): JOINTS["multivariate normal"], "c": 1.0})
     assert 'name = "MvNormal"' in made.to_toml()
     again = uqpen.parse_study(made.to_toml(), objects={})
@@ -254,7 +242,7 @@ def test_data_of_chaospy_stand_in_the_text() -> None:
     assert made.joint.points(unit, {}).identical(again.joint.points(unit, {}))
 
 
-def test_an_object_of_chaospy_is_named(tmp_path: Path) -> None:
+def test_an_object_of_chaospy_is_named(tmp_path):
     made = study({("a", "b"): JOINTS["dependent parameter"], "c": 1.0})
     assert 'object = "J(Uniform(lower=1, upper=2), ' in made.to_toml()
     runs = uqpen.run(made)["runs/mc"]
@@ -269,7 +257,7 @@ def test_an_object_of_chaospy_is_named(tmp_path: Path) -> None:
     assert {check.verdict.name for check in checks} == {"EQUAL"}
 
 
-def test_units_of_chaospys_values() -> None:
+def test_units_of_chaospys_values():
     joint = {"ab": {"inputs": ["a", "b"], "units": ["mm", "1"], "chaospy": JOINTS["Nataf"]}}
     made = study(joint=joint)
     plain = study({("a", "b"): JOINTS["Nataf"], "c": 1.0}).joint
@@ -299,14 +287,14 @@ def test_units_of_chaospys_values() -> None:
         ),
     ],
 )
-def test_mistakes_of_chaospys_are_met(joint: Mapping[str, object], found: str) -> None:
+def test_mistakes_of_chaospys_are_met(joint, found):
     with pytest.raises(uqpen.StudyError) as caught:
         study(joint={"ab": joint})
     assert found in str(caught.value)
     assert "uqpen.Study(" in str(caught.value)
 
 
-def test_an_expansion_needs_the_distributions_of_single_inputs() -> None:
+def test_an_expansion_needs_the_distributions_of_single_inputs():
     with pytest.raises(uqpen.StudyError, match="polynomials of a, b"):
         study(
             {("a", "b"): JOINTS["multivariate normal"], "c": 1.0},
@@ -317,21 +305,21 @@ def test_an_expansion_needs_the_distributions_of_single_inputs() -> None:
 class Batched(SampleDistribution):
     """Values that depend on the other points of a design."""
 
-    def values(self, unit: np.ndarray) -> np.ndarray:
+    def values(self, unit):
         return super().values(unit) + len(unit)
 
 
 class Inverted(SampleDistribution):
     """Draws that do not follow the weights of the rows."""
 
-    def values(self, unit: np.ndarray) -> np.ndarray:
+    def values(self, unit):
         return super().values(unit**3)
 
 
 class Infinite(SampleDistribution):
     """Draws of which some are not finite."""
 
-    def values(self, unit: np.ndarray) -> np.ndarray:
+    def values(self, unit):
         return np.where(unit < 0.01, np.inf, super().values(unit))
 
 
@@ -343,9 +331,7 @@ class Infinite(SampleDistribution):
         (Infinite, "are finite"),
     ],
 )
-def test_the_contract_tells_a_broken_group(
-    broken: type[SampleDistribution], reason: str, tmp_path: Path
-) -> None:
+def test_the_contract_tells_a_broken_group(broken, reason, tmp_path):
     write(tmp_path)
     joint = from_text(tmp_path).joint
     (group,) = joint.groups
@@ -355,7 +341,7 @@ def test_the_contract_tells_a_broken_group(
         check_joint(replace(joint, groups=(other,)))
 
 
-def test_an_input_in_two_entries_is_refused_in_python() -> None:
+def test_an_input_in_two_entries_is_refused_in_python():
     with pytest.raises(uqpen.StudyError) as caught:
         study({("a", "b"): JOINTS["independent"], "b": 1.0, "c": 1.0})
     (problem,) = caught.value.problems

@@ -1,13 +1,9 @@
 """Laws that follow from measurements: empirical ones, and families fitted to them."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import netCDF4
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,7 +14,6 @@ from uqpen.core.lookup import resolve
 from uqpen.core.model import Bounds, Input
 from uqpen.core.streams import Stream
 from uqpen.distributions import DISTRIBUTIONS, measurements
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.measurements import (
     Empirical,
     Measurements,
@@ -32,35 +27,33 @@ from uqpen.distributions.univariate import Gamma, Gumbel, Lognormal, Normal, Tru
 VALUES = st.lists(st.integers(-50, 50), min_size=2, max_size=30).filter(lambda x: len(set(x)) > 1)
 
 
-def rng() -> np.random.Generator:
+def rng():
     return Stream(1, "inputs", "x", "fit").generator()
 
 
 class TestEmpirical:
     LAW = Empirical((4.0, 1.0, 2.0, 8.0))
 
-    def test_its_quantiles_run_straight_between_the_measurements(self) -> None:
+    def test_its_quantiles_run_straight_between_the_measurements(self):
         p = np.array([0.0, 0.1, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.95, 1.0])
         values = [1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 8.0, 8.0]
         np.testing.assert_allclose(self.LAW.ppf(p), values, rtol=1e-15)
         np.testing.assert_allclose(self.LAW.isf(1 - p), values, rtol=1e-15)
         assert self.LAW.median == 3.0
 
-    def test_its_distribution_function_is_their_inverse(self) -> None:
+    def test_its_distribution_function_is_their_inverse(self):
         values = np.array([0.9, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 7.9, 8.0, 9.0])
         below = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.86875, 1.0, 1.0]
         np.testing.assert_allclose(self.LAW.cdf(values), below, rtol=1e-15)
         np.testing.assert_allclose(self.LAW.sf(values), 1 - np.array(below), atol=1e-15)
 
-    def test_a_value_measured_twice_has_a_probability_of_its_own(self) -> None:
+    def test_a_value_measured_twice_has_a_probability_of_its_own(self):
         distribution = Empirical((1.0, 2.0, 2.0, 3.0))
         np.testing.assert_allclose(distribution.ppf(np.array([0.4, 0.5, 0.6])), 2.0)
         assert distribution.cdf(np.array([2.0, 2.0 - 1e-12])) == pytest.approx([0.625, 0.375])
 
     @given(VALUES)
-    def test_its_mean_is_the_measurements_and_nothing_leaves_their_range(
-        self, values: list[int]
-    ) -> None:
+    def test_its_mean_is_the_measurements_and_nothing_leaves_their_range(self, values):
         distribution = Empirical(tuple(map(float, values)))
         # The quantile function is straight between multiples of 1 / 2n: the middles are exact.
         steps = 2 * len(values)
@@ -70,9 +63,7 @@ class TestEmpirical:
         assert distribution.is_finite
 
     @given(VALUES, st.floats(0.0, 1.0))
-    def test_the_probability_below_a_quantile_is_its_own_or_a_step_holds_it(
-        self, values: list[int], p: float
-    ) -> None:
+    def test_the_probability_below_a_quantile_is_its_own_or_a_step_holds_it(self, values, p):
         distribution = Empirical(tuple(map(float, values)))
         value = distribution.ppf(np.array(p))
         # Rounding may put a value a little below a step that it stands on.
@@ -80,14 +71,14 @@ class TestEmpirical:
         just_below = distribution.cdf(value - 1e-9)
         assert just_below - 1e-6 <= p <= just_above + 1e-6
 
-    def test_it_is_truncated_as_any_law(self) -> None:
+    def test_it_is_truncated_as_any_law(self):
         distribution = Truncated(self.LAW, lower=2.0, upper=6.0)
         p = np.linspace(0, 1, 5)
         expected = self.LAW.ppf(0.375 + p * 0.375)
         np.testing.assert_allclose(distribution.ppf(p), expected, rtol=1e-12)
 
     @pytest.mark.parametrize("values", [(1.0, 1.0), (1.0, math.nan), (1.0, math.inf)])
-    def test_measurements_that_make_no_law_are_refused(self, values: tuple[float, ...]) -> None:
+    def test_measurements_that_make_no_law_are_refused(self, values):
         with pytest.raises(SettingsError):
             Empirical(values)
 
@@ -96,13 +87,13 @@ SAMPLE = stats.gamma(4.0, scale=100.0).rvs(size=80, random_state=np.random.defau
 
 
 class TestFit:
-    def test_every_distribution_is_fitted_or_refused_with_a_reason(self) -> None:
+    def test_every_distribution_is_fitted_or_refused_with_a_reason(self):
         refused = {name for name, each in DISTRIBUTIONS.items() if resolve(each).unfitted_reason}
         assert refused == {"triangular", "beta", "discrete"}
         assert set(fitted_families()) == set(DISTRIBUTIONS) - refused
 
     @pytest.mark.parametrize("scale", [1.0, 1e9, 1e-300])
-    def test_the_parameters_are_the_likeliest(self, scale: float) -> None:
+    def test_the_parameters_are_the_likeliest(self, scale):
         found = {family: fit_law(family, SAMPLE * scale) for family in fitted_families()}
         normal = found["normal"]
         assert isinstance(normal, Normal)
@@ -119,7 +110,7 @@ class TestFit:
             ends = found[family].ppf(np.array([0.0, 1.0]))
             assert ends == pytest.approx([SAMPLE.min() * scale, SAMPLE.max() * scale], rel=1e-13)
 
-    def test_they_are_scipys_where_an_equation_is_solved(self) -> None:
+    def test_they_are_scipys_where_an_equation_is_solved(self):
         shape, _, scale = stats.gamma.fit(SAMPLE, floc=0)
         gamma = fit_law("gamma", SAMPLE)
         assert isinstance(gamma, Gamma)
@@ -137,19 +128,19 @@ class TestFit:
         assert gumbel.std == pytest.approx(stats.gumbel_r(location, scale).std(), rel=1e-6)
 
     @pytest.mark.parametrize("family", fitted_families())
-    def test_measurements_that_hardly_differ_are_fitted_too(self, family: str) -> None:
+    def test_measurements_that_hardly_differ_are_fitted_too(self, family):
         sample = 1e3 + 1e-4 * SAMPLE
         distribution = fit_law(family, sample)
         assert distribution.is_finite
         middle = distribution.ppf(np.array([0.2, 0.8]))
         assert sample.min() < middle[0] < middle[1] < sample.max()
 
-    def test_the_distance_is_scipys(self) -> None:
+    def test_the_distance_is_scipys(self):
         found = fit_distribution("lognormal", SAMPLE, rng())
         scipys = stats.kstest(SAMPLE, lambda x: np.asarray(found.distribution.cdf(x)))
         assert found.distance == pytest.approx(scipys.statistic, rel=1e-12)
 
-    def test_the_probability_is_scipys(self) -> None:
+    def test_the_probability_is_scipys(self):
         sample = SAMPLE[:30]
         scipys = stats.goodness_of_fit(
             stats.norm, sample, statistic="ks", n_mc_samples=999, rng=np.random.default_rng(1)
@@ -160,7 +151,7 @@ class TestFit:
         assert found.p_value == pytest.approx(scipys.pvalue, abs=0.05)
 
     @pytest.mark.parametrize("family", ["weibull", "normal"])
-    def test_of_measurements_that_follow_the_family_few_are_called_bad(self, family: str) -> None:
+    def test_of_measurements_that_follow_the_family_few_are_called_bad(self, family):
         distribution = fit_law(family, SAMPLE)
         draws = rng().random((60, 15))
         found = [
@@ -170,7 +161,7 @@ class TestFit:
         # Of 60 at a level of 0.1, more than 12 or fewer than 1 come up once in 100 times.
         assert 1 <= sum(p <= 0.1 for p in found) <= 12
 
-    def test_the_same_stream_gives_the_same_probability(self) -> None:
+    def test_the_same_stream_gives_the_same_probability(self):
         assert fit_distribution("gumbel", SAMPLE, rng()) == fit_distribution(
             "gumbel", SAMPLE, rng()
         )
@@ -179,49 +170,47 @@ class TestFit:
         st.lists(st.floats(1e-300, 1e300), min_size=5, max_size=8),
         st.sampled_from(fitted_families()),
     )
-    def test_any_measurements_are_fitted_or_refused(self, values: list[float], family: str) -> None:
+    def test_any_measurements_are_fitted_or_refused(self, values, family):
         try:
             distribution = fit_law(family, np.array(values))
         except SettingsError:
             return
         assert distribution.is_finite
 
-    def test_very_many_measurements_take_fewer_samples(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_very_many_measurements_take_fewer_samples(self, monkeypatch):
         monkeypatch.setattr(measurements, "_MOST_DRAWS", 200 * len(SAMPLE))
         counted = fit_distribution("normal", SAMPLE, rng()).p_value * 201
         assert counted == pytest.approx(round(counted), abs=1e-9)
         assert fit_distribution("uniform", SAMPLE, rng()).p_value == pytest.approx(1 / 201)
 
-    def test_what_does_not_fit_is_called_so(self) -> None:
+    def test_what_does_not_fit_is_called_so(self):
         assert fit_distribution("uniform", SAMPLE, rng()).is_rejected
         assert not fit_distribution("gamma", SAMPLE, rng()).is_rejected
 
     @pytest.mark.parametrize("family", ["lognormal", "log-uniform", "gamma", "weibull"])
-    def test_a_law_of_positive_values_is_refused_for_others(self, family: str) -> None:
+    def test_a_law_of_positive_values_is_refused_for_others(self, family):
         with pytest.raises(SettingsError, match=r"-1; expected values above 0"):
             fit_distribution(family, np.array([-1.0, 2.0, 3.0, 4.0, 5.0]), rng())
 
 
-def fit_law(family: str, values: npt.NDArray[np.float64]) -> Distribution:
+def fit_law(family, values):
     return fit_distribution(family, values, rng(), samples=0).distribution
 
 
 class TestMeasurements:
-    def test_a_column_is_found_by_its_heading_or_its_name(self, tmp_path: Path) -> None:
+    def test_a_column_is_found_by_its_heading_or_its_name(self, tmp_path):
         path = tmp_path / "m.csv"
         path.write_text("specimen,yield [MPa],note\nA-1,400,\nA-2,410,dropped\n")
         for heading in ("yield [MPa]", "yield"):
             column = Measurements(path).column(heading)
             assert column.values("Pa").tolist() == [400e6, 410e6]
 
-    def test_the_only_column_needs_no_heading(self, tmp_path: Path) -> None:
+    def test_the_only_column_needs_no_heading(self, tmp_path):
         path = tmp_path / "m.csv"
         path.write_text("yield [MPa]\n400\n")
         assert Measurements(path).column("").name == "yield"
 
-    def test_a_netcdf_variable_will_do(self, tmp_path: Path) -> None:
+    def test_a_netcdf_variable_will_do(self, tmp_path):
         path = tmp_path / "m.nc"
         with netCDF4.Dataset(path, "w") as dataset:
             dataset.createDimension("specimen", 2)
@@ -231,7 +220,7 @@ class TestMeasurements:
         assert Measurements(path).column("strength").values("Pa").tolist() == [400e6, 410e6]
 
     @pytest.mark.parametrize(
-        ("heading", "told"),
+        ("heading", "reported"),
         [
             ("", "has the columns a [m], b [m], b [s]"),
             ("c", 'no column "c"'),
@@ -239,12 +228,12 @@ class TestMeasurements:
             ("a [s]", 'no column "a [s]"; did you mean'),
         ],
     )
-    def test_a_column_that_is_none_is_told(self, tmp_path: Path, heading: str, told: str) -> None:
+    def test_a_column_that_is_none_is_reported(self, tmp_path, heading, reported):
         path = tmp_path / "m.csv"
         path.write_text("a [m],b [m],b [s]\n1,2,3\n")
         with pytest.raises(TableError) as caught:
             Measurements(path).column(heading)
-        assert told in str(caught.value)
+        assert reported in str(caught.value)
 
     @pytest.mark.parametrize(
         ("values", "found"),
@@ -254,9 +243,7 @@ class TestMeasurements:
             ([*range(1, 10), -3.0], "-3 mm as measurement 10"),
         ],
     )
-    def test_what_cannot_be_measurements_is_told(
-        self, tmp_path: Path, values: list[float], found: str
-    ) -> None:
+    def test_what_cannot_be_measurements_is_reported(self, tmp_path, values, found):
         path = tmp_path / "m.csv"
         path.write_text("x [mm]\n" + "\n".join(map(str, values)))
         column = Measurements(path).column("")
@@ -264,7 +251,7 @@ class TestMeasurements:
         (problem,) = check_measurements(column.values("m"), column, variable, fewest=10)
         assert found in problem.found
 
-    def test_parameters_are_shown_in_the_unit_of_the_measurements(self) -> None:
+    def test_parameters_are_shown_in_the_unit_of_the_measurements(self):
         assert parameters_text(Normal(300.15, 5.0), "degC") == "mean 27 degC, std 5 degC"
         assert parameters_text(Weibull(2.5, 0.012), "mm") == "shape 2.5, scale 12 mm"
         assert parameters_text(Normal(1.0, 0.5), "1") == "mean 1, std 0.5"

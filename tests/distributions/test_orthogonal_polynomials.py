@@ -1,11 +1,8 @@
 """Orthogonal polynomials of every law, and Gauss's rule from them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import stats
 
@@ -28,7 +25,7 @@ from uqpen.distributions.univariate import (
     Weibull,
 )
 
-LAWS: list[Distribution] = [
+LAWS = [
     Normal(2.0, 0.5),
     Lognormal(2.0, 0.5),
     Uniform(-1.0, 3.0),
@@ -50,7 +47,7 @@ LAWS: list[Distribution] = [
 ROUNDING = 1e-12
 
 
-def test_every_family_that_a_study_can_name_is_tested() -> None:
+def test_every_family_that_a_study_can_name_is_tested():
     assert {resolve(reference) for reference in DISTRIBUTIONS.values()} <= {
         *map(type, LAWS),
         Discrete,
@@ -58,7 +55,7 @@ def test_every_family_that_a_study_can_name_is_tested() -> None:
 
 
 @pytest.mark.parametrize("distribution", LAWS, ids=str)
-def test_a_rule_has_the_moments_of_its_law(distribution: Distribution) -> None:
+def test_a_rule_has_the_moments_of_its_law(distribution):
     nodes, weights = recurrence(distribution, 4).gauss(5)
     many, density = module._distribution_nodes(distribution)
     middle, spread = float(many @ density), float(np.sqrt((many - many @ density) ** 2 @ density))
@@ -71,7 +68,7 @@ def test_a_rule_has_the_moments_of_its_law(distribution: Distribution) -> None:
 
 
 @pytest.mark.parametrize("distribution", LAWS, ids=str)
-def test_nodes_lie_inside_the_law_and_weights_add_up(distribution: Distribution) -> None:
+def test_nodes_lie_inside_the_law_and_weights_add_up(distribution):
     nodes, weights = recurrence(distribution, 9).gauss(10)
     assert (distribution.cdf(nodes) > 0).all()
     assert (distribution.sf(nodes) > 0).all()
@@ -85,7 +82,7 @@ def test_nodes_lie_inside_the_law_and_weights_add_up(distribution: Distribution)
     [distribution for distribution in LAWS if type(distribution) in module._FORMULAS],
     ids=lambda law: str(law),
 )
-def test_formulas_agree_with_the_discretised_procedure(distribution: Distribution) -> None:
+def test_formulas_agree_with_the_discretised_procedure(distribution):
     nodes, weights = recurrence(distribution, 7).gauss(8)
     other = module._discretized_stieltjes(distribution, np.arange(8.0))
     np.testing.assert_allclose(nodes, other.gauss(8)[0], rtol=1e-10)
@@ -108,13 +105,13 @@ def test_formulas_agree_with_the_discretised_procedure(distribution: Distributio
     ],
     ids=lambda each: str(each) if isinstance(each, Distribution) else "",
 )
-def test_mean_and_std_are_scipys(distribution: Distribution, scipys: stats.rv_continuous) -> None:
+def test_mean_and_std_are_scipys(distribution, scipys):
     found = recurrence(distribution, 1)
     assert found.mean == pytest.approx(scipys.mean(), rel=1e-10)
     assert found.std == pytest.approx(scipys.std(), rel=1e-10)
 
 
-def test_the_rules_are_chaospys() -> None:
+def test_the_rules_are_chaospys():
     import chaospy
 
     for distribution, theirs in (
@@ -132,20 +129,20 @@ def test_the_rules_are_chaospys() -> None:
 class TwoValues(Distribution):
     """A law of two values: of few polynomials, and with a jump."""
 
-    def ppf(self, probability: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def ppf(self, probability):
         return np.where(probability < 0.3, -1.0, 2.0)
 
-    def isf(self, probability: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def isf(self, probability):
         return np.where(probability > 0.7, -1.0, 2.0)
 
-    def cdf(self, value: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def cdf(self, value):
         return np.select([value < -1, value < 2], [0.0, 0.3], 1.0)
 
-    def sf(self, value: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def sf(self, value):
         return 1 - self.cdf(value)
 
 
-def test_a_law_of_two_values_has_two_nodes_and_no_more() -> None:
+def test_a_law_of_two_values_has_two_nodes_and_no_more():
     found = recurrence(TwoValues(), 3)
     nodes, weights = found.gauss(2)
     np.testing.assert_allclose(nodes, [-1.0, 2.0], atol=1e-10)
@@ -154,6 +151,6 @@ def test_a_law_of_two_values_has_two_nodes_and_no_more() -> None:
     assert not found.is_finite
 
 
-def test_a_law_whose_moments_overflow_says_so() -> None:
+def test_a_law_whose_moments_overflow_says_so():
     assert recurrence(Lognormal(1.0, 10.0), 5).is_finite
     assert not recurrence(Lognormal(1.0, 10.0), 100).is_finite

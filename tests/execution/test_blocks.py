@@ -1,18 +1,13 @@
 """Runs are made and yielded by blocks, and no result depends on it."""
 
-from __future__ import annotations
-
 import gc
 import tracemalloc
-from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import LoadedDataset, join_blocks
 from uqpen.core.errors import TooManyFailedError, WorkerError
 from uqpen.core.labels import RUN
@@ -30,7 +25,7 @@ from uqpen.execution import (
     evaluate,
     evaluate_blocks,
 )
-from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.models.python_function import PythonFunction
 
@@ -45,41 +40,41 @@ class Square(Model):
     inputs = (X,)
     outputs = (Output("y", "m^2"),)
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         x = inputs["x"]
         status = np.where(x > 9, Status.FAILED, Status.OK).astype(np.int8)
         reasons = {int(run): "too large" for run in np.flatnonzero(x > 9)}
         return Results({"y": np.where(x > 9, np.nan, x**2)}, status, reasons)
 
 
-def function(vectorized: bool) -> PythonFunction:
+def function(vectorized):
     units = {"x": "m", "y": "m^2"}
     return PythonFunction(lambda x: {"y": x**2}, "f", (X,), Square.outputs, units, vectorized)
 
 
-def drawn(runs: int = RUNS, lower: float = -0.5, upper: float = 9.5) -> Any:
+def drawn(runs=RUNS, lower=-0.5, upper=9.5):
     joint = JointDistribution((RandomInput(X, Uniform(lower, upper), "m"),), (X,))
     return next(MonteCarlo(runs).rounds(joint, Stream(1, "designs", "mc")))
 
 
 @pytest.fixture(scope="module")
-def plain() -> xr.Dataset:
+def plain():
     """The runs of points that are all in memory."""
     return evaluate(Evaluator(Square()), drawn().dataset(), {})
 
 
 @pytest.fixture
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+def small_blocks(monkeypatch):
     """Makes blocks small, where they are no matter of random streams."""
 
-    def shrink(size: int) -> None:
+    def shrink(size):
         for module in ("core.blocks", "execution.open_blocks"):
             monkeypatch.setattr(f"uqpen.{module}.BLOCK", size)
 
     return shrink
 
 
-def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+def backwards(work, batches):
     """Make five batches ahead, and return their results in reverse order, each in two parts."""
     coming = iter(batches)
     while some := list(islice(coming, 5)):
@@ -88,13 +83,13 @@ def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
                 yield work(half)
 
 
-def test_blocks_have_their_size_and_stand_in_order() -> None:
+def test_blocks_have_their_size_and_stand_in_order():
     sizes = [each.sizes[RUN] for each in evaluate_blocks(Evaluator(Square()), drawn(), {})]
     assert sizes == [BLOCK, BLOCK, 10_000]
 
 
 @pytest.mark.parametrize("map", [map, backwards])
-def test_joined_blocks_are_the_runs_of_points_in_memory(plain: xr.Dataset, map: Any) -> None:
+def test_joined_blocks_are_the_runs_of_points_in_memory(plain, map):
     assert {Status.OK, Status.INADMISSIBLE, Status.FAILED} == set(plain["status"].values)
     blocks = evaluate_blocks(Evaluator(Square()), drawn(), {}, EvaluationOptions(map=map))
     found = join_blocks(blocks, RUNS)
@@ -103,7 +98,7 @@ def test_joined_blocks_are_the_runs_of_points_in_memory(plain: xr.Dataset, map: 
     assert evaluate(Evaluator(Square()), drawn(), {}, EvaluationOptions(map=map)).identical(plain)
 
 
-def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain: xr.Dataset) -> None:
+def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain):
     made = evaluate_blocks(Evaluator(Square()), drawn(), {})
     for block, found in zip(LoadedDataset(plain).blocks(), made, strict=True):
         assert block.identical(found)
@@ -112,9 +107,7 @@ def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain: xr.Dataset)
 
 @pytest.mark.parametrize("size", [1_000, 1_024])
 @pytest.mark.parametrize("vectorized", [False, True])
-def test_batches_of_any_kind_keep_their_results(
-    small_blocks: Callable[[int], None], size: int, vectorized: bool
-) -> None:
+def test_batches_of_any_kind_keep_their_results(small_blocks, size, vectorized):
     points = drawn(2_500)
     whole = evaluate(Evaluator(function(vectorized)), points, {})
     small_blocks(size)
@@ -124,10 +117,10 @@ def test_batches_of_any_kind_keep_their_results(
     ).identical(whole)
 
 
-def test_batches_begin_where_they_do_without_blocks(small_blocks: Callable[[int], None]) -> None:
-    batches: list[tuple[int, int]] = []
+def test_batches_begin_where_they_do_without_blocks(small_blocks):
+    batches = []
 
-    def noting(work: Any, coming: Iterable[Batch]) -> Iterator[BatchResult]:
+    def noting(work, coming):
         for batch in coming:
             batches.append((batch.start, len(batch)))
             yield work(batch)
@@ -137,10 +130,10 @@ def test_batches_begin_where_they_do_without_blocks(small_blocks: Callable[[int]
     assert batches == [(0, 1024), (1024, 1024), (2048, 1024), (3072, 1024), (4096, 404)]
 
 
-def test_no_batch_waits_for_the_end_of_a_block(small_blocks: Callable[[int], None]) -> None:
-    ahead: list[int] = []
+def test_no_batch_waits_for_the_end_of_a_block(small_blocks):
+    ahead = []
 
-    def eager(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+    def eager(work, batches):
         taken = list(batches)
         ahead.append(taken[-1].start)
         yield from builtin_map(work, taken)
@@ -151,15 +144,15 @@ def test_no_batch_waits_for_the_end_of_a_block(small_blocks: Callable[[int], Non
     assert ahead == [4_096], "one call takes the batches of all blocks, before any has a result"
 
 
-def test_a_map_that_leaves_out_runs_is_refused() -> None:
-    def forgetful(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+def test_a_map_that_leaves_out_runs_is_refused():
+    def forgetful(work, batches):
         return (work(batch) for batch in list(batches)[1:])
 
     with pytest.raises(WorkerError, match="no result of 1024 runs"):
         evaluate(Evaluator(function(True)), drawn(4_500), {}, EvaluationOptions(map=forgetful))
 
 
-def test_too_many_failed_are_those_of_the_whole_round(small_blocks: Callable[[int], None]) -> None:
+def test_too_many_failed_are_those_of_the_whole_round(small_blocks):
     points = xr.Dataset({"x": (RUN, np.repeat([9.5, 1.0], [1_024, 9_000]))})
     policy = FailurePolicy(at_most=0.11)
     small_blocks(1_024)
@@ -172,62 +165,60 @@ def test_too_many_failed_are_those_of_the_whole_round(small_blocks: Callable[[in
 class Kept(Checkpoint):
     """Runs that were made before, as a checkpoint has them; it notes the blocks it is asked for."""
 
-    def __init__(self, results: list[BatchResult]) -> None:
+    def __init__(self, results):
         self.results = results
-        self.saved: list[int] = []
-        self.restored: list[int] = []
+        self.saved = []
+        self.restored = []
 
-    def prepare(self, runs: int) -> int:
+    def prepare(self, runs):
         return sum(map(len, self.results))
 
-    def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
+    def restore(self, start, inputs):
         self.restored.append(start)
         stop = start + len(inputs["x"])
         for each in self.results:
             if each.start < stop and each.start + len(each) > start:
                 yield each.between(start, stop)
 
-    def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
+    def save(self, inputs, batch_result):
         assert len(inputs["x"]) == len(batch_result)
         self.saved.append(batch_result.start)
 
 
 class Counted(Progress):
-    def __init__(self) -> None:
-        self.before: list[int] = []
+    def __init__(self):
+        self.before = []
         self.runs = 0
 
-    def count_restored(self, runs: int) -> None:
+    def count_restored(self, runs):
         self.before.append(runs)
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.runs += runs
 
 
-def restored(x: np.ndarray, start: int, stop: int) -> BatchResult:
+def restored(x, start, stop):
     return BatchResult(start, Results.all_ok({"y": x[start:stop] ** 2}))
 
 
 @pytest.mark.parametrize("map", [map, backwards])
-def test_whole_blocks_that_were_made_before_are_not_piled_up(
-    small_blocks: Callable[[int], None], map: Any
-) -> None:
+def test_whole_blocks_that_were_made_before_are_not_piled_up(small_blocks, map):
     x = np.linspace(1, 2, 10_000)
     points = xr.Dataset({"x": (RUN, x)})
     whole = evaluate(Evaluator(function(True)), points, {})
     small_blocks(1_024)
     # One run of the first block, and all but some of the last, are still to be made.
     kept = Kept([restored(x, 1, 9_300)])
-    told = Counted()
+    reported = Counted()
     blocks = evaluate_blocks(
         Evaluator(function(True)),
         LoadedDataset(points),
         {},
-        EvaluationOptions(map=map, checkpoint=kept, progress=told),
+        EvaluationOptions(map=map, checkpoint=kept, progress=reported),
     )
     drawn_at_each = [(len(kept.restored), block.sizes[RUN]) for block in blocks]
-    assert told.before == [9_299]
-    assert told.runs == 1_024 + (10_000 - 9_216), "a batch is made again as a whole"
+    assert reported.before == [9_299]
+    assert reported.runs == 1_024 + (10_000 - 9_216), "a batch is made again as a whole"
     assert kept.saved == ([0, 9_216] if map is not backwards else [512, 0, 9_608, 9_216])
     assert all(read - number <= 2 for number, (read, _) in enumerate(drawn_at_each))
     kept = Kept([restored(x, 1, 9_300)])
@@ -236,25 +227,28 @@ def test_whole_blocks_that_were_made_before_are_not_piled_up(
 
 
 def test_all_runs_of_a_scalar_function_may_have_been_made_before(
-    small_blocks: Callable[[int], None],
-) -> None:
+    small_blocks,
+):
     x = np.linspace(1, 2, 3_000)
     small_blocks(1_000)
     kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])
-    told = Counted()
+    reported = Counted()
     points = xr.Dataset({"x": (RUN, x)})
     found = evaluate(
-        Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept, progress=told)
+        Evaluator(function(False)),
+        points,
+        {},
+        EvaluationOptions(checkpoint=kept, progress=reported),
     )
     assert np.array_equal(found["y"].values, x**2)
-    assert told.runs == 100
+    assert reported.runs == 100
     kept = Kept([restored(x, 0, 3_000)])
     assert evaluate(
         Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept)
     ).identical(found)
 
 
-def test_memory_is_that_of_a_few_blocks() -> None:
+def test_memory_is_that_of_a_few_blocks():
     runs = 2_000_000
     evaluator = Evaluator(Square())
     points = drawn(runs, 0.001, 9.0)
@@ -273,13 +267,13 @@ def test_memory_is_that_of_a_few_blocks() -> None:
 
 
 @pytest.mark.parametrize("vectorized", [False, True])
-def test_no_points_have_no_runs(vectorized: bool) -> None:
+def test_no_points_have_no_runs(vectorized):
     found = evaluate(Evaluator(function(vectorized)), xr.Dataset({"x": (RUN, np.empty(0))}), {})
     assert found.sizes == {RUN: 0}
     assert found["y"].attrs["units"] == "m^2"
 
 
-def test_a_column_takes_the_type_that_has_room_for_all_blocks() -> None:
+def test_a_column_takes_the_type_that_has_room_for_all_blocks():
     parts = [
         xr.Dataset({"n": (RUN, np.array([1, 2])), "t": (RUN, np.array(["a", "b"]))}),
         xr.Dataset({"n": (RUN, np.array([0.5])), "t": (RUN, np.array(["long"]))}),

@@ -1,7 +1,5 @@
 """Runs on a real Dask cluster on this machine: the same bytes, whatever becomes of a worker."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
@@ -10,22 +8,21 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.write import write
 from uqpen.core.errors import ClusterError
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK
-from uqpen.execution import Evaluator, Map
+from uqpen.execution import Evaluator
 from uqpen.execution.batch import Batch
-from uqpen.execution.cluster import Cluster, cluster
+from uqpen.execution.cluster import cluster
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
 from uqpen.models.known_functions import Ishigami
@@ -47,44 +44,28 @@ def simulate(x, kind):
         os.kill(os.getpid(), 9)
     return {"y": x**2}
 """
-STUDY = """\
-seed = 5
-[model]
-python = "model.py:simulate"
-time_limit = "4 s"
-inputs = { x = "1", kind = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-kind = { uniform = { lower = 0, upper = 5 } }
-[designs.some]
-kind = "table"
-file = "points.csv"
-"""
-BUILT_IN = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = "1 ± 1"
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 2500
-"""
-SLOW = """\
-seed = 5
-[model]
-python = "slow.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 60
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "time_limit": "4 s",
+        "inputs": {"x": "1", "kind": "1"},
+        "outputs": {"y": "m"},
+    },
+    seed=5,
+    inputs={"x": "0 ± 1", "kind": (0, 5)},
+    designs={"some": {"kind": "table", "file": "points.csv"}},
+)
+BUILT_IN = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": "1 ± 1"},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 2_500}},
+)
+SLOW = study_text(
+    {"python": "slow.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=5,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 60}},
+)
 
 # It tells how many runs have begun, and takes its time while somebody waits for that.
 COUNTED = """\
@@ -101,7 +82,7 @@ def simulate(x):
 
 
 @pytest.fixture
-def mixed(tmp_path: Path) -> Path:
+def mixed(tmp_path):
     """A folder with a study of 100 runs of which four go wrong, each in its own way."""
     kinds = np.zeros(100)
     kinds[[11, 37, 62, 93]] = [1, 2, 3, 4]
@@ -112,7 +93,7 @@ def mixed(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def archive(folder: Path, map: Map, name: str = "study.toml") -> bytes:
+def archive(folder, map, name="study.toml"):
     """The bytes of a study's archive."""
     write(uqpen.run(uqpen.load_study(folder / name), map=map), folder / "study.nc")
     return (folder / "study.nc").read_bytes()
@@ -121,17 +102,17 @@ def archive(folder: Path, map: Map, name: str = "study.toml") -> bytes:
 class Dask:
     """A scheduler and workers that the tests have started, and end."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.file = folder / "scheduler.json"
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._processes = []
         self._start("scheduler", "--port", "0", "--scheduler-file", str(self.file))
 
-    def worker(self, *options: str) -> int:
+    def worker(self, *options):
         """Start a worker; its process."""
         where = ("--scheduler-file", str(self.file), "--nthreads", "1")
         return self._start("worker", *where, "--local-directory", str(self.file.parent), *options)
 
-    def end(self) -> None:
+    def end(self):
         """Kill them with their children, as nobody waits for what they would still do."""
         for process in self._processes:
             with contextlib.suppress(ProcessLookupError):
@@ -139,7 +120,7 @@ class Dask:
         for process in self._processes:
             process.wait()
 
-    def _start(self, what: str, *options: str) -> int:
+    def _start(self, what, *options):
         quiet = ("--host", "127.0.0.1", "--no-dashboard")
         process = subprocess.Popen(
             [sys.executable, "-m", "dask", what, *quiet, *options],
@@ -152,7 +133,7 @@ class Dask:
 
 
 @contextmanager
-def quietly() -> Iterator[None]:
+def quietly():
     """What Dask's own connections leave to be collected is no fault of a test."""
     import warnings
 
@@ -162,7 +143,7 @@ def quietly() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+def dask(tmp_path_factory):
     """A scheduler and two workers, one of them with a nanny, which makes it a daemon."""
     started = Dask(tmp_path_factory.mktemp("dask"))
     try:
@@ -176,18 +157,18 @@ def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
 
 
 @pytest.fixture(scope="module")
-def two(dask: Dask) -> Iterator[Cluster]:
+def two(dask):
     with quietly(), cluster(str(dask.file)) as found:
         found._client.wait_for_workers(2, timeout=60)
         yield found
 
 
-def test_a_cluster_writes_the_bytes_of_a_single_process(tmp_path: Path, two: Cluster) -> None:
+def test_a_cluster_writes_the_bytes_of_a_single_process(tmp_path, two):
     (tmp_path / "study.toml").write_text(BUILT_IN)
     assert archive(tmp_path, two) == archive(tmp_path, map)
 
 
-def test_large_batches_of_a_fast_model_give_no_warning(two: Cluster) -> None:
+def test_large_batches_of_a_fast_model_give_no_warning(two):
     names = ("x1", "x2", "x3")
     batches = [
         Batch(number * BLOCK, {name: np.full(BLOCK, 0.5) for name in names}) for number in range(8)
@@ -197,7 +178,7 @@ def test_large_batches_of_a_fast_model_give_no_warning(two: Cluster) -> None:
     assert sum(map(len, made)) == 8 * BLOCK
 
 
-def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed: Path, two: Cluster) -> None:
+def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed, two):
     with processes(2) as pool:
         on_processes = archive(mixed, pool)
     runs = uqpen.open_archive(mixed / "study.nc")["runs/some"]
@@ -218,15 +199,13 @@ def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed: Path, two: Cl
     assert archive(mixed, map) == on_processes, "one process supervises another"
 
 
-def test_a_worker_that_is_killed_in_mid_study_loses_nothing(
-    tmp_path: Path, dask: Dask, two: Cluster
-) -> None:
+def test_a_worker_that_is_killed_in_mid_study_loses_nothing(tmp_path, dask, two):
     (tmp_path / "slow.py").write_text(COUNTED)
     (tmp_path / "study.toml").write_text(SLOW)
     third = dask.worker("--no-nanny")
     two._client.wait_for_workers(3, timeout=60)
 
-    def kill() -> None:
+    def kill():
         calls = tmp_path / "calls"
         while not calls.exists() or len(calls.read_text().split()) < 15:
             time.sleep(0.01)
@@ -240,16 +219,14 @@ def test_a_worker_that_is_killed_in_mid_study_loses_nothing(
     assert killed == archive(tmp_path, map)
 
 
-def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(tmp_path, monkeypatch):
     monkeypatch.setattr("uqpen.execution.cluster._FIRST_REPORT", 0.5)
     (tmp_path / "slow.py").write_text(COUNTED)
     (tmp_path / "hurry").touch()
     (tmp_path / "study.toml").write_text(SLOW)
     dask, texts = Dask(tmp_path), list[str]()
 
-    def report(text: str) -> None:
+    def report(text):
         if not texts:
             dask.worker("--no-nanny")
         texts.append(text)
@@ -266,7 +243,7 @@ def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(
     assert texts[-1].startswith("the cluster has workers again, after 0:00:")
 
 
-def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path: Path, two: Cluster) -> None:
+def test_a_model_that_cannot_be_loaded_there_is_reported(tmp_path, two):
     (tmp_path / "slow.py").write_text("def simulate(x): return {'y': x}")
     (tmp_path / "study.toml").write_text(SLOW)
     study = uqpen.load_study(tmp_path / "study.toml")
@@ -275,11 +252,8 @@ def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path: Path, two: Cluste
         uqpen.run(study, map=two)
 
 
-Command = Callable[..., Any]
-
-
 @pytest.mark.parametrize(
-    ("scheduler", "told"),
+    ("scheduler", "reported"),
     [
         ("none.json", "--scheduler: found none.json; expected an address such as tcp://host:8786"),
         ("tcp://127.0.0.1:1", "no Dask scheduler responds at tcp://127.0.0.1:1"),
@@ -287,17 +261,17 @@ Command = Callable[..., Any]
     ],
 )
 def test_a_scheduler_that_is_not_there_leaves_with_2(
-    command_line: Command, monkeypatch: pytest.MonkeyPatch, scheduler: str, told: str
-) -> None:
+    command_line, monkeypatch, scheduler, reported
+):
     monkeypatch.setattr("uqpen.execution.cluster._PATIENCE", 0.5)
     Path("study.toml").write_text(BUILT_IN)
     with quietly():
         outcome = command_line("study", "study.toml", "--scheduler", scheduler)
     assert outcome.code == 2
-    assert told in outcome.err
+    assert reported in outcome.err
 
 
-def test_a_study_on_a_cluster_from_the_command_line(command_line: Command, dask: Dask) -> None:
+def test_a_study_on_a_cluster_from_the_command_line(command_line, dask):
     Path("study.toml").write_text(BUILT_IN)
     with quietly():
         outcome = command_line("study", "study.toml", "--scheduler", str(dask.file))
@@ -307,7 +281,7 @@ def test_a_study_on_a_cluster_from_the_command_line(command_line: Command, dask:
     assert "--workers and --scheduler exclude each other" in both.err
 
 
-def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path: Path) -> None:
+def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path):
     calls = tmp_path / "calls"
     (tmp_path / "slow.py").write_text(COUNTED)
     (tmp_path / "study.toml").write_text(SLOW)
@@ -331,7 +305,7 @@ def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path: Path) -> Non
     assert [line for line in said if "distributed" in line] == []
 
 
-def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r'pip install "uqpen\[cluster\]"'), cluster("tcp://x:1"):
         pass

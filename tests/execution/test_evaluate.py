@@ -1,65 +1,55 @@
 """Every run ends with a status and a reason, and how runs are batched changes nothing."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.arrays import Arrays
 from uqpen.core.model import POSITIVE, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
 from uqpen.execution import EvaluationOptions, Evaluator, Progress, evaluate, join_rounds
-from uqpen.execution.batch import BatchResult
 from uqpen.models.python_function import PythonFunction
 
 INPUTS = (Input("x", "m", bounds=POSITIVE), Input("y", "m"))
 OUTPUTS = (Output("z", "m"), Output("w", "m"))
 
 
-def model(
-    function: Callable[..., Any], *, vectorized: bool = False, unit_of: Mapping[str, str] = {}
-) -> PythonFunction:
-    units = {"x": "m", "y": "m", "z": "m", "w": "m", **unit_of}
+def model(function, *, vectorized=False, unit_of=None):
+    units = {"x": "m", "y": "m", "z": "m", "w": "m", **(unit_of or {})}
     return PythonFunction(function, "mine", INPUTS, OUTPUTS, units, vectorized)
 
 
-def runs_of(
-    function: Callable[..., Any], x: Iterable[float], y: float = 1.0, **options: Any
-) -> xr.Dataset:
+def runs_of(function, x, y=1.0, **options):
     points = xr.Dataset({"x": ("run", np.array(list(x))), "y": ((), y)})
     points = points.assign_coords(run=np.arange(points.sizes["run"]))
     constraints = options.pop("constraints", ())
     return evaluate(Evaluator(model(function, **options), constraints), points, {})
 
 
-class Told(Progress):
-    """Progress as it was told."""
+class Recorded(Progress):
+    """Progress as it was reported."""
 
-    def __init__(self) -> None:
-        self.runs: list[int] = []
+    def __init__(self):
+        self.runs = []
 
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+    def advance(self, runs, failed, in_progress):
         self.runs.append(runs)
 
 
-def good(x: Any, y: Any) -> dict[str, Any]:
+def good(x, y):
     return {"z": x + y, "w": x * y}
 
 
-def reasons(runs: xr.Dataset) -> dict[int, str]:
+def reasons(runs):
     if "lost_run" not in runs:
         return {}
     return dict(zip(runs["lost_run"].values.tolist(), runs["lost_reason"].values, strict=True))
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
-def test_outputs_stand_beside_the_inputs(vectorized: bool) -> None:
+def test_outputs_stand_beside_the_inputs(vectorized):
     runs = runs_of(good, [1.0, 2.0], vectorized=vectorized)
     assert runs["z"].values.tolist() == [2.0, 3.0]
     assert runs["x"].values.tolist() == [1.0, 2.0]
@@ -68,7 +58,7 @@ def test_outputs_stand_beside_the_inputs(vectorized: bool) -> None:
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
-def test_values_go_in_and_come_out_in_the_units_of_the_function(vectorized: bool) -> None:
+def test_values_go_in_and_come_out_in_the_units_of_the_function(vectorized):
     unit_of = {"x": "cm", "z": "mm"}
     runs = runs_of(lambda x, y: {"z": x, "w": y}, [0.5], vectorized=vectorized, unit_of=unit_of)
     # 0.5 m goes in as 50 cm; 50 mm come out.
@@ -76,8 +66,8 @@ def test_values_go_in_and_come_out_in_the_units_of_the_function(vectorized: bool
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
-def test_one_bad_run_is_lost_and_no_other(vectorized: bool) -> None:
-    def fails_at_three(x: Any, y: Any) -> dict[str, Any]:
+def test_one_bad_run_is_lost_and_no_other(vectorized):
+    def fails_at_three(x, y):
         if np.any(x == 3.0):
             raise ZeroDivisionError("three")
         return good(x, y)
@@ -89,17 +79,17 @@ def test_one_bad_run_is_lost_and_no_other(vectorized: bool) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_value_that_is_not_finite_is_a_lost_run(value: float) -> None:
+def test_a_value_that_is_not_finite_is_a_lost_run(value):
     runs = runs_of(lambda x, y: {"z": value if x == 2 else x, "w": y}, [1.0, 2.0])
     assert runs["status"].values.tolist() == [Status.OK, Status.NOT_FINITE]
     assert reasons(runs) == {1: f"z is {value}"}
     assert np.isnan(runs["w"].values[1]), "no output of a lost run is kept"
 
 
-def test_inputs_outside_their_bounds_are_inadmissible_and_not_run() -> None:
+def test_inputs_outside_their_bounds_are_inadmissible_and_not_run():
     called = []
 
-    def counting(x: float, y: float) -> dict[str, float]:
+    def counting(x, y):
         called.append(x)
         return good(x, y)
 
@@ -109,7 +99,7 @@ def test_inputs_outside_their_bounds_are_inadmissible_and_not_run() -> None:
     assert called == [1.0, 2.0]
 
 
-def test_points_outside_a_constraint_are_inadmissible() -> None:
+def test_points_outside_a_constraint_are_inadmissible():
     constraint = parse_constraint("x < 2 * y", {"x": "m", "y": "m"})
     runs = runs_of(good, [1.0, 3.0], constraints=(constraint,))
     assert runs["status"].values.tolist() == [0, Status.INADMISSIBLE]
@@ -153,13 +143,13 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
         ),
     ],
 )
-def test_an_answer_that_makes_no_sense_is_a_failed_run(returned: object, reason: str) -> None:
+def test_an_answer_that_makes_no_sense_is_a_failed_run(returned, reason):
     runs = runs_of(lambda x, y: returned, [1.0])
     assert runs["status"].values.tolist() == [Status.FAILED]
     assert reasons(runs) == {0: reason}
 
 
-def test_a_vectorised_answer_without_runs_is_told_with_what_to_return() -> None:
+def test_a_vectorised_answer_without_runs_is_reported_with_what_to_return():
     runs = runs_of(lambda x, y: {"z": 1.0, "w": y}, [1.0, 2.0], vectorized=True)
     expected = 'returned a "z" of shape (), not (1,); expected an array with a number for each run'
     assert set(reasons(runs).values()) == {expected}
@@ -168,8 +158,8 @@ def test_a_vectorised_answer_without_runs_is_told_with_what_to_return() -> None:
     assert set(reasons(runs).values()) == {f"{expected}arrays along the runs"}
 
 
-def test_a_masked_value_is_not_finite() -> None:
-    def masks(x: Any, y: Any) -> dict[str, Any]:
+def test_a_masked_value_is_not_finite():
+    def masks(x, y):
         return {"z": np.ma.masked_greater(x, 1.5), "w": y}
 
     runs = runs_of(masks, [1.0, 2.0], vectorized=True)
@@ -177,23 +167,23 @@ def test_a_masked_value_is_not_finite() -> None:
 
 
 @pytest.mark.parametrize("value", [10**400, Fraction(1, 3), True, np.float32(2), np.int64(3)])
-def test_any_real_number_is_a_number(value: object) -> None:
+def test_any_real_number_is_a_number(value):
     runs = runs_of(lambda x, y: {"z": value, "w": y}, [1.0])
     expected = Status.NOT_FINITE if isinstance(value, int) and value > 1 else Status.OK
     assert runs["status"].values.tolist() == [expected]
 
 
 class _Malicious:
-    def __array__(self, *arguments: object, **options: object) -> object:
+    def __array__(self, *arguments, **options):
         raise ZeroDivisionError
 
 
 class _SpeechlessError(Exception):
-    def __str__(self) -> str:
+    def __str__(self):
         raise ValueError
 
 
-def test_an_answer_that_raises_when_it_is_read_is_a_failed_run() -> None:
+def test_an_answer_that_raises_when_it_is_read_is_a_failed_run():
     runs = runs_of(lambda x, y: {"z": _Malicious(), "w": y}, [1.0])
     assert runs["status"].values.tolist() == [Status.FAILED]
 
@@ -206,15 +196,15 @@ def test_an_answer_that_raises_when_it_is_read_is_a_failed_run() -> None:
         (GeneratorExit(), "GeneratorExit"),
     ],
 )
-def test_any_exception_has_a_reason_that_can_be_kept(error: BaseException, reason: str) -> None:
-    def raises(x: float, y: float) -> dict[str, float]:
+def test_any_exception_has_a_reason_that_can_be_kept(error, reason):
+    def raises(x, y):
         raise error
 
     assert reasons(runs_of(raises, [1.0])) == {0: reason.strip()}
 
 
-def test_a_function_that_leaves_python_loses_its_run_only() -> None:
-    def leaves(x: float, y: float) -> dict[str, float]:
+def test_a_function_that_leaves_python_loses_its_run_only():
+    def leaves(x, y):
         if x == 1.0:
             raise SystemExit(3)
         return good(x, y)
@@ -222,16 +212,16 @@ def test_a_function_that_leaves_python_loses_its_run_only() -> None:
     assert runs_of(leaves, [1.0, 2.0])["status"].values.tolist() == [Status.FAILED, 0]
 
 
-def test_an_interrupt_is_not_a_failed_run() -> None:
-    def interrupted(x: float, y: float) -> dict[str, float]:
+def test_an_interrupt_is_not_a_failed_run():
+    def interrupted(x, y):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         runs_of(interrupted, [1.0])
 
 
-def test_a_reason_is_one_line_of_bounded_length() -> None:
-    def verbose(x: float, y: float) -> dict[str, float]:
+def test_a_reason_is_one_line_of_bounded_length():
+    def verbose(x, y):
         raise ValueError("first\nsecond " * 100)
 
     (reason,) = reasons(runs_of(verbose, [1.0])).values()
@@ -239,8 +229,8 @@ def test_a_reason_is_one_line_of_bounded_length() -> None:
     assert len(reason) <= 200
 
 
-def test_a_function_may_change_the_arrays_it_is_given() -> None:
-    def destructive(x: Any, y: Any) -> dict[str, Any]:
+def test_a_function_may_change_the_arrays_it_is_given():
+    def destructive(x, y):
         z = x + y
         x[:] = np.nan
         if np.any(z == 4.0):
@@ -261,11 +251,11 @@ class _Kinds(Model):
         Output("kind", "1", categories=(Category("low", "is low"), Category("high", "high"))),
     )
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         return Results.all_ok({"kind": (inputs["x"] > 2).astype(float)})
 
 
-def test_kinds_are_whole_numbers_with_their_meanings() -> None:
+def test_kinds_are_whole_numbers_with_their_meanings():
     points = xr.Dataset({"x": ("run", [1.0, 3.0, -1.0]), "y": ((), 0.0)}, {"run": [0, 1, 2]})
     kind = evaluate(Evaluator(_Kinds()), points, {})["kind"]
     assert kind.dtype == np.int8
@@ -274,11 +264,11 @@ def test_kinds_are_whole_numbers_with_their_meanings() -> None:
     assert kind.attrs["flag_values"].tolist() == [-1, 0, 1]
 
 
-def test_batches_may_be_computed_in_any_order() -> None:
+def test_batches_may_be_computed_in_any_order():
     points = xr.Dataset({"x": ("run", np.linspace(-1, 9, 500)), "y": ((), 1.0)})
     points = points.assign_coords(run=np.arange(500))
 
-    def backwards(function: Any, batches: Iterable[Any]) -> Iterable[BatchResult]:
+    def backwards(function, batches):
         return [function(batch) for batch in reversed(list(batches))]
 
     plain = evaluate(Evaluator(model(good)), points, {})
@@ -287,8 +277,8 @@ def test_batches_may_be_computed_in_any_order() -> None:
     )
 
 
-def test_batches_of_a_function_do_not_depend_on_the_number_of_runs() -> None:
-    def numbered(x: Any, y: Any) -> dict[str, Any]:
+def test_batches_of_a_function_do_not_depend_on_the_number_of_runs():
+    def numbered(x, y):
         return {"z": np.arange(len(x)), "w": np.full(len(x), len(x))}
 
     some = runs_of(numbered, np.linspace(1, 2, 3_000), vectorized=True)
@@ -299,11 +289,11 @@ def test_batches_of_a_function_do_not_depend_on_the_number_of_runs() -> None:
     assert np.array_equal(some["w"].values[:2_048], more["w"].values[:2_048])
 
 
-def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs() -> None:
-    sizes: list[int] = []
+def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs():
+    sizes = []
 
     class Sized(_Kinds):
-        def evaluate(self, inputs: Arrays) -> Results:
+        def evaluate(self, inputs):
             sizes.append(len(inputs["x"]))
             return super().evaluate(inputs)
 
@@ -312,15 +302,15 @@ def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs() -> None
     assert set(sizes) == {2_500}
 
 
-def test_progress_counts_every_run_once() -> None:
+def test_progress_counts_every_run_once():
     points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
-    told = Told()
-    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=told))
-    assert sum(told.runs) == 1000
-    assert told.runs[0] == 1, "the first report must not wait for many slow runs"
+    reported = Recorded()
+    evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=reported))
+    assert sum(reported.runs) == 1000
+    assert reported.runs[0] == 1, "the first report must not wait for many slow runs"
 
 
-def test_variables_say_what_they_are() -> None:
+def test_variables_say_what_they_are():
     runs = runs_of(good, [1.0])
     assert runs["x"].attrs["role"] == "input"
     assert runs["z"].attrs["role"] == "output"
@@ -328,7 +318,7 @@ def test_variables_say_what_they_are() -> None:
     assert runs["status"].attrs["flag_meanings"].split()[:2] == ["ok", "inadmissible"]
 
 
-def test_rounds_are_numbered_through() -> None:
+def test_rounds_are_numbered_through():
     first, second = runs_of(good, [1.0, -1.0]), runs_of(good, [2.0, 3.0, -2.0])
     both = join_rounds([first, second])
     assert both["run"].values.tolist() == [0, 1, 2, 3, 4]

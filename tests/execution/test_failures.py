@@ -1,14 +1,10 @@
 """What a study does about runs that are lost: again, at most so many, and not for ever."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import StudyError, TooManyFailedError
@@ -19,8 +15,6 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailureCount
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.execution.processes import processes
-
-Command = Callable[..., Any]
 
 # Fails at first; the second or third time it is called with the same input it may not.
 FLAKY = """\
@@ -36,34 +30,28 @@ def simulate(x):
         raise ValueError("too small")
     return {"y": x}
 """
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 50
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "model.py").write_text(FLAKY)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
 
 
-def runs_of(folder: Path, text: str = "", **options: Any) -> Any:
+def runs_of(folder, text="", **options):
     study = uqpen.parse_study(STUDY + text, folder=folder)
     return uqpen.run(study, **options)["runs/some"]
 
 
 @pytest.mark.parametrize(("retry", "flaky"), [(0, 5), (1, 5), (2, 0), (5, 0)])
-def test_lost_runs_are_made_again_as_often_as_asked(folder: Path, retry: int, flaky: int) -> None:
+def test_lost_runs_are_made_again_as_often_as_asked(folder, retry, flaky):
     runs = runs_of(folder, f"[failures]\nretry = {retry}\n")
     reasons = runs["lost_reason"].values.tolist()
     hopeless = int((runs["x"].values < -1.5).sum())
@@ -80,7 +68,7 @@ def test_lost_runs_are_made_again_as_often_as_asked(folder: Path, retry: int, fl
 
 
 @pytest.mark.slow
-def test_hanging_and_crashing_runs_are_made_again_too(tmp_path: Path) -> None:
+def test_hanging_and_crashing_runs_are_made_again_too(tmp_path):
     (tmp_path / "model.py").write_text("""\
 import os, pathlib, time
 def simulate(x):
@@ -100,21 +88,19 @@ def simulate(x):
         assert (runs["status"].values == Status.TIMED_OUT).sum() == lost
 
 
-def test_more_losses_than_allowed_end_a_study_that_can_go_on(
-    command_line: Command, tmp_path: Path
-) -> None:
+def test_more_losses_than_allowed_end_a_study_that_can_go_on(command_line, tmp_path):
     (tmp_path / "model.py").write_text(FLAKY)
     (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "5 %"\n')
     outcome = command_line("study", "study.toml")
     assert outcome.code == 3
-    told = outcome.err.splitlines()
+    reported = outcome.err.splitlines()
     allowed = r"more than the 5 % that \[failures\] at_most allows"
     # How many are made before it is seen is a matter of pace.
     assert re.fullmatch(
-        rf"some: (\d) of 50 runs have failed so far \(\1 failed\), {allowed}", told[-4]
+        rf"some: (\d) of 50 runs have failed so far \(\1 failed\), {allowed}", reported[-4]
     )
     assert "the most frequent reason, " in outcome.err
-    assert told[-1] == "with --lost-again, it repeats the failed ones"
+    assert reported[-1] == "with --lost-again, it repeats the failed ones"
     assert not (tmp_path / "archives" / "study.nc").exists()
     again = ("study", "study.toml", "--no-recheck")
     assert command_line(*again).code == 3, "as long as nothing changes"
@@ -126,9 +112,7 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(
     assert len((tmp_path / "calls").read_text().split()) <= 50 + 2 * 4
 
 
-def test_of_several_models_the_one_that_loses_too_many_is_named(
-    command_line: Command, tmp_path: Path
-) -> None:
+def test_of_several_models_the_one_that_loses_too_many_is_named(command_line, tmp_path):
     source = "def simulate(x): return {'y': x}\ndef broken(x): return {}\n"
     (tmp_path / "model.py").write_text(source)
     declared = STUDY[STUDY.index("[model]") : STUDY.index("[inputs]")]
@@ -139,7 +123,7 @@ def test_of_several_models_the_one_that_loses_too_many_is_named(
     assert "some: by poor, " in command_line("study", "study.toml").err
 
 
-def test_inadmissible_points_are_no_losses(folder: Path) -> None:
+def test_inadmissible_points_are_no_losses(folder):
     text = STUDY.replace("[designs", '[constraints]\nkeep = ["x < 1", "x > -1.5"]\n[designs')
     text += '[failures]\nat_most = "0 %"\n'
     runs = uqpen.run(uqpen.parse_study(text, folder=folder))["runs/some"]
@@ -148,7 +132,7 @@ def test_inadmissible_points_are_no_losses(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CAN_LIMIT, reason="only Linux keeps a limit on memory")
-def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> None:
+def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path):
     (tmp_path / "model.py").write_text(
         "def simulate(x):\n    return {'y': x + len(bytearray(2_000_000_000 if x > 1.5 else 9))}\n"
     )
@@ -171,7 +155,7 @@ def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> N
         ("often = 2", "an unknown key", "retry"),
     ],
 )
-def test_a_mistake_in_failures_is_told(folder: Path, text: str, found: str, expected: str) -> None:
+def test_a_mistake_in_failures_is_reported(folder, text, found, expected):
     with pytest.raises(StudyError) as message:
         uqpen.parse_study(f"{STUDY}[failures]\n{text}\n", folder=folder)
     said = " ".join(str(message.value).split())
@@ -189,7 +173,7 @@ def test_a_mistake_in_failures_is_told(folder: Path, text: str, found: str, expe
         ('time_limit = "1 s"\nvectorized = true', "a limit of one run", "vectorized = false"),
     ],
 )
-def test_a_limit_that_is_none_is_told(folder: Path, text: str, found: str, expected: str) -> None:
+def test_a_limit_that_is_none_is_reported(folder, text, found, expected):
     with pytest.raises(StudyError) as message:
         uqpen.parse_study(STUDY.replace("[model]", f"[model]\n{text}"), folder=folder)
     said = " ".join(str(message.value).split())
@@ -198,7 +182,7 @@ def test_a_limit_that_is_none_is_told(folder: Path, text: str, found: str, expec
 
 
 @pytest.mark.slow
-def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Command) -> None:
+def test_a_limit_is_kept_wherever_a_run_is_made(folder, command_line):
     (folder / "model.py").write_text("import time\ndef simulate(x): time.sleep(60)\n")
     (folder / "study.toml").write_text(STUDY.replace("[model]", '[model]\ntime_limit = "0.3 s"'))
     outcome = command_line("run", "study.toml")
@@ -209,7 +193,7 @@ def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Comm
     assert results.status.tolist() == [Status.TIMED_OUT] * 2
 
 
-def test_a_share_is_not_exceeded_by_rounding() -> None:
+def test_a_share_is_not_exceeded_by_rounding():
     status = np.full(29, Status.FAILED, dtype=np.int8)
     batch_result = BatchResult(
         0, Results({"y": np.full(29, np.nan)}, status, dict.fromkeys(range(29), "no"))
@@ -220,7 +204,7 @@ def test_a_share_is_not_exceeded_by_rounding() -> None:
         FailureCount(0.28, 100).add(batch_result)
 
 
-def test_a_run_that_comes_twice_is_lost_once() -> None:
+def test_a_run_that_comes_twice_is_lost_once():
     status = np.array([Status.FAILED, Status.OK], dtype=np.int8)
     batch_results = [BatchResult(start, Results({}, status, {0: "why"})) for start in (0, 0, 2)]
     losses = FailureCount(0.5, 4)
@@ -228,9 +212,7 @@ def test_a_run_that_comes_twice_is_lost_once() -> None:
     assert losses.statuses == {Status.FAILED: 2}
 
 
-def test_lost_runs_are_made_again_when_their_cause_has_passed(
-    command_line: Command, tmp_path: Path
-) -> None:
+def test_lost_runs_are_made_again_when_their_cause_has_passed(command_line, tmp_path):
     source = "import pathlib\ndef simulate(x):\n    if pathlib.Path(__file__).with_name('down')"
     source += ".exists() and x > 0:\n        raise OSError('no licence')\n    return {'y': x}\n"
     (tmp_path / "model.py").write_text(source)

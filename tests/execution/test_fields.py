@@ -1,10 +1,5 @@
 """Runs of models whose outputs have dimensions."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -26,20 +21,18 @@ CURVE = Output("curve", "m", display_unit="cm", dims=(TIME,))
 ENDING = Output("curve", "m", display_unit="cm", dims=(TIME,), may_end=True)
 SHEET = Output("sheet", "1", dims=(TIME, DEPTH))
 
-Function = Callable[..., Mapping[str, Any]]
 
-
-def model(function: Function, *outputs: Output, vectorized: bool = False) -> PythonFunction:
+def model(function, *outputs, vectorized=False):
     units = {"x": "1", **{output.name: output.preferred_unit for output in outputs}}
     return PythonFunction(function, "f", (Input("x", "1"),), outputs, units, vectorized)
 
 
-def made(function: Function, *outputs: Output, runs: int = 4, **options: Any) -> xr.Dataset:
+def made(function, *outputs, runs=4, **options):
     points = xr.Dataset({"x": (RUN, np.arange(float(runs)))}, {RUN: np.arange(runs)})
     return evaluate(Evaluator(model(function, *outputs, **options)), points, {})
 
 
-def curve(x: float) -> dict[str, Any]:
+def curve(x):
     """A curve in cm, with faults in some runs."""
     values = x + np.arange(4.0)
     if x == 1:
@@ -51,7 +44,7 @@ def curve(x: float) -> dict[str, Any]:
     return {"curve": values, "sheet": np.outer(values, [1.0, 2.0])}
 
 
-def test_a_field_has_the_runs_first_and_its_coordinates() -> None:
+def test_a_field_has_the_runs_first_and_its_coordinates():
     runs = made(curve, CURVE, SHEET, runs=1)
     assert runs["curve"].dims == (RUN, "time")
     assert runs["sheet"].dims == (RUN, "time", "depth")
@@ -62,7 +55,7 @@ def test_a_field_has_the_runs_first_and_its_coordinates() -> None:
     assert runs["time"].attrs == described
 
 
-def test_the_reason_of_a_failed_run_names_the_place() -> None:
+def test_the_reason_of_a_failed_run_names_the_place():
     runs = made(curve, CURVE)
     assert runs[STATUS].values.tolist() == [
         Status.OK,
@@ -78,12 +71,12 @@ def test_the_reason_of_a_failed_run_names_the_place() -> None:
     assert np.isnan(runs["curve"].values[1:]).all()
 
 
-def test_of_several_dimensions_all_coordinates_are_named() -> None:
+def test_of_several_dimensions_all_coordinates_are_named():
     runs = made(curve, SHEET, runs=2)
     assert runs[FAILURE_REASON].values.tolist() == ["sheet is nan at time = 2 day, depth = 0 m"]
 
 
-def test_a_curve_that_may_end_is_a_result() -> None:
+def test_a_curve_that_may_end_is_a_result():
     runs = made(curve, ENDING)
     assert runs[STATUS].values.tolist() == [
         Status.OK,
@@ -104,12 +97,12 @@ def test_a_curve_that_may_end_is_a_result() -> None:
         ([[1.0] * 4], 'returned a "curve" of shape (1, 4), not (4,) along (time)'),
     ],
 )
-def test_another_shape_is_a_failed_run(returned: object, reason: str) -> None:
+def test_another_shape_is_a_failed_run(returned, reason):
     runs = made(lambda x: {"curve": returned}, CURVE, runs=1)
     assert runs[FAILURE_REASON].values.tolist() == [reason]
 
 
-def test_a_labelled_array_is_taken_by_the_names_of_its_dimensions() -> None:
+def test_a_labelled_array_is_taken_by_the_names_of_its_dimensions():
     other = Dimension("depth", "m", values=(0.0, 0.5, 1.0, 1.5))  # as many as of the time
     values = xr.DataArray(np.arange(16.0).reshape(4, 4), dims=["depth", "time"])
     output = Output("sheet", "1", dims=(TIME, other))
@@ -119,7 +112,7 @@ def test_a_labelled_array_is_taken_by_the_names_of_its_dimensions() -> None:
     assert unnamed["sheet"].values[0].tolist() == values.values.tolist()
 
 
-def derived(function: Function, *named: str) -> xr.Dataset:
+def derived(function, *named):
     outputs = [
         derived
         for name in named
@@ -129,7 +122,7 @@ def derived(function: Function, *named: str) -> xr.Dataset:
     return evaluate(Evaluator(model(function, CURVE).with_derived(outputs)), points, {})
 
 
-def test_a_run_whose_derived_number_overflows_is_lost_with_a_reason() -> None:
+def test_a_run_whose_derived_number_overflows_is_lost_with_a_reason():
     runs = derived(lambda x: {"curve": np.full(4, 1e307 * x)}, "integral", "max")
     assert runs[STATUS].values.tolist() == [Status.OK, Status.NOT_FINITE, Status.NOT_FINITE]
     assert runs[FAILURE_REASON].values.tolist() == ["integral is inf, from curve"] * 2
@@ -138,13 +131,13 @@ def test_a_run_whose_derived_number_overflows_is_lost_with_a_reason() -> None:
         assert np.isfinite(runs[name].values[0]).all()
 
 
-def vectorized(x: Any) -> dict[str, Any]:
+def vectorized(x):
     if (x == 5).any():
         raise ValueError("five")
     return {"curve": x[:, None] + np.arange(4.0)}
 
 
-def test_a_vectorised_function_returns_runs_first() -> None:
+def test_a_vectorised_function_returns_runs_first():
     runs = made(vectorized, CURVE, runs=8, vectorized=True)
     assert runs[STATUS].values.tolist() == [0, 0, 0, 0, 0, Status.FAILED, 0, 0]
     assert runs[FAILURE_REASON].values.tolist() == ["ValueError: five"]
@@ -155,7 +148,7 @@ def test_a_vectorised_function_returns_runs_first() -> None:
 
 
 @pytest.mark.parametrize("options", [{}, {"vectorized": True}])
-def test_workers_give_the_same_bytes(options: dict[str, bool]) -> None:
+def test_workers_give_the_same_bytes(options):
     function = vectorized if options else curve
     alone = made(function, ENDING, runs=40, **options)
     points = xr.Dataset({"x": (RUN, np.arange(40.0))}, {RUN: np.arange(40)})

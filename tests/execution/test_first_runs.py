@@ -1,40 +1,30 @@
 """The first runs of a study: a trial run, and an end where all of them fail alike."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import FirstRunsFailedError
 from uqpen.core.model import Results
 from uqpen.core.progress import Progress
 from uqpen.core.status import Status
-from uqpen.execution.batch import Batch, BatchResult, Work
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.processes import processes
 from uqpen.models.known_functions import Ishigami
 
-STUDY = """\
-seed = 3
-[model]
-python = "model.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 50
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
 ALL_FAIL = "def simulate(x):\n    raise ValueError(f'no convergence at {x}')\n"
 HALF_FAIL = "def simulate(x):\n    if x < 0:\n        raise ValueError('negative')\n    return x\n"
 
@@ -50,18 +40,18 @@ OUTCOMES = st.sampled_from(
 )
 
 
-def study_of(folder: Path, model: str, text: str = "") -> Any:
+def study_of(folder, model, text=""):
     (folder / "model.py").write_text(model)
     return uqpen.parse_study(STUDY + text, folder=folder)
 
 
-def batch_result(start: int, outcomes: list[tuple[Status, str]]) -> BatchResult:
+def batch_result(start, outcomes):
     status = np.array([status for status, _ in outcomes], dtype=np.int8)
     reasons = {run: reason for run, (_, reason) in enumerate(outcomes) if reason}
     return BatchResult(start, Results({}, status, reasons))
 
 
-def is_stopped(outcomes: list[tuple[Status, str]], order: Iterable[tuple[int, int]]) -> bool:
+def is_stopped(outcomes, order):
     """Whether a study of these runs stops at 3 alike, which complete by stretches in an order."""
     first = FirstRuns(Ishigami(), FailurePolicy(stop_after=3))
     first.start_round(len(outcomes) + 1)
@@ -75,9 +65,7 @@ def is_stopped(outcomes: list[tuple[Status, str]], order: Iterable[tuple[int, in
 
 
 @given(data=st.data(), outcomes=st.lists(OUTCOMES, min_size=1, max_size=12))
-def test_whether_a_study_stops_depends_on_its_runs_in_order_alone(
-    data: st.DataObject, outcomes: list[tuple[Status, str]]
-) -> None:
+def test_whether_a_study_stops_depends_on_its_runs_in_order_alone(data, outcomes):
     cuts = sorted(data.draw(st.sets(st.integers(1, len(outcomes)), max_size=5)) | {len(outcomes)})
     stretches = list(zip([0, *cuts], cuts, strict=False))
     made = [each for each in outcomes if each[0] is not Status.INADMISSIBLE]
@@ -89,29 +77,29 @@ def test_whether_a_study_stops_depends_on_its_runs_in_order_alone(
 
 
 class Recorder(Progress):
-    """What is told of a trial run, and the warnings."""
+    """What is reported of a trial run, and the warnings."""
 
-    def __init__(self) -> None:
-        self.told: list[str] = []
+    def __init__(self):
+        self.reported = []
 
-    def report_trial(self, text: str) -> None:
-        self.told.append(text)
+    def report_trial(self, text):
+        self.reported.append(text)
 
 
 class RecordedMap:
     """A map that records the first runs and the numbers of runs of its batches, call by call."""
 
-    def __init__(self) -> None:
-        self.calls: list[list[tuple[int, int]]] = []
+    def __init__(self):
+        self.calls = []
 
-    def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+    def __call__(self, work, batches):
         self.calls.append([])
         for batch in batches:
             self.calls[-1].append((batch.start, len(batch)))
             yield work(batch)
 
 
-def test_the_first_run_of_a_model_of_ones_own_is_made_alone(tmp_path: Path) -> None:
+def test_the_first_run_of_a_model_of_ones_own_is_made_alone(tmp_path):
     recorded = RecordedMap()
     uqpen.run(study_of(tmp_path, HALF_FAIL), map=recorded)
     assert recorded.calls[0] == [(0, 1)]
@@ -121,16 +109,18 @@ def test_the_first_run_of_a_model_of_ones_own_is_made_alone(tmp_path: Path) -> N
     assert len(at_once.calls) == 1
 
 
-def test_inadmissible_runs_are_no_trial(tmp_path: Path) -> None:
-    recorded, told = RecordedMap(), Recorder()
+def test_inadmissible_runs_are_no_trial(tmp_path):
+    recorded, reported = RecordedMap(), Recorder()
     text = '[constraints]\nkeep = ["x < -1"]\n'
-    runs = uqpen.run(study_of(tmp_path, HALF_FAIL, text), map=recorded, progress=told)["runs/some"]
+    runs = uqpen.run(study_of(tmp_path, HALF_FAIL, text), map=recorded, progress=reported)[
+        "runs/some"
+    ]
     first = int(np.flatnonzero(runs["x"].values < -1)[0])
     assert [call[0][0] for call in recorded.calls] == list(range(first + 2))
-    assert len(told.told) == 1
+    assert len(reported.reported) == 1
 
 
-def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there() -> None:
+def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there():
     recorded = RecordedMap()
     uniform = "{ uniform = { lower = -3, upper = 3 } }"
     inputs = "\n".join(f"{name} = {uniform}" for name in ("x1", "x2", "x3"))
@@ -144,34 +134,34 @@ def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there() ->
 
 
 @pytest.mark.slow
-def test_a_study_stops_after_ten_runs_that_failed_alike_with_any_workers(tmp_path: Path) -> None:
+def test_a_study_stops_after_ten_runs_that_failed_alike_with_any_workers(tmp_path):
     study = study_of(tmp_path, ALL_FAIL)
     with processes(2) as pool, pytest.raises(FirstRunsFailedError) as by_two:
         uqpen.run(study, map=pool)
-    told = Recorder()
+    reported = Recorder()
     with pytest.raises(FirstRunsFailedError) as alone:
-        uqpen.run(study, progress=told)
+        uqpen.run(study, progress=reported)
     assert str(by_two.value) == str(alone.value)
     assert str(alone.value).startswith("some: the first 10 runs have all failed alike, for example")
-    assert told.told[0].startswith("the trial run has failed:\n  ValueError: no convergence at ")
+    assert reported.reported[0].startswith(
+        "the trial run has failed:\n  ValueError: no convergence at "
+    )
     runs = uqpen.run(study_of(tmp_path, ALL_FAIL, "[failures]\nstop_after = 0\n"))["runs/some"]
     assert runs.sizes["lost_run"] == 50
 
 
-def test_a_study_ends_by_itself_where_no_run_is_left(tmp_path: Path) -> None:
+def test_a_study_ends_by_itself_where_no_run_is_left(tmp_path):
     study = study_of(tmp_path, ALL_FAIL)
     short = uqpen.parse_study(study.text.replace("runs = 50", "runs = 10"), folder=tmp_path)
     assert uqpen.run(short)["runs/some"].sizes["lost_run"] == 10
 
 
-def test_a_study_goes_on_where_its_first_runs_fail_in_two_ways(tmp_path: Path) -> None:
+def test_a_study_goes_on_where_its_first_runs_fail_in_two_ways(tmp_path):
     fails = "def simulate(x):\n    raise ValueError('negative' if x < 0 else 'positive')\n"
     assert uqpen.run(study_of(tmp_path, fails))["runs/some"].sizes["lost_run"] == 50
 
 
-def test_the_command_shows_a_failed_trial_at_once_and_logs_it(
-    tmp_path: Path, command_line: Callable[..., Any]
-) -> None:
+def test_the_command_shows_a_failed_trial_at_once_and_logs_it(tmp_path, command_line):
     (tmp_path / "model.py").write_text(ALL_FAIL)
     (tmp_path / "study.toml").write_text(STUDY)
     done = command_line("study", str(tmp_path / "study.toml"), "-o", str(tmp_path / "study.nc"))

@@ -1,7 +1,5 @@
 """Runs on real processes: the same bytes, whatever becomes of the workers."""
 
-from __future__ import annotations
-
 import functools
 import math
 import os
@@ -10,12 +8,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.write import write
@@ -23,7 +20,7 @@ from uqpen.cli.main import main
 from uqpen.core.errors import ModelError, SettingsError
 from uqpen.core.model import Input, Output
 from uqpen.core.status import Status
-from uqpen.execution import EvaluationOptions, Evaluator, Map, evaluate
+from uqpen.execution import EvaluationOptions, Evaluator, evaluate
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
@@ -31,20 +28,12 @@ from uqpen.models.python_function import PythonFunction
 
 pytestmark = pytest.mark.slow
 
-BUILT_IN = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = "1 ± 1"
-[constraints]
-keep = ["x1 > x2 - 3"]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 2500
-"""
+BUILT_IN = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": "1 ± 1"},
+    constraints={"keep": ["x1 > x2 - 3"]},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 2_500}},
+)
 
 # What it needs is imported where it is needed, so that only a run can tell.
 FUNCTION = """\
@@ -81,27 +70,27 @@ vectorized = true
 """
 
 
-def study(folder: Path, source: str, *, runs: int = 100, models: str = "[model]\n" + MODEL) -> str:
+def study(folder, source, *, runs=100, models="[model]\n" + MODEL):
     """The text of a study of a function in its folder."""
     (folder / "function.py").write_text(source)
     return STUDY.format(models=models, runs=runs)
 
 
-def archive(folder: Path, text: str, map: Map = map) -> bytes:
+def archive(folder, text, map=map):
     """The bytes of a study's archive."""
     write(uqpen.run(uqpen.parse_study(text, folder=folder), map=map), folder / "study.nc")
     return (folder / "study.nc").read_bytes()
 
 
 @pytest.fixture(scope="module")
-def two() -> Iterator[Map]:
+def two():
     """Two workers, for all tests that leave them as they were."""
     with processes(2) as pool:
         yield pool
 
 
 @pytest.mark.processor
-def test_any_number_of_workers_writes_the_same_bytes(tmp_path: Path) -> None:
+def test_any_number_of_workers_writes_the_same_bytes(tmp_path):
     (tmp_path / "helper.py").write_text("def twice(x): return 2 * x")
     several = FUNCTION + "\ndef g(x):\n    return {'y': x / abs(x).max()}"
     texts = {
@@ -115,11 +104,11 @@ def test_any_number_of_workers_writes_the_same_bytes(tmp_path: Path) -> None:
                 assert archive(tmp_path, text, pool) == here[name], (name, workers)
 
 
-def points(*x: float) -> xr.Dataset:
+def points(*x):
     return xr.Dataset({"x": ("run", np.array(x))}, {"run": np.arange(len(x))})
 
 
-def test_a_worker_loads_what_runs_need_and_no_datasets(tmp_path: Path) -> None:
+def test_a_worker_loads_what_runs_need_and_no_datasets(tmp_path):
     source = """
 import sys
 def f(x):
@@ -131,18 +120,18 @@ def f(x):
     assert runs["y"].values.tolist() == [0.0]
 
 
-def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
+def test_results_keep_the_order_of_the_runs(tmp_path, two):
     text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
     model = uqpen.parse_study(text, folder=tmp_path).model
     runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, EvaluationOptions(map=two))
     assert runs["y"].values.tolist() == [0.3, 0, 0.1, 0]
 
 
-def test_batches_are_taken_as_they_are_needed(two: Map) -> None:
+def test_batches_are_taken_as_they_are_needed(two):
     work = EvaluatorWork(Evaluator(uqpen.parse_study(BUILT_IN).model))
     taken = []
 
-    def batches() -> Iterator[Batch]:
+    def batches():
         for number in range(1000):
             taken.append(number)
             inputs = {name: np.array([0.1 * number % 3]) for name in ("x1", "x2", "x3")}
@@ -155,14 +144,14 @@ def test_batches_are_taken_as_they_are_needed(two: Map) -> None:
     assert len(list(two(work, batches()))) == 1000, "the workers can be used again"
 
 
-def test_noise_is_not_the_same_in_every_worker(tmp_path: Path, two: Map) -> None:
+def test_noise_is_not_the_same_in_every_worker(tmp_path, two):
     source = "import numpy as np\ndef f(x): return {'y': np.random.normal()}"
     tree = uqpen.run(uqpen.parse_study(study(tmp_path, source), folder=tmp_path), map=two)
     assert len(set(tree["runs/some"]["y"].values.tolist())) == 100
 
 
 @pytest.mark.parametrize("vectorized", [False, True])
-def test_a_worker_that_is_killed_once_loses_nothing(tmp_path: Path, vectorized: bool) -> None:
+def test_a_worker_that_is_killed_once_loses_nothing(tmp_path, vectorized):
     source = """
 import os, pathlib, signal
 marker = pathlib.Path(__file__).with_name("marker")
@@ -180,7 +169,7 @@ def f(x):
     assert killed == archive(tmp_path, text)
 
 
-def single_runs(folder: Path, source: str, x: Sequence[float]) -> tuple[EvaluatorWork, list[Batch]]:
+def single_runs(folder, source, x):
     """A function as work for a map, and a batch for each of its runs."""
     model = uqpen.parse_study(study(folder, source), folder=folder).model
     batches = [Batch(run, {"x": np.array([value])}) for run, value in enumerate(x)]
@@ -188,13 +177,13 @@ def single_runs(folder: Path, source: str, x: Sequence[float]) -> tuple[Evaluato
 
 
 @pytest.fixture
-def any_task_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def any_task_is_short(monkeypatch):
     """No task takes so long that it is sent alone, however busy the machine."""
     monkeypatch.setattr("uqpen.execution.worker._LONG", math.inf)
 
 
 @pytest.mark.usefixtures("any_task_is_short")
-def test_a_worker_begins_its_next_short_batch_while_the_results_are_stored(tmp_path: Path) -> None:
+def test_a_worker_begins_its_next_short_batch_while_the_results_are_stored(tmp_path):
     source = """
 import pathlib
 def f(x):
@@ -213,7 +202,7 @@ def f(x):
 
 
 @pytest.mark.usefixtures("any_task_is_short")
-def test_a_batch_behind_one_that_kills_its_worker_is_made_once(tmp_path: Path) -> None:
+def test_a_batch_behind_one_that_kills_its_worker_is_made_once(tmp_path):
     source = """
 import os, pathlib
 log = pathlib.Path(__file__).with_name("log")
@@ -234,7 +223,7 @@ def f(x):
 
 
 @pytest.mark.usefixtures("any_task_is_short")
-def test_large_batches_and_their_results_pass_each_other(tmp_path: Path) -> None:
+def test_large_batches_and_their_results_pass_each_other(tmp_path):
     models = f"[model]\n{MODEL}vectorized = true"
     text = study(tmp_path, "def f(x): return {'y': x}", models=models)
     work = EvaluatorWork(Evaluator(uqpen.parse_study(text, folder=tmp_path).model))
@@ -245,7 +234,7 @@ def test_large_batches_and_their_results_pass_each_other(tmp_path: Path) -> None
     assert len(results) == 20
 
 
-def test_a_run_that_kills_its_worker_is_the_only_one_lost(tmp_path: Path, two: Map) -> None:
+def test_a_run_that_kills_its_worker_is_the_only_one_lost(tmp_path, two):
     source = """
 import os
 def f(x):
@@ -265,7 +254,7 @@ def f(x):
     assert runs["lost_reason"].values.tolist() == [f"the run ended its process: {e}" for e in ends]
 
 
-def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path: Path) -> None:
+def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path):
     (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     temporary = tmp_path / ("long" * 30)
     temporary.mkdir()
@@ -281,10 +270,10 @@ def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_function_that_exists_in_this_process_only_is_refused(two: Map) -> None:
+def test_a_function_that_exists_in_this_process_only_is_refused(two):
     lock = threading.Lock()
 
-    def locked(x: float) -> dict[str, float]:
+    def locked(x):
         with lock:
             return {"y": x}
 
@@ -294,12 +283,12 @@ def test_a_function_that_exists_in_this_process_only_is_refused(two: Map) -> Non
         evaluate(Evaluator(model), points(1.0), {}, EvaluationOptions(map=two))
 
 
-def test_there_is_at_least_one_worker() -> None:
+def test_there_is_at_least_one_worker():
     with pytest.raises(SettingsError, match="1 or more"), processes(0):
         pass
 
 
-def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path, two: Map) -> None:
+def test_what_goes_wrong_in_a_worker_is_reported(tmp_path, two):
     loaded = uqpen.parse_study(study(tmp_path, "def f(x): return {'y': x}"), folder=tmp_path)
     (tmp_path / "function.py").unlink()
     with pytest.raises(ModelError, match="no file"):
@@ -314,7 +303,7 @@ with processes(2) as pool:
 """
 
 
-def test_a_script_that_would_start_itself_again_is_told(tmp_path: Path) -> None:
+def test_a_script_that_would_start_itself_again_is_reported(tmp_path):
     (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     (tmp_path / "script.py").write_text(SCRIPT)
     done = subprocess.run(
@@ -328,7 +317,7 @@ SLOW = "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(60)
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_leaves_no_process_and_no_file(tmp_path: Path, sent: signal.Signals) -> None:
+def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, sent):
     folder = tmp_path / "temporary"
     folder.mkdir()
     (tmp_path / "mine.toml").write_text(study(tmp_path, SLOW))
@@ -351,7 +340,6 @@ def test_an_interrupt_leaves_no_process_and_no_file(tmp_path: Path, sent: signal
     ]
     for process, send in running:
         with process:
-            assert process.stdout is not None
             assert process.stdout.readline().startswith(b"run")
             send(process.pid, sent)
             # Nothing ends before the last process that could write to it.
@@ -373,18 +361,17 @@ def f(x):
 BUSY_IN_C = "def f(x):\n    print('run', flush=True)\n    7 ** 3**18\n"
 
 
-def limited(folder: Path, source: str, limit: str) -> subprocess.Popen[bytes]:
+def limited(folder, source, limit):
     """A study of two runs under a limit on time, when its first run has begun."""
     models = f'[model]\ntime_limit = "{limit}"\n{MODEL}'
     (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
     line = [sys.executable, "-m", "uqpen", "study", "mine.toml"]
     process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdout is not None
     assert process.stdout.readline().startswith(b"run")
     return process
 
 
-def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
+def test_what_a_run_has_started_ends_with_its_time(tmp_path):
     with limited(tmp_path, LAUNCHER, "0.3 s") as process:
         # Nothing ends before the last process that could write to it.
         said = process.communicate(timeout=60)[0].decode()
@@ -405,7 +392,7 @@ def f(x):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_imports_are_no_part_of_the_time_of_a_run(tmp_path: Path, workers: int) -> None:
+def test_imports_are_no_part_of_the_time_of_a_run(tmp_path, workers):
     (tmp_path / "slow_module.py").write_text("import time\ntime.sleep(1.5)\n")
     models = f'[model]\ntime_limit = "1 s"\n{MODEL}'.replace(
         'outputs = { y = "m" }', 'outputs = { y = "m", calls = "1" }'
@@ -424,22 +411,20 @@ def test_imports_are_no_part_of_the_time_of_a_run(tmp_path: Path, workers: int) 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends when the run does")
 @pytest.mark.parametrize("source", [LAUNCHER, BUSY_IN_C])
-def test_a_run_ends_with_a_program_that_is_killed(tmp_path: Path, source: str) -> None:
+def test_a_run_ends_with_a_program_that_is_killed(tmp_path, source):
     with limited(tmp_path, source, "50 s") as process:
         process.kill()
         process.communicate(timeout=60)
 
 
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
-def test_a_number_of_workers_that_is_none_leaves_with_2(tmp_path: Path, workers: str) -> None:
+def test_a_number_of_workers_that_is_none_leaves_with_2(tmp_path, workers):
     done = command(tmp_path, "study", "mine.toml", "--workers", workers)
     assert done.returncode == 2
     assert "--workers" in done.stderr
 
 
-def test_methods_are_compared_on_processes_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_methods_are_compared_on_processes_too(tmp_path, monkeypatch):
     text = study(tmp_path, "def f(x): return {'y': x}")
     text += '[designs.more]\nkind = "latin-hypercube"\nruns = 100\n'
     (tmp_path / "mine.toml").write_text(text)
@@ -454,7 +439,7 @@ def test_methods_are_compared_on_processes_too(
     assert (tmp_path / "1.nc").read_bytes() == (tmp_path / "2.nc").read_bytes()
 
 
-def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def command(folder, *arguments):
     return subprocess.run(
         [sys.executable, "-m", "uqpen", *arguments],
         cwd=folder,

@@ -1,7 +1,5 @@
 """Runs in jobs of SLURM: on a real one on the loopback interface where it can be started."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil
@@ -9,13 +7,12 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import distributed
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import ClusterError
@@ -62,22 +59,16 @@ def simulate(x):
         time.sleep(0.2)
     return {"y": x**3}
 """
-STUDY = """\
-seed = 5
-[model]
-python = "slow.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {"python": "slow.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=5,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 @pytest.fixture(scope="module")
-def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def controller(tmp_path_factory):
     """SLURM with one node, this machine; its processes are ended by their handles."""
     path = os.pathsep.join([os.environ["PATH"], "/usr/sbin"])
     if missing := [name for name in PROGRAMS if not shutil.which(name, path=path)]:
@@ -113,17 +104,17 @@ def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-def _start(words: list[str], stack: contextlib.ExitStack) -> None:
+def _start(words, stack):
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
-    def end() -> None:
+    def end():
         process.terminate()
         process.wait(timeout=30)
 
     stack.callback(end)
 
 
-def _free_ports(count: int) -> list[int]:
+def _free_ports(count):
     with contextlib.ExitStack() as stack:
         sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
         for each in sockets:
@@ -133,17 +124,15 @@ def _free_ports(count: int) -> list[int]:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
-def test_a_job_that_ends_is_replaced_and_the_archive_is_the_same(
-    controller: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_job_that_ends_is_replaced_and_the_archive_is_the_same(controller, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(slurm_module, "_BETWEEN_LOOKS", 1.0)
     (tmp_path / "slow.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     study = uqpen.load_study("study.toml")
-    texts: list[str] = []
+    texts = []
 
-    def cancel_one() -> None:
+    def cancel_one():
         while not Path("calls").exists():
             time.sleep(0.05)
         (job, *_) = subprocess.check_output(["squeue", "-hr", "-t", "R", "-o", "%i"]).split()
@@ -163,9 +152,7 @@ def test_a_job_that_ends_is_replaced_and_the_archive_is_the_same(
 
 
 @pytest.mark.slow
-def test_what_slurm_refuses_is_shown(
-    controller: None, tmp_path: Path, command_line: Callable[..., Any]
-) -> None:
+def test_what_slurm_refuses_is_shown(controller, tmp_path, command_line):
     (tmp_path / "slow.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     done = command_line("study", "study.toml", "--slurm", "2", "--sbatch", "--partition=none")
@@ -182,12 +169,12 @@ def test_what_slurm_refuses_is_shown(
     ],
 )
 def test_mistakes(
-    arguments: list[str],
-    message: str,
-    command_line: Callable[..., Any],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
+    arguments,
+    message,
+    command_line,
+    monkeypatch,
+    tmp_path,
+):
     monkeypatch.setenv("PATH", str(tmp_path))
     (tmp_path / "slow.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
@@ -199,20 +186,18 @@ def test_mistakes(
 class Commands:
     """SLURM's commands, whose queue is what the test says."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.live = 0
-        self.submitted: list[list[str]] = []
+        self.submitted = []
 
-    def call(self, words: list[str], script: str = "") -> str:
+    def call(self, words, script=""):
         if words[0] == "squeue":
             return "1_1\n" * self.live
         self.submitted.append(words)
         return "1\n"
 
 
-def test_jobs_that_complete_nothing_end_the_study(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_jobs_that_complete_nothing_end_the_study(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     commands, now, texts = Commands(), [0.0], list[str]()
     monkeypatch.setattr(slurm_module, "_call", commands.call)
@@ -232,8 +217,8 @@ def test_jobs_that_complete_nothing_end_the_study(
         array.renew(5)
 
 
-def test_a_worker_leaves_runs_that_would_outlast_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
-    left: list[object] = []
+def test_a_worker_leaves_runs_that_would_outlast_its_job(monkeypatch):
+    left = []
     loop = SimpleNamespace(add_callback=left.append)
     worker = SimpleNamespace(loop=loop, close_gracefully="closed")
     monkeypatch.setattr(distributed, "get_worker", lambda: worker)
@@ -249,7 +234,7 @@ def test_a_worker_leaves_runs_that_would_outlast_its_job(monkeypatch: pytest.Mon
     assert left == ["closed"]
 
 
-def test_a_study_without_workers_says_so_and_for_how_long() -> None:
+def test_a_study_without_workers_says_so_and_for_how_long():
     now, texts = [0.0], list[str]()
     attendance = Attendance(texts.append, clock=lambda: now[0])
     for second in range(100):

@@ -1,14 +1,11 @@
 """Figures of a benchmark of methods, from an archive that is kept."""
 
-from __future__ import annotations
-
 import gzip
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from matplotlib.figure import Figure
 
 from uqpen.archive.read import open_archive
@@ -20,17 +17,17 @@ KEPT = Path(__file__).parents[1] / "data" / "comparisons" / "schema_1.nc.gz"
 
 
 @pytest.fixture(scope="module")
-def benchmark(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def benchmark(tmp_path_factory):
     path = tmp_path_factory.mktemp("kept") / "kept.nc"
     path.write_bytes(gzip.decompress(KEPT.read_bytes()))
     return open_archive(path)
 
 
-def test_it_has_figures_of_its_own(benchmark: xr.DataTree) -> None:
+def test_it_has_figures_of_its_own(benchmark):
     assert list(available(benchmark)) == list(OF_BENCHMARKS)
 
 
-def test_errors_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
+def test_errors_are_those_of_the_archive(benchmark):
     found = panels(benchmark, "errors", output="y")
     panel = next(panel for panel in found if panel.title.startswith("y: mean: "))
     axes = Figure().subplots()
@@ -46,7 +43,7 @@ def test_errors_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
     assert labels[:3] == ["monte_carlo", "latin_hypercube", "1/√runs"]
 
 
-def test_rates_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
+def test_rates_are_those_of_the_archive(benchmark):
     (panel,) = panels(benchmark, "rates")
     axes = Figure().subplots()
     notes = panel.draw_on_axes(axes)
@@ -56,7 +53,7 @@ def test_rates_are_those_of_the_archive(benchmark: xr.DataTree) -> None:
     assert "Dashed: −0.5, as errors fall with 1/√runs." in notes
 
 
-def test_coverage_has_a_row_for_each_statistic(benchmark: xr.DataTree) -> None:
+def test_coverage_has_a_row_for_each_statistic(benchmark):
     (panel,) = panels(benchmark, "coverage")
     quantiles = ("0.2 % quantile", "5 % quantile", "median", "95 % quantile")
     assert panel.rows == ("mean", "sd", *quantiles, "P(> 5)")
@@ -69,12 +66,12 @@ def test_coverage_has_a_row_for_each_statistic(benchmark: xr.DataTree) -> None:
     assert any(re.search(r"Shaded: shares from \d+ %, which 10 intervals", note) for note in notes)
 
 
-def test_both_can_be_on_a_page(benchmark: xr.DataTree, tmp_path: Path) -> None:
+def test_both_can_be_on_a_page(benchmark, tmp_path):
     figure(benchmark, "coverage", "errors").save(tmp_path / "both.svg")
     assert (tmp_path / "both.svg").read_text("utf-8").startswith("<?xml")
 
 
-def test_mistakes_are_told(benchmark: xr.DataTree) -> None:
+def test_mistakes_are_reported(benchmark):
     with pytest.raises(UnknownNameError, match="known: errors, rates, coverage"):
         panels(benchmark, "cdf")
     with pytest.raises(UnknownNameError, match='no output "xy"; did you mean "y"'):

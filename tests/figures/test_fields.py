@@ -1,14 +1,8 @@
 """Figures of curves and fields: what is drawn is what the archive holds."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.axes import Axes
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
@@ -51,27 +45,27 @@ along = { t = { unit = "ms", from = 0, to = 10, size = 11 }, x = { unit = "1", v
 """
 
 
-def study(folder: Path, models: str) -> xr.DataTree:
+def study(folder, models):
     (folder / "model.py").write_text(MODEL, encoding="utf-8")
     return uqpen.run(uqpen.parse_study(STUDY.replace("MODELS", models), folder=folder))
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def tree(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fields")
     return study(folder, '[model]\npython = "model.py:f"' + OUTPUTS.replace("TABLE", "model"))
 
 
-def drawn(tree: xr.DataTree, name: str, **asked: Any) -> list[Axes]:
+def drawn(tree, name, **asked):
     return uqpen.figure(tree, name, **asked).axes
 
 
-def line(axes: Axes, name: str) -> np.ndarray:
+def line(axes, name):
     (found,) = [each for each in axes.lines if each.get_label() == f"_{name}"]
     return np.asarray(found.get_ydata())
 
 
-def panel(tree: xr.DataTree, name: str, title: str, **asked: Any) -> Axes:
+def panel(tree, name, title, **asked):
     """The panel whose title ends with a text."""
     (found,) = [
         each
@@ -81,16 +75,16 @@ def panel(tree: xr.DataTree, name: str, title: str, **asked: Any) -> Axes:
     return found
 
 
-def notes(tree: xr.DataTree, name: str, **asked: Any) -> str:
+def notes(tree, name, **asked):
     (legend,) = uqpen.figure(tree, name, **asked).legends
     return legend.get_title().get_text().replace("\n", " ")
 
 
-def labels(axes: Axes) -> list[str]:
+def labels(axes):
     return axes.get_legend_handles_labels()[1]
 
 
-def with_statistics(tree: xr.DataTree, added: dict[str, xr.DataArray]) -> xr.DataTree:
+def with_statistics(tree, added):
     """The archive with further statistics of the curve."""
     path = "statistics/mc/ending"
     group = tree[path].to_dataset()
@@ -100,7 +94,7 @@ def with_statistics(tree: xr.DataTree, added: dict[str, xr.DataArray]) -> xr.Dat
     return changed
 
 
-def along(tree: xr.DataTree, bounds: np.ndarray, **own: list[Any]) -> xr.DataArray:
+def along(tree, bounds, **own):
     """An estimate array along the curve and one dimension more."""
     times = tree["statistics/mc/ending"]["t"].variable
     return estimate_array(
@@ -114,7 +108,7 @@ def along(tree: xr.DataTree, bounds: np.ndarray, **own: list[Any]) -> xr.DataArr
     )
 
 
-def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree: xr.DataTree) -> None:
+def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree):
     axes = drawn(tree, "fan", output="ending")[0]
     statistics = tree["statistics/mc/ending"]
     median = 100 * statistics["quantile"].sel(probability=0.5).values[:, 0]
@@ -126,7 +120,7 @@ def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree: xr.Data
     assert axes.get_title(loc="left") == "(a) mc: Ending along t [ms]"
 
 
-def test_a_label_of_two_colours_says_which_panel_it_is_of(tree: xr.DataTree) -> None:
+def test_a_label_of_two_colours_says_which_panel_it_is_of(tree):
     page = uqpen.figure(tree, "fan", output="ending")
     named = [each.get_text() for each in page.legends[0].get_texts()]
     assert {"median (a)", "median (b)", "mean"} <= set(named)
@@ -134,7 +128,7 @@ def test_a_label_of_two_colours_says_which_panel_it_is_of(tree: xr.DataTree) -> 
     assert titles == ["(a) ", "endi", "(b) "]
 
 
-def test_a_curve_of_one_place_has_a_fan() -> None:
+def test_a_curve_of_one_place_has_a_fan():
     made = uqpen.Study(
         model=lambda a: {"y": [a]},
         inputs={"a": uqpen.Uniform(1.0, 2.0)},
@@ -146,7 +140,7 @@ def test_a_curve_of_one_place_has_a_fan() -> None:
     assert lower < 3.0 < upper
 
 
-def test_lines_stand_where_fewer_curves_go_on(tree: xr.DataTree) -> None:
+def test_lines_stand_where_fewer_curves_go_on(tree):
     axes = drawn(tree, "fan", output="ending")[0]
     shares = tree["statistics/mc/ending"]["reached"].values[:, 0]
     marks = {text.get_text(): text.xy[0] for text in axes.texts}
@@ -157,12 +151,12 @@ def test_lines_stand_where_fewer_curves_go_on(tree: xr.DataTree) -> None:
     }
     assert len(expected) >= 2
     assert marks == pytest.approx(expected)
-    told = notes(tree, "fan", output="ending")
-    assert "Where curves end: estimates at a place are of the curves that get there." in told
-    assert "Upright lines: shares of the curves that get there." in told
+    reported = notes(tree, "fan", output="ending")
+    assert "Where curves end: estimates at a place are of the curves that get there." in reported
+    assert "Upright lines: shares of the curves that get there." in reported
 
 
-def test_the_share_of_the_curves_that_go_on_is_a_panel(tree: xr.DataTree) -> None:
+def test_the_share_of_the_curves_that_go_on_is_a_panel(tree):
     axes = panel(tree, "fan", "Runs that get this far", output="ending")
     reached = tree["statistics/mc/ending"]["reached"].values[:, 0]
     np.testing.assert_allclose(line(axes, "reached"), reached)
@@ -170,7 +164,7 @@ def test_the_share_of_the_curves_that_go_on_is_a_panel(tree: xr.DataTree) -> Non
     assert "Shade: pointwise 95 % intervals." in notes(tree, "fan", output="ending")
 
 
-def test_models_are_drawn_together(tmp_path: Path) -> None:
+def test_models_are_drawn_together(tmp_path):
     models = "".join(
         f'[models.{name}]\npython = "model.py:{function}"'
         + OUTPUTS.replace("TABLE", f"models.{name}")
@@ -189,7 +183,7 @@ def test_models_are_drawn_together(tmp_path: Path) -> None:
     )
 
 
-def test_indices_are_stacked_the_largest_first(tree: xr.DataTree) -> None:
+def test_indices_are_stacked_the_largest_first(tree):
     shares = np.tile([0.2, 0.7], (11, 1))
     bounds = np.stack([shares, shares - 0.05, shares + 0.05], axis=-1)
     made = with_statistics(tree, {"first_order": along(tree, bounds, input=["a", "b"])})
@@ -202,7 +196,7 @@ def test_indices_are_stacked_the_largest_first(tree: xr.DataTree) -> None:
     assert title == "ending: First order by mc, pointwise 95 % intervals"
 
 
-def test_indices_without_intervals_say_why(tree: xr.DataTree) -> None:
+def test_indices_without_intervals_say_why(tree):
     bounds = np.full((11, 2, 3), np.nan)
     bounds[..., 0] = [-0.1, 0.7]
     indices = along(tree, bounds, input=["a", "b"])
@@ -210,13 +204,13 @@ def test_indices_without_intervals_say_why(tree: xr.DataTree) -> None:
     made = with_statistics(tree, {"first_order": indices})
     lines = drawn(made, "sensitivity-along", output="ending")[1]
     assert lines.get_title(loc="left") == "ending: First order by mc"
-    told = notes(made, "sensitivity-along", output="ending")
-    assert "No interval of the first order: too few runs." in told
-    assert "An index below 0, by its error, is stacked as 0." in told
-    assert "What remains (interactions) also has the errors of the indices." in told
+    reported = notes(made, "sensitivity-along", output="ending")
+    assert "No interval of the first order: too few runs." in reported
+    assert "An index below 0, by its error, is stacked as 0." in reported
+    assert "What remains (interactions) also has the errors of the indices." in reported
 
 
-def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
+def test_a_map_has_the_values_of_the_field(tree):
     axes = drawn(tree, "map", output="whole")
     mesh = axes[0].collections[0]
     known = tree["statistics/mc/whole"]["mean"].values[..., 0]
@@ -227,12 +221,12 @@ def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
     assert "Mean of whole: half-widths of 95 % intervals up to " in notes(tree, "map")
 
 
-def test_a_study_of_numbers_has_none_of_them(tree: xr.DataTree) -> None:
+def test_a_study_of_numbers_has_none_of_them(tree):
     with pytest.raises(FigureError, match="has nothing for the figure"):
         uqpen.figure(tree, "map", output="ending")
 
 
-def test_bands_are_told_from_intervals_at_each_place(tree: xr.DataTree) -> None:
+def test_bands_are_distinguished_from_intervals_at_each_place(tree):
     mean = tree["statistics/mc/ending"]["mean"].values
     wide = mean + np.array([0.0, -0.5, 0.5])
     content = {"band_content": [0.9]}

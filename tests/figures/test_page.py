@@ -1,21 +1,16 @@
 """Figures of all archives: their texts, what is missing, and the files that they become."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
 from functools import partialmethod
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 import uqpen
@@ -26,7 +21,6 @@ from uqpen.figures import FIGURES
 from uqpen.figures.page import available, figure, panels
 from uqpen.figures.panel import Panel
 from uqpen.figures.style import FORMATS, figure_bytes
-from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text, typeset_unit
 from uqpen.results.texts import plain_text
 
@@ -37,18 +31,15 @@ DOCS = Path(__file__).parents[2] / "docs"
 BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
 BEAM |= {"convergence"}
 
-Archives = dict[str, xr.DataTree]
-Command = Callable[..., Any]
 
-
-def test_what_is_in_the_family_says_what_it_shows() -> None:
+def test_what_is_in_the_family_says_what_it_shows():
     table = re.findall(r"^\| `([\w-]+)` \|", (DOCS / "figures.md").read_text(), re.MULTILINE)
     assert table == [*FIGURES]
     for reference in FIGURES.values():
         assert len(resolve(reference).__doc__.splitlines()[0]) <= 62, reference
 
 
-def test_the_pictures_of_the_docs_are_there_and_small() -> None:
+def test_the_pictures_of_the_docs_are_there_and_small():
     text = (DOCS / "figures.md").read_text()
     shown = re.findall(r"\]\((\w+\.svg)\)", text)
     assert len(shown) == 4
@@ -57,7 +48,7 @@ def test_the_pictures_of_the_docs_are_there_and_small() -> None:
 
 
 class TestTexts:
-    def test_a_hostile_title_is_only_text(self, archives: Archives) -> None:
+    def test_a_hostile_title_is_only_text(self, archives):
         page = figure(archives["beam"], "histogram")
         title = page.get_suptitle()
         assert title.startswith("$5 and $6: \\frac{1}{0} \\x1b[31m --> <script>")
@@ -65,18 +56,18 @@ class TestTexts:
         ET.fromstring(content)
         assert b"<script" not in content
 
-    def test_control_characters_are_spelled_out_and_length_is_bounded(self) -> None:
+    def test_control_characters_are_spelled_out_and_length_is_bounded(self):
         assert plain_text("a\nb\x1b\u202ec") == "a\\nb\\x1b\\u202ec"
         assert plain_text("x" * 100, 10) == "xxxxxxxxx…"
 
-    def test_powers_of_units_are_raised(self) -> None:
+    def test_powers_of_units_are_raised(self):
         assert typeset_unit("W m-2 K-1") == "W m⁻² K⁻¹"
         assert typeset_unit("g/cm^3") == "g/cm³"
         assert typeset_unit("1000 m") == "1000 m"
 
 
 class TestMessages:
-    def test_what_there_is_stands_in_place_of_what_is_missing(self, archives: Archives) -> None:
+    def test_what_there_is_stands_in_place_of_what_is_missing(self, archives):
         with pytest.raises(FigureError) as error:
             figure(archives["lost"], "cdf")
         assert str(error.value) == (
@@ -84,7 +75,7 @@ class TestMessages:
             "it has: scatter, losses"
         )
 
-    def test_of_what_it_has_nothing(self, archives: Archives) -> None:
+    def test_of_what_it_has_nothing(self, archives):
         with pytest.raises(FigureError, match='figure "scatter" of "trajectories"; it has: cdf'):
             figure(archives["schema_1"], "scatter", source="trajectories")
 
@@ -97,17 +88,15 @@ class TestMessages:
             ("cdf", {"model": "one"}, 'the archive has no model "one"; none is known'),
         ],
     )
-    def test_an_unknown_name(
-        self, archives: Archives, name: str, asked: dict[str, str], message: str
-    ) -> None:
+    def test_an_unknown_name(self, archives, name, asked, message):
         with pytest.raises(UnknownNameError, match=re.escape(message)):
             figure(archives["schema_1"], name, **asked)
 
-    def test_a_damaged_benchmark(self) -> None:
+    def test_a_damaged_benchmark(self):
         with pytest.raises(ArchiveError, match="the archive is damaged"):
             available(xr.DataTree(xr.Dataset(attrs={KIND: BENCHMARK})))
 
-    def test_without_matplotlib(self, archives: Archives, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_without_matplotlib(self, archives, monkeypatch):
         monkeypatch.setitem(sys.modules, "matplotlib.style", None)
         assert "cdf" in available(archives["beam"]), "to list them takes no package"
         with pytest.raises(FigureError, match=r'"pip install uqpen\[figures\]" does it'):
@@ -115,7 +104,7 @@ class TestMessages:
 
 
 class TestMany:
-    def test_of_many_runs_few_are_drawn_and_all_are_counted(self, study_of: Any) -> None:
+    def test_of_many_runs_few_are_drawn_and_all_are_counted(self, study_of):
         distribution = '[designs.some]\nkind = "monte-carlo"\nruns = 20_000'
         tree = uqpen.run(study_of("a * b", distribution, a=(0, 1), b=(0, 1)))
         page = figure(tree, "scatter", "histogram", "cdf")
@@ -126,7 +115,7 @@ class TestMany:
         assert "Runs of some in the charts: 400 of 20 000 completed." in notes
         assert len(figure_bytes(page, "svg")) < 800_000
 
-    def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:
+    def test_of_many_panels_a_page_shows_some(self, study_of):
         inputs = {f"x{number}": (0, 1) for number in range(30)}
         design = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
         tree = uqpen.run(study_of(" + ".join(inputs), design, **inputs))
@@ -140,13 +129,13 @@ class TestMany:
         assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
 
 
-def _three(x: float) -> dict[str, float]:
+def _three(x):
     return {"y": float(np.exp(5 * x)), "z": float(np.exp(6 * x)), "w": x}
 
 
 class TestSeveralOutputs:
     @pytest.fixture
-    def tree(self) -> uqpen.Archive:
+    def tree(self):
         study = uqpen.Study(
             seed=1,
             model=uqpen.PythonModel(
@@ -159,14 +148,14 @@ class TestSeveralOutputs:
         )
         return uqpen.run(study)
 
-    def test_the_largest_run_is_said_of_each_by_its_name(self, tree: xr.DataTree) -> None:
+    def test_the_largest_run_is_said_of_each_by_its_name(self, tree):
         notes = figure(tree, "cdf").legends[0].get_title().get_text()
         for name in "yz":
             largest = number_text(float(tree[f"runs/some/{name}"].values.max()))
             assert f"{name}: Axes end where all but 1 % lies inside." in notes
             assert f"The largest of 400 runs is {largest}." in notes
 
-    def test_a_legend_names_that_of_which_a_text_is(self, tree: xr.DataTree) -> None:
+    def test_a_legend_names_that_of_which_a_text_is(self, tree):
         page = figure(tree, "histogram")
         labels = [each.get_text() for each in page.legends[0].get_texts()]
         assert labels[0] == "runs", "of all"
@@ -176,28 +165,26 @@ class TestSeveralOutputs:
         alone = figure(tree, "histogram", output="z").legends[0].get_texts()
         assert alone[1].get_text().startswith("mean ")
 
-    def test_panels_of_one_output_each_fill_the_rows(self, tree: xr.DataTree) -> None:
+    def test_panels_of_one_output_each_fill_the_rows(self, tree):
         first, second, third = (each.get_position() for each in figure(tree, "cdf").axes)
         assert first.y0 == second.y0 > third.y0
 
 
 class TestFiles:
     @pytest.fixture
-    def beam(self, archives: Archives, tmp_path: Path) -> Path:
+    def beam(self, archives, tmp_path):
         path = tmp_path / "beam.nc"
         uqpen.write(archives["beam"], path)
         return path
 
-    def test_the_same_bytes_each_time_wherever_it_is_made(
-        self, archives: Archives, beam: Path, tmp_path: Path
-    ) -> None:
+    def test_the_same_bytes_each_time_wherever_it_is_made(self, archives, beam, tmp_path):
         here = {}
         for kind in FORMATS:
             path = tmp_path / f"here.{kind}"
             figure(archives["beam"], "cdf").save(path)
             here[kind] = path.read_bytes()
-            told = rb"CreationDate|dc:date|atplotlib v|Software"
-            assert not re.search(told, here[kind]), "no time and no version"
+            reported = rb"CreationDate|dc:date|atplotlib v|Software"
+            assert not re.search(reported, here[kind]), "no time and no version"
         settings = tmp_path / "matplotlibrc"
         settings.write_text("font.size: 20\nlines.linewidth: 9\nsvg.fonttype: none\n")
         code = (
@@ -213,12 +200,10 @@ class TestFiles:
         for kind, content in here.items():
             assert (tmp_path / f"there.{kind}").read_bytes() == content, kind
 
-    def test_the_bytes_do_not_depend_on_the_last_digits_of_a_layout(
-        self, archives: Archives, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_bytes_do_not_depend_on_the_last_digits_of_a_layout(self, archives, monkeypatch):
         lay_out = ConstrainedLayoutEngine.execute
 
-        def shifted(engine: ConstrainedLayoutEngine, fig: Figure, by: float) -> None:
+        def shifted(engine, fig, by):
             lay_out(engine, fig)
             for axes in fig.axes:
                 place = axes.get_position(original=True)
@@ -231,7 +216,7 @@ class TestFiles:
             contents.add(figure_bytes(figure(archives["beam"], "methods"), "svg"))
         assert len(contents) == 1
 
-    def test_they_are_listed_and_drawn(self, beam: Path, command_line: Command) -> None:
+    def test_they_are_listed_and_drawn(self, beam, command_line):
         listed = command_line("figure", str(beam), "--list")
         assert listed.code == 0
         assert [row.split()[0] for row in listed.out.splitlines()] == [
@@ -243,7 +228,7 @@ class TestFiles:
         assert (done.code, done.out) == (0, "figure: methods.svg\n")
         assert Path("methods.svg").is_file()
 
-    def test_a_file_is_replaced_or_left_alone(self, beam: Path, command_line: Command) -> None:
+    def test_a_file_is_replaced_or_left_alone(self, beam, command_line):
         Path("mine.png").write_text("earlier")
         refused = command_line("figure", str(beam), "surrogate", "-o", "mine.png")
         assert refused.code == 2
@@ -261,28 +246,26 @@ class TestFiles:
             ("beam.nc/a.svg", "beam.nc/a.svg: cannot be written: beam.nc is no folder\n"),
         ],
     )
-    def test_a_file_that_cannot_be(
-        self, beam: Path, command_line: Command, file: str, message: str
-    ) -> None:
+    def test_a_file_that_cannot_be(self, beam, command_line, file, message):
         done = command_line("figure", str(beam), "losses", "-o", file)
         assert (done.code, done.out, done.err) == (2, "", message)
         assert [path.name for path in Path().iterdir()] == ["beam.nc"]
 
-    def test_a_notebook_shows_them(self, archives: Archives) -> None:
+    def test_a_notebook_shows_them(self, archives):
         assert figure(archives["beam"], "losses")._repr_svg_().startswith("<?xml")
 
 
-def test_a_constant_output_is_drawn(study_of: Any) -> None:
+def test_a_constant_output_is_drawn(study_of):
     tree = uqpen.run(study_of("2 + 0 * x", x=(0, 1)))
     for name in available(tree):
         assert all(np.isfinite(axes.get_xlim()).all() for axes in figure(tree, name).axes)
 
 
-def test_panels_of_one_output_each_share_a_row(study_of: Any) -> None:
+def test_panels_of_one_output_each_share_a_row(study_of):
     tree = uqpen.run(study_of("a", '[designs.mc]\nkind = "monte-carlo"\nruns = 20', a=(0, 1)))
 
-    def rows(*groups: str) -> list[int]:
-        def drawn(_: ArchiveView) -> Iterator[Panel]:
+    def rows(*groups):
+        def drawn(_):
             """Empty panels."""
             yield from (Panel(each, lambda _: (), group=each) for each in groups)
 

@@ -1,11 +1,7 @@
 """A figure from a file of the user's own: by reference, by function, and what goes wrong in it."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,17 +9,14 @@ import uqpen
 from uqpen.core.errors import FigureError, UnknownNameError
 from uqpen.figures.page import available
 from uqpen.figures.panel import Panel
-from uqpen.results.archive_view import ArchiveView
 from uqpen.testing import check_figure
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "chart.md").read_text(encoding="utf-8")
 FIGURE = re.findall(r"```python\n(# my_figure.py.*?)```", PAGE, re.DOTALL)[0]
 
-Command = Callable[..., Any]
-
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The current folder, with the file of the page."""
     (tmp_path / "my_figure.py").write_text(FIGURE)
     monkeypatch.chdir(tmp_path)
@@ -31,18 +24,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def archive(folder: Path, study_of: Command) -> Path:
+def archive(folder, study_of):
     """An archive in another folder than the file."""
     (folder / "archives").mkdir()
     uqpen.write(uqpen.run(study_of("a + b", a=(0, 1), b=(0, 1))), folder / "archives" / "a.nc")
     return folder / "archives" / "a.nc"
 
 
-def _write(body: str, imports: str = "from uqpen.figures.panel import Panel") -> None:
+def _write(body, imports="from uqpen.figures.panel import Panel"):
     Path("own.py").write_text(f"{imports}\ndef own(view):\n    {body}\n")
 
 
-def test_the_command_draws_it_from_the_current_folder(archive: Path, command_line: Command) -> None:
+def test_the_command_draws_it_from_the_current_folder(archive, command_line):
     done = command_line("figure", str(archive), "my_figure.py:quartiles")
     assert (done.code, done.out) == (0, "figure: quartiles.svg\n")
     assert "from the lower to the upper" in Path("quartiles.svg").read_text()
@@ -50,8 +43,8 @@ def test_the_command_draws_it_from_the_current_folder(archive: Path, command_lin
     assert done.code == 0
 
 
-def test_a_function_is_a_figure(archive: Path) -> None:
-    names: dict[str, Any] = {}
+def test_a_function_is_a_figure(archive):
+    names = {}
     exec(FIGURE, names)
     tree = uqpen.open_archive(archive)
     check_figure(names["quartiles"], tree)
@@ -60,8 +53,8 @@ def test_a_function_is_a_figure(archive: Path) -> None:
     assert [label.get_text() for label in axes.get_yticklabels()] == ["some"]
 
 
-def test_texts_of_an_archive_are_plain(archive: Path) -> None:
-    def hostile(view: ArchiveView) -> Iterator[Panel]:
+def test_texts_of_an_archive_are_plain(archive):
+    def hostile(view):
         yield Panel("$\\frac{1}{0}$\x1b", lambda axes: ["$\\undefined$"])
 
     page = uqpen.figure(uqpen.open_archive(archive), hostile)
@@ -92,9 +85,7 @@ def test_texts_of_an_archive_are_plain(archive: Path) -> None:
         ("own.py:Panel.title", "yield", 'has no function "Panel.title"'),
     ],
 )
-def test_a_mistake_is_one_sentence(
-    archive: Path, command_line: Command, reference: str, body: str, message: str
-) -> None:
+def test_a_mistake_is_one_sentence(archive, command_line, reference, body, message):
     _write(body)
     done = command_line("figure", str(archive), reference, "-o", "a.svg")
     assert done.code == 2
@@ -103,17 +94,13 @@ def test_a_mistake_is_one_sentence(
     assert not Path("a.svg").exists()
 
 
-def test_a_file_that_cannot_be_imported_is_one_sentence(
-    archive: Path, command_line: Command
-) -> None:
+def test_a_file_that_cannot_be_imported_is_one_sentence(archive, command_line):
     _write("yield", "import numpi")
     done = command_line("figure", str(archive), "own.py:own")
     assert (done.code, done.err) == (2, "\"own.py\": No module named 'numpi'\n")
 
 
-def test_an_installed_package_adds_figures(
-    archive: Path, command_line: Command, install: Command
-) -> None:
+def test_an_installed_package_adds_figures(archive, command_line, install):
     install("charts", FIGURE, "[uqpen.figures]\nquartiles = uqpen_test_charts:quartiles\n")
     tree = uqpen.open_archive(archive)
     assert available(tree)["quartiles"] == "Middle half of the runs of each design"
@@ -124,9 +111,7 @@ def test_an_installed_package_adds_figures(
         uqpen.figure(tree, "quartile")
 
 
-def test_a_package_that_cannot_be_imported_is_named(
-    archive: Path, command_line: Command, install: Command
-) -> None:
+def test_a_package_that_cannot_be_imported_is_named(archive, command_line, install):
     install("charts", "import numpi\n", "[uqpen.figures]\nmine = uqpen_test_charts:mine\n")
     done = command_line("figure", str(archive), "--list")
     assert done.code == 0, done.err

@@ -1,14 +1,8 @@
 """What is drawn is what the archive holds, in the units that stand on the axes."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import uqpen
@@ -20,25 +14,23 @@ from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
 
-Archives = dict[str, xr.DataTree]
 
-
-def drawn(tree: xr.DataTree, name: str, **asked: Any) -> list[Axes]:
+def drawn(tree, name, **asked):
     return uqpen.figure(tree, name, **asked).axes
 
 
-def line(axes: Axes, label: str) -> Line2D:
+def line(axes, label):
     (found,) = [each for each in axes.lines if each.get_label() == label]
     return found
 
 
-def filled(told: Any) -> np.ndarray:
+def filled(reported):
     """Estimates of an archive with their bounds, as `dots` returns them."""
-    bounds = np.asarray(told)
+    bounds = np.asarray(reported)
     return np.where(np.isnan(bounds), bounds[:, :1], bounds)
 
 
-def dots(axes: Axes) -> list[tuple[float, float, float]]:
+def dots(axes):
     """Each dot's estimate and bounds; the estimate in place of a bound that is none."""
     found = []
     for container in axes.containers:
@@ -64,12 +56,12 @@ EXPECTED = {
 }
 
 
-def test_each_archive_has_the_figures_that_it_can_have(archives: Archives) -> None:
+def test_each_archive_has_the_figures_that_it_can_have(archives):
     found = {name: set(available(archives[name])) for name in EXPECTED}
     assert found == EXPECTED
 
 
-def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: Archives) -> None:
+def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives):
     for archive in EXPECTED:
         tree = archives[archive]
         for name in available(tree):
@@ -82,7 +74,7 @@ def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: 
                 assert not any(text.get_parse_math() for text in page.findobj(Text))
 
 
-def counted(tree: xr.DataTree) -> tuple[float, float]:
+def counted(tree):
     """The share of the completed runs of "only", and the half-width of a band over all of them."""
     counts = tree["statistics/only/deflection"]["cdf_band"].attrs
     admissible = counts["runs"] - counts.get("runs_inadmissible", 0)
@@ -90,7 +82,7 @@ def counted(tree: xr.DataTree) -> tuple[float, float]:
 
 
 class TestDistributions:
-    def test_the_function_and_its_band_are_those_of_the_archive(self, archives: Archives) -> None:
+    def test_the_function_and_its_band_are_those_of_the_archive(self, archives):
         runs = archives["beam"]["runs/only"]
         values = 1e3 * runs["deflection"].values[runs["status"].values == 0]
         (axes,) = drawn(archives["beam"], "cdf")
@@ -108,7 +100,7 @@ class TestDistributions:
         legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
         assert legend == ["simultaneous 95 % band of only", "only", "limit 2 mm"]
 
-    def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives: Archives) -> None:
+    def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives):
         (axes,) = drawn(archives["beam"], "cdf")
         kept, half = counted(archives["beam"])
         (band,) = axes.collections
@@ -116,14 +108,14 @@ class TestDistributions:
         at_end = right[np.isclose(right[:, 0], right[:, 0].max()), 1]
         assert (at_end.min(), at_end.max()) == pytest.approx((kept - half, 1))
 
-    def test_limits_are_where_they_were_written(self, archives: Archives) -> None:
+    def test_limits_are_where_they_were_written(self, archives):
         (axes,) = drawn(archives["rods"], "exceedance", output="penetration_depth")
         dotted = [each for each in axes.lines if each.is_dashed()]
         marked = [each.get_xdata()[0] for each in dotted if len(each.get_xdata())]
         assert marked == pytest.approx([60, 90])
         assert [each.get_text() for each in axes.texts] == ["60 cm", "90 cm"]
 
-    def test_one_far_away_is_told_and_does_not_stretch_the_axis(self, study_of: Any) -> None:
+    def test_one_far_away_is_reported_and_does_not_stretch_the_axis(self, study_of):
         text = "[outputs.y]\nexceeds = [0.5, 0.501, 1000]"
         page = uqpen.figure(uqpen.run(study_of("x", text, x=(0, 1))), "exceedance")
         assert page.axes[0].get_xlim()[1] < 2
@@ -134,42 +126,42 @@ class TestDistributions:
         legend = [each.get_text() for each in page.legends[0].get_texts()]
         assert legend[-1] == "limits 0.5, 0.501"
 
-    def test_what_is_asked_for_has_its_interval(self, archives: Archives) -> None:
+    def test_what_is_asked_for_has_its_interval(self, archives):
         (axes,) = drawn(archives["beam"], "exceedance")
         asked = archives["beam"]["statistics/only/deflection"]["exceedance"].values[0]
         (point,) = axes.containers
         low, high = point.lines[2][0].get_segments()[0][:, 1]
         assert (point.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(asked))
 
-    def test_a_surrogate_says_why_it_has_no_band(self, archives: Archives) -> None:
+    def test_a_surrogate_says_why_it_has_no_band(self, archives):
         (panel,) = panels(archives["schema_1"], "cdf", source="chaos")
         from matplotlib.figure import Figure
 
         notes = panel.draw_on_axes(Figure().add_subplot())
         assert notes[0].startswith("no band of chaos: ")
 
-    def test_the_tail_of_a_surrogate_is_that_of_its_function(self, archives: Archives) -> None:
+    def test_the_tail_of_a_surrogate_is_that_of_its_function(self, archives):
         tree = archives["schema_1"]
         (axes,) = drawn(tree, "exceedance", source="chaos")
         at, share = line(axes, "_chaos").get_data()
-        told = tree["statistics/chaos/y/cdf_value"].values
-        expected = [np.mean(told > each) for each in at[:-1]]
+        reported = tree["statistics/chaos/y/cdf_value"].values
+        expected = [np.mean(reported > each) for each in at[:-1]]
         np.testing.assert_allclose(share[:-1], expected, atol=2e-3)
-        assert at[-1] == pytest.approx(told.max())
+        assert at[-1] == pytest.approx(reported.max())
         notes = axes.figure.legends[0].get_title().get_text()
         assert notes.startswith("no band of chaos: ")
         assert "run" not in notes, "a surrogate has none"
 
 
 class TestEstimates:
-    def test_methods_are_the_moments_of_all_sources(self, archives: Archives) -> None:
+    def test_methods_are_the_moments_of_all_sources(self, archives):
         tree = archives["schema_1"]
         axes = drawn(tree, "methods")[0]
         rows = [each.get_text() for each in axes.get_yticklabels()]
-        told = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
-        np.testing.assert_allclose(dots(axes), filled(told))
+        reported = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
+        np.testing.assert_allclose(dots(axes), filled(reported))
 
-    def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives: Archives) -> None:
+    def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives):
         page = uqpen.figure(archives["schema_1"], "methods")
         rows = [each.get_text() for each in page.axes[0].get_yticklabels()]
         (dot,) = page.axes[0].containers[rows.index("report")].lines[:1]
@@ -178,44 +170,44 @@ class TestEstimates:
         assert legend.get_title().get_text() == "Bars: 95 % intervals."
         assert [each.get_text() for each in legend.get_texts()] == ["no interval"]
 
-    def test_the_last_estimate_of_a_convergence_is_that_of_all_runs(
-        self, archives: Archives
-    ) -> None:
+    def test_the_last_estimate_of_a_convergence_is_that_of_all_runs(self, archives):
         page = uqpen.figure(archives["rods"], "convergence", output="penetration_depth")
         axes = page.axes[0]
         assert axes.get_title(loc="left").startswith("original: penetration_depth: mean")
-        told = 100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        reported = (
+            100 * archives["rods"]["models/original/statistics/latin/penetration_depth"]["mean"]
+        )
         last = axes.containers[-1]
         low, high = last.lines[2][0].get_segments()[0][:, 1]
-        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(told.values))
+        assert (last.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(reported.values))
         assert line(axes, "by all runs").is_dashed()
         notes = page.legends[0].get_title().get_text()
         assert notes.startswith("By latin, the design of the main results")
         assert "points are not independent of each" in notes
 
-    def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
+    def test_indices_are_those_of_the_archive(self, archives):
         tree = archives["schema_1"]
         axes = drawn(tree, "sensitivity", source="blocks")[0]
-        told = tree["statistics/blocks/y"]
-        expected = np.concatenate([told["first_order"], told["total_order"]])
+        reported = tree["statistics/blocks/y"]
+        expected = np.concatenate([reported["first_order"], reported["total_order"]])
         np.testing.assert_allclose(dots(axes), filled(expected))
         assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
 
-    def test_responses_are_magnitudes_in_per_cent(self, archives: Archives) -> None:
+    def test_responses_are_magnitudes_in_per_cent(self, archives):
         tree = archives["schema_1"]
         axes = drawn(tree, "responses", source="steps")[0]
-        told = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
-        largest_first = sorted(told[np.isfinite(told)].tolist(), reverse=True)
+        reported = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
+        largest_first = sorted(reported[np.isfinite(reported)].tolist(), reverse=True)
         assert [dot[0] for dot in dots(axes)] == pytest.approx(largest_first)
 
-    def test_losses_have_their_probabilities(self, archives: Archives) -> None:
+    def test_losses_have_their_probabilities(self, archives):
         first, inputs = drawn(archives["beam"], "losses")
-        told = archives["beam"]["failures/only"].to_dataset()
-        np.testing.assert_allclose(dots(first), [told["probability"].sel(status="failed")])
-        told_larger = told["larger"].values[:, 0]
-        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told_larger)
+        reported = archives["beam"]["failures/only"].to_dataset()
+        np.testing.assert_allclose(dots(first), [reported["probability"].sel(status="failed")])
+        reported_larger = reported["larger"].values[:, 0]
+        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(reported_larger)
 
-    def test_a_figure_says_nothing_of_a_table(self, archives: Archives) -> None:
+    def test_a_figure_says_nothing_of_a_table(self, archives):
         (page, *_) = drawn(archives["beam"], "losses")
         notes = page.figure.legends[0].get_title().get_text().splitlines()
         assert "Hollow: no interval." in notes
@@ -223,7 +215,7 @@ class TestEstimates:
 
 
 class TestRuns:
-    def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives: Archives) -> None:
+    def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives):
         runs = archives["beam"]["runs/only"]
         axes = drawn(archives["beam"], "scatter")[0]
         points, lost, *keys = axes.lines
@@ -236,43 +228,43 @@ class TestRuns:
         assert [each.get_label() for each in keys] == ["run", "failed run, at the foot"]
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("load [kN]", "deflection [mm]")
 
-    def test_where_no_run_completed_the_failed_ones_are_drawn(self, archives: Archives) -> None:
+    def test_where_no_run_completed_the_failed_ones_are_drawn(self, archives):
         axes = drawn(archives["lost"], "scatter")[0]
         assert [each.get_text() for each in axes.get_yticklabels()] == ["no run completed"]
         assert len(axes.lines[0].get_xdata()) == 100
 
-    def test_a_histogram_counts_all_runs_that_came_back(self, archives: Archives) -> None:
+    def test_a_histogram_counts_all_runs_that_came_back(self, archives):
         (axes,) = drawn(archives["beam"], "histogram")
         counted = axes.patches[0].get_data().values.sum()
         assert counted == (archives["beam"]["runs/only"]["status"].values == 0).sum()
-        told = archives["beam"]["statistics/only/deflection"]
+        reported = archives["beam"]["statistics/only/deflection"]
         upright = [each.get_xdata()[0] for each in axes.lines if len(each.get_xdata())]
-        marked = [told["mean"].values[0], *told["quantile"].values[:, 0]]
+        marked = [reported["mean"].values[0], *reported["quantile"].values[:, 0]]
         np.testing.assert_allclose(upright[:4], 1e3 * np.array(marked), rtol=1e-12)
         legend = [each.get_text() for each in axes.figure.legends[0].get_texts()]
         assert legend[0] == "runs"
         assert legend[3] == "median 3.66 (3.52 … 3.91) mm"
         assert axes.get_title(loc="left") == "deflection: 98 runs of only"
 
-    def test_runs_are_thinned_the_same_each_time(self) -> None:
+    def test_runs_are_thinned_the_same_each_time(self):
         runs = xr.Dataset({"x": ("run", np.arange(10_000))})
         chosen = thin_runs(runs, 100)["x"].values
         assert len(set(chosen)) == 100
         assert (np.diff(chosen) > 0).all()
         np.testing.assert_array_equal(chosen, thin_runs(runs, 100)["x"].values)
 
-    def test_a_surrogate_is_held_against_its_check_runs(self, archives: Archives) -> None:
+    def test_a_surrogate_is_held_against_its_check_runs(self, archives):
         tree = archives["schema_1"]
         (axes,) = drawn(tree, "surrogate")
         truth, guess = axes.lines[1].get_data()
-        told = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
+        reported = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
         unexplained = np.mean((truth - guess) ** 2) / np.var(truth, ddof=1)
-        assert 1 - unexplained == pytest.approx(told)
+        assert 1 - unexplained == pytest.approx(reported)
         assert len(truth) == (tree["runs/monte_carlo"]["status"].values == 0).sum()
 
 
 class TestSeveralModels:
-    def test_each_has_its_function_and_band(self, archives: Archives) -> None:
+    def test_each_has_its_function_and_band(self, archives):
         tree = archives["rods"]
         (axes,) = drawn(tree, "models", output="penetration_depth")
         assert len(axes.collections) == 3
@@ -284,24 +276,24 @@ class TestSeveralModels:
         assert title.endswith("depth of penetration is at most x, by latin")
         assert not title.startswith("original"), "it is of all models"
 
-    def test_their_courses_stand_together(self, archives: Archives) -> None:
+    def test_their_courses_stand_together(self, archives):
         tree = archives["rods"]
         axes = {each.get_ylabel(): each for each in drawn(tree, "trajectory")}
         assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
         for name in ("original", "smoothed", "rigid"):
-            told = tree[f"models/{name}/trajectory"]
+            reported = tree[f"models/{name}/trajectory"]
             shown = line(axes["s [mm]"], f"_{name} plastic_extent")
-            np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])
-            np.testing.assert_allclose(shown.get_xdata(), 100 * told["penetration_depth"])
+            np.testing.assert_allclose(shown.get_ydata(), 1e3 * reported["plastic_extent"])
+            np.testing.assert_allclose(shown.get_xdata(), 100 * reported["penetration_depth"])
         titles = {each.get_title(loc="left") for each in axes.values()}
         assert "Length of the projectile, L" in titles, "of all models, so it names none"
 
-    def test_there_is_no_figure_of_models_of_a_single_one(self, archives: Archives) -> None:
+    def test_there_is_no_figure_of_models_of_a_single_one(self, archives):
         assert "models" not in available(archives["beam"])
         assert "models" in available(archives["rods"])
 
 
-def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:
+def test_a_tail_reaches_the_largest_run(study_of):
     text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 1000'
     tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.2)"))
     values = np.sort(tree["runs/some"]["y"].values)

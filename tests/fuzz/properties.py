@@ -69,7 +69,7 @@ def called(*arguments: str) -> Outcome:
 
 @contextlib.contextmanager
 def _strictly() -> Iterator[None]:
-    # A model's own warnings are caught where it is run, and told to the user.
+    # A model's own warnings are caught where it is run, and shown to the user.
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield

@@ -1,7 +1,5 @@
 """Damaged archives of every sort: each command succeeds, or says what is wrong."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +16,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
 
 
 # In processes of their own: a damaged file may bring the HDF5 library down, and with it the tests.
-def test_damage_is_no_traceback(tmp_path: Path) -> None:
+def test_damage_is_no_traceback(tmp_path):
     names = ("archive-parts", "archive-hashed", "archive-bytes")
     kinds = [word for name in names for word in ("--kind", name)]
     done = subprocess.run(
@@ -42,9 +40,7 @@ def test_damage_is_no_traceback(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["show {file}", "verify {file}", "diff {file} {other}"])
-def test_foreign_files_are_refused(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_foreign_files_are_refused(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for file in archive_files.foreign_files(tmp_path):
         # Of what says that it is an archive, that can be read which is in the format of one.

@@ -1,11 +1,7 @@
 """Wrong study files of every sort: each is right, or refused in words under its name."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 import study_texts
@@ -23,14 +19,14 @@ randoms = st.integers(0, 2**32).map(Random)
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def folder(tmp_path, monkeypatch):
     """A folder with the files that the studies name."""
     monkeypatch.chdir(tmp_path)
     study_texts.prepare(tmp_path)
 
 
 @pytest.mark.parametrize("name", list(study_texts.STUDIES))
-def test_the_studies_are_right_before_they_are_changed(name: str) -> None:
+def test_the_studies_are_right_before_they_are_changed(name):
     text = study_texts.STUDIES[name]
     study = uqpen.parse_study(text)
     # Written anew, it is the same study.
@@ -40,7 +36,7 @@ def test_the_studies_are_right_before_they_are_changed(name: str) -> None:
 
 @settings(bounded, max_examples=6)
 @given(randoms)
-def test_other_values_keys_and_tables_are_no_traceback(random: Random) -> None:
+def test_other_values_keys_and_tables_are_no_traceback(random):
     file = Path("mutant.toml")
     file.write_text(study_texts.mutant(random), encoding="utf-8")
     study_outcome(file, random)
@@ -48,7 +44,7 @@ def test_other_values_keys_and_tables_are_no_traceback(random: Random) -> None:
 
 @bounded
 @given(randoms)
-def test_damaged_bytes_and_lines_are_no_traceback(random: Random) -> None:
+def test_damaged_bytes_and_lines_are_no_traceback(random):
     file = Path("mutant.toml")
     file.write_bytes(study_texts.damaged_bytes(random))
     study_outcome(file, random)
@@ -64,13 +60,13 @@ _VALUES = st.recursive(
 
 @bounded
 @given(st.dictionaries(st.sampled_from(["seed", "model", "models", "inputs", "x"]), _VALUES))
-def test_anything_at_all_is_refused(content: dict[str, Any]) -> None:
+def test_anything_at_all_is_refused(content):
     file = Path("mutant.toml")
     file.write_text(study_texts.toml(without_nothing(content)), encoding="utf-8")
     assert study_outcome(file, Random(0)) == "refused"
 
 
-def without_nothing(value: Any) -> Any:
+def without_nothing(value):
     """TOML has no null; and no lone surrogates, which hypothesis does not make."""
     if isinstance(value, dict):
         return {key: without_nothing(inner) for key, inner in value.items() if inner is not None}
@@ -79,9 +75,7 @@ def without_nothing(value: Any) -> Any:
     return value
 
 
-def test_a_number_of_many_digits_is_refused_with_its_line(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_number_of_many_digits_is_refused_with_its_line(command_line, tmp_path):
     Path("long.toml").write_text(f"seed = 1\na = 0x{'f' * 5000}\n")
     done = command_line("check", "long.toml")
     assert done.code == 2

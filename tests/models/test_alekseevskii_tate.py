@@ -1,7 +1,5 @@
 """The Alekseevskii-Tate rod and the hydrodynamic limit, against integrations of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -9,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from uqpen.core.model import Arrays, Model
 from uqpen.execution import Evaluator
 from uqpen.models.alekseevskii_tate import AlekseevskiiTate
 from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
@@ -31,7 +28,7 @@ STRONG_ROD = {"projectile_yield_limit": 3e9}
 STRONG_TARGET = {"target_yield_limit": 800e6}
 
 
-def outputs(model: Model, **changes: float | list[float]) -> Arrays:
+def outputs(model, **changes):
     """Outputs of the nominal rod with changes, one of which may be a list."""
     arrays = np.broadcast_arrays(*map(np.atleast_1d, (ROD | changes).values()))
     found = Evaluator(model)(
@@ -41,18 +38,18 @@ def outputs(model: Model, **changes: float | list[float]) -> Arrays:
     return found.outputs
 
 
-def target_resistance(rod: dict[str, float]) -> float:
+def target_resistance(rod):
     S, R = rod["plasticity_radius"], rod["crater_radius"]
     return 7 / 3 * rod["target_yield_limit"] * np.log(S / R)
 
 
-def imbalance(u: float, v: float, rod: dict[str, float]) -> float:
+def imbalance(u, v, rod):
     """The rod's pressure on the interface less the target's, Pa."""
     pushing = rod["projectile_density"] * (v - u) ** 2 / 2 + rod["projectile_yield_limit"]
     return pushing - rod["target_density"] * u**2 / 2 - target_resistance(rod)
 
 
-def nose_velocity(v: float, rod: dict[str, float]) -> float:
+def nose_velocity(v, rod):
     """Find the nose's velocity from the balance of pressures, not by a formula."""
     if imbalance(0.0, v, rod) <= 0:
         return 0.0
@@ -61,14 +58,14 @@ def nose_velocity(v: float, rod: dict[str, float]) -> float:
     return brentq(imbalance, 0.0, v, args=(v, rod), xtol=1e-15 * v, rtol=1e-14)
 
 
-def integrated(rod: dict[str, float]) -> tuple[float, float]:
+def integrated(rod):
     """Integrate the equations over the tail's velocity: depth and length at the end."""
     density, strength = rod["projectile_density"], rod["projectile_yield_limit"]
     target_density, resistance = rod["target_density"], target_resistance(rod)
     excess = resistance - strength
     end = np.sqrt(2 * abs(excess) / (density if excess > 0 else target_density))
 
-    def slopes(v: float, state: np.ndarray) -> list[float]:
+    def slopes(v, state):
         u, time = nose_velocity(v, rod), -density * state[0] / strength
         return [(u - v) * time, u * time]
 
@@ -86,7 +83,7 @@ def integrated(rod: dict[str, float]) -> tuple[float, float]:
     return z + rigid, L
 
 
-def test_the_nominal_rod_has_its_known_depth_and_residue() -> None:
+def test_the_nominal_rod_has_its_known_depth_and_residue():
     found = outputs(AlekseevskiiTate())
     assert found["penetration_depth"][0] == pytest.approx(0.397869, abs=5e-7)
     assert found["projectile_residue"][0] == pytest.approx(9.03713e-3, abs=5e-9)
@@ -103,8 +100,8 @@ def test_the_nominal_rod_has_its_known_depth_and_residue() -> None:
 @example(17_500.0, 2500.0, 1.65e9, 400e6, 1400.0)
 @example(7_800.0, 7_800.0, 1e9, 100e6, 1400.0)  # equal densities, where the textbook's u is 0/0
 def test_depth_and_residue_agree_with_an_integration(
-    density: float, target_density: float, strength: float, target_strength: float, velocity: float
-) -> None:
+    density, target_density, strength, target_strength, velocity
+):
     changes = {
         "projectile_density": density,
         "target_density": target_density,
@@ -118,7 +115,7 @@ def test_depth_and_residue_agree_with_an_integration(
     assert found["projectile_residue"][0] == pytest.approx(length, rel=1e-9, abs=1e-12)
 
 
-def test_a_rod_stronger_than_its_target_ends_rigid() -> None:
+def test_a_rod_stronger_than_its_target_ends_rigid():
     found = outputs(AlekseevskiiTate(), **STRONG_ROD)
     rod = ROD | STRONG_ROD
     assert found["termination"][0] == Termination.BREAKDOWN
@@ -137,7 +134,7 @@ def test_a_rod_stronger_than_its_target_ends_rigid() -> None:
     assert slow["termination"][0] == Termination.RIGID
 
 
-def test_a_target_too_strong_for_a_slow_rod_is_not_penetrated() -> None:
+def test_a_target_too_strong_for_a_slow_rod_is_not_penetrated():
     slowest = np.sqrt(2 * (target_resistance(ROD | STRONG_TARGET) - 1.65e9) / 17_500.0)
     speeds = [0.5 * slowest, 0.999 * slowest, 1.001 * slowest]
     found = outputs(AlekseevskiiTate(), **STRONG_TARGET, impact_velocity=speeds)
@@ -147,14 +144,14 @@ def test_a_target_too_strong_for_a_slow_rod_is_not_penetrated() -> None:
     assert 0 < found["penetration_depth"][2] < 1e-4
 
 
-def test_a_resistance_equal_to_the_rods_strength_is_no_exception() -> None:
+def test_a_resistance_equal_to_the_rods_strength_is_no_exception():
     limit = 1.65e9 / (7 / 3 * np.log(0.1 / 0.017))
     near = [limit * (1 - 1e-12), limit, limit * (1 + 1e-12)]
     depths = outputs(AlekseevskiiTate(), target_yield_limit=near)["penetration_depth"]
     np.testing.assert_allclose(depths, depths[1], rtol=1e-9)
 
 
-def test_without_strength_depth_is_the_hydrodynamic_limit() -> None:
+def test_without_strength_depth_is_the_hydrodynamic_limit():
     limit = outputs(HydrodynamicLimit())
     assert limit["penetration_depth"][0] == pytest.approx(0.42332, abs=5e-6)
     assert limit["projectile_residue"][0] == 0.0
@@ -166,7 +163,7 @@ def test_without_strength_depth_is_the_hydrodynamic_limit() -> None:
 
 
 @pytest.mark.parametrize("changes", [{}, STRONG_ROD, STRONG_TARGET])
-def test_depth_follows_each_input_the_way_it_should(changes: dict[str, float]) -> None:
+def test_depth_follows_each_input_the_way_it_should(changes):
     rod = ROD | changes
     for name, sign in (
         # A faster rod that is stronger than its target erodes more and may go less deep.
@@ -183,9 +180,7 @@ def test_depth_follows_each_input_the_way_it_should(changes: dict[str, float]) -
 
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(length=st.floats(0.01, 100), stress=st.floats(0.01, 100))
-def test_lengths_scale_together_and_so_do_densities_and_stresses(
-    length: float, stress: float
-) -> None:
+def test_lengths_scale_together_and_so_do_densities_and_stresses(length, stress):
     scale = dict.fromkeys(("projectile_length", "plasticity_radius", "crater_radius"), length)
     for side in ("projectile", "target"):
         scale |= dict.fromkeys((f"{side}_density", f"{side}_yield_limit"), stress)

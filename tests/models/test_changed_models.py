@@ -1,16 +1,13 @@
 """Every change of a model that alters its results is met, by what the table of changes says."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from changed_models import CHANGES, NAMED, RECHECK, Change
+from changed_models import CHANGES, NAMED, RECHECK
 
 pytestmark = [
     pytest.mark.slow,
@@ -21,8 +18,8 @@ STATES = Path(__file__).parents[1] / "model_states.py"
 
 
 @pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
-    """What is told of each change, and of the same model unchanged."""
+def found():
+    """What is reported of each change, and of the same model unchanged."""
     environment = {**os.environ, "PYTHONPATH": str(STATES.parent), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, str(STATES)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -31,24 +28,24 @@ def found() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
-def test_a_changed_model_is_met(change: Change, found: dict[str, Any]) -> None:
-    told = found[change.name]["changed"]
+def test_a_changed_model_is_met(change, found):
+    reported = found[change.name]["changed"]
     if change.met.startswith(NAMED):
-        assert told["changes"] == []
-        assert change.met.removeprefix(NAMED) in told["uncompared"]
+        assert reported["changes"] == []
+        assert change.met.removeprefix(NAMED) in reported["uncompared"]
     elif change.met == RECHECK:
-        assert told["changes"] == []
+        assert reported["changes"] == []
     else:
-        assert change.met in "; ".join(told["changes"])
+        assert change.met in "; ".join(reported["changes"])
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
-def test_an_unchanged_model_raises_no_alarm(change: Change, found: dict[str, Any]) -> None:
-    told = found[change.name]["unchanged"]["changes"]
-    assert [text for text in told if "versions that cannot be distinguished" not in text] == []
+def test_an_unchanged_model_raises_no_alarm(change, found):
+    reported = found[change.name]["unchanged"]["changes"]
+    assert [text for text in reported if "versions that cannot be distinguished" not in text] == []
 
 
-def test_of_the_silent_changes_few_are_left_to_runs_made_again() -> None:
+def test_of_the_silent_changes_few_are_left_to_runs_made_again():
     silent = [change.met for change in CHANGES if change.was_silent]
     assert len(CHANGES) == 112
     assert len(silent) == 51

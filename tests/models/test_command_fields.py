@@ -1,10 +1,6 @@
 """Programs whose outputs are fields: read from each kind of file, and lost with a place."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,13 +42,13 @@ CSV = 'open("out.csv", "w").write("t,y\\n" + "".join(f"{t},{x + t}\\n" for t in 
 
 
 def study(
-    folder: Path,
-    body: str,
-    read: str = "",
-    along: str = '["time"]',
-    further: str = "",
-    runs: int = 1,
-) -> uqpen.Study:
+    folder,
+    body,
+    read="",
+    along='["time"]',
+    further="",
+    runs=1,
+):
     program = folder / "program"
     program.write_text(PROGRAM.format(python=sys.executable, body=body))
     program.chmod(0o755)
@@ -60,17 +56,17 @@ def study(
     return uqpen.parse_study(text, folder=folder)  # type: ignore[return-value]
 
 
-def made(folder: Path, *arguments: str, **options: Any) -> Any:
+def made(folder, *arguments, **options):
     return uqpen.run(study(folder, *arguments, **options))["runs/few"].to_dataset()
 
 
-def problems(folder: Path, *arguments: str, **options: Any) -> list[str]:
+def problems(folder, *arguments, **options):
     with pytest.raises(StudyError) as refused:
         study(folder, *arguments, **options)
     return [str(problem) for problem in refused.value.problems]
 
 
-def check(runs: Any, slope: float = 1.0) -> None:
+def check(runs, slope=1.0):
     assert not runs["status"].values.any()
     expected = (runs["x"].values[:, np.newaxis] + slope * np.arange(3)) / 100
     np.testing.assert_allclose(runs["y"].values, expected)
@@ -99,11 +95,11 @@ CURVES = {
 
 
 @pytest.mark.parametrize("kind", CURVES)
-def test_a_curve_is_read_whole(tmp_path: Path, kind: str) -> None:
+def test_a_curve_is_read_whole(tmp_path, kind):
     check(made(tmp_path, *CURVES[kind]))
 
 
-def test_two_dimensions_are_nested_lists_or_rows_in_order(tmp_path: Path) -> None:
+def test_two_dimensions_are_nested_lists_or_rows_in_order(tmp_path):
     nested = 'print(json.dumps({"y": [[x, 0], [1, 0], [2, 0]]}))'
     rows = 'print("y"); [print(v) for v in (x, 0, 1, 0, 2, 0)]'
     along = '["time", "depth"]'
@@ -131,7 +127,7 @@ LOST = [
 
 
 @pytest.mark.parametrize(("body", "reason"), LOST)
-def test_a_lost_run_names_the_place(tmp_path: Path, body: str, reason: str) -> None:
+def test_a_lost_run_names_the_place(tmp_path, body, reason):
     runs = made(tmp_path, body, 'read = { csv = "out.csv" }')
     assert runs["lost_reason"].values[0].startswith(reason)
     expected = Status.NOT_FINITE if "nan" in reason else Status.FAILED
@@ -139,14 +135,14 @@ def test_a_lost_run_names_the_place(tmp_path: Path, body: str, reason: str) -> N
     assert np.isnan(runs["y"].values).all()
 
 
-def test_a_document_of_another_shape_is_named(tmp_path: Path) -> None:
+def test_a_document_of_another_shape_is_named(tmp_path):
     runs = made(tmp_path, 'print(json.dumps({"y": [[1, 2]]}))')
     assert runs["lost_reason"].values.tolist() == [
         '"y" in stdout is of shape (1, 2), not (3,) along (time)'
     ]
 
 
-def test_a_curve_that_may_end_has_fewer_rows(tmp_path: Path) -> None:
+def test_a_curve_that_may_end_has_fewer_rows(tmp_path):
     body = CSV.replace("range(3)", "range(2)")
     runs = made(tmp_path, body, 'read = { csv = "out.csv" }', further=", may_end = true")
     assert not runs["status"].values.any()
@@ -157,7 +153,7 @@ OWN = 'open("out.csv", "w").write("t,y\\n" + "".join(f"{t},{x + t * t}\\n" for t
 ON = ', on = { time = "t" }'
 
 
-def test_a_grid_of_its_own_is_read_beside(tmp_path: Path) -> None:
+def test_a_grid_of_its_own_is_read_beside(tmp_path):
     runs = made(tmp_path, OWN, 'read = { csv = "out.csv" }', further=ON)
     assert not runs["status"].values.any()
     expected = (runs["x"].values[:, np.newaxis] + [0, 1, 5]) / 100
@@ -167,7 +163,7 @@ def test_a_grid_of_its_own_is_read_beside(tmp_path: Path) -> None:
     np.testing.assert_allclose(held["y"].values - expected, [[0, 0, -0.04]], atol=1e-12)
 
 
-def test_a_grid_that_is_too_short_is_named(tmp_path: Path) -> None:
+def test_a_grid_that_is_too_short_is_named(tmp_path):
     body = OWN.replace("1, 3", "1, 1.5")
     runs = made(tmp_path, body, 'read = { csv = "out.csv" }', further=ON)
     assert runs["lost_reason"].values.tolist() == [
@@ -175,7 +171,7 @@ def test_a_grid_that_is_too_short_is_named(tmp_path: Path) -> None:
     ]
 
 
-def test_a_choice_of_one_number_is_refused(tmp_path: Path) -> None:
+def test_a_choice_of_one_number_is_refused(tmp_path):
     read = 'read = { y = { csv = "out.csv", row = 2 } }'
     assert problems(tmp_path, CSV, read) == [
         "model.read.y.row: found a choice among the numbers of y; expected none: all of them are "
@@ -183,7 +179,7 @@ def test_a_choice_of_one_number_is_refused(tmp_path: Path) -> None:
     ]
 
 
-def test_coordinates_of_a_run_need_no_reading_of_an_output(tmp_path: Path) -> None:
+def test_coordinates_of_a_run_need_no_reading_of_an_output(tmp_path):
     read = 'read = { t = { csv = "out.csv" }, u = { csv = "out.csv" } }'
     assert problems(tmp_path, OWN, read, further=ON) == [
         "model.read.u: found an unknown output; expected known: t, y"
@@ -192,7 +188,7 @@ def test_coordinates_of_a_run_need_no_reading_of_an_output(tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.processor
-def test_workers_give_the_same_bytes(tmp_path: Path) -> None:
+def test_workers_give_the_same_bytes(tmp_path):
     body = OWN.replace("1, 3", "1, 3 if x < 1.5 else 1.5")
     one = study(tmp_path, body, 'read = { csv = "out.csv" }', further=ON, runs=12)
     alone = uqpen.run(one)
@@ -203,7 +199,7 @@ def test_workers_give_the_same_bytes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_kept_folders_are_read_again(tmp_path: Path) -> None:
+def test_kept_folders_are_read_again(tmp_path):
     wrong = study(tmp_path, CSV, 'read = { y = { csv = "out.csv", column = "u" } }')
     assert (uqpen.run(wrong)["runs/few/status"].values == Status.FAILED).all()
     right = study(tmp_path, CSV, 'read = { y = { csv = "out.csv" } }')

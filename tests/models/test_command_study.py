@@ -1,13 +1,9 @@
 """Studies of programs from end to end: the documented example, archives, workers, Ctrl-C."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,7 +19,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"
 
 
 @pytest.fixture
-def beam(tmp_path: Path) -> Path:
+def beam(tmp_path):
     """The study of the documentation, with its files."""
     text = DOCUMENT.read_text(encoding="utf-8").partition("## A program: `command`")[2]
     blocks = re.findall(r"```(sh|text|toml)\n(.*?)```", text, flags=re.DOTALL)
@@ -35,7 +31,7 @@ def beam(tmp_path: Path) -> Path:
     return tmp_path / "study" / "beam.toml"
 
 
-def test_the_documented_example_runs_and_is_right(beam: Path) -> None:
+def test_the_documented_example_runs_and_is_right(beam):
     table = next(output_tables(uqpen.run(uqpen.load_study(beam))))
     assert table.title == "deflection [mm]"
     mean = float(dict(table.rows)["mean"][0].split()[0])
@@ -44,7 +40,7 @@ def test_the_documented_example_runs_and_is_right(beam: Path) -> None:
     assert not (beam.parent / "beam_runs").exists()
 
 
-def test_two_workers_give_the_same_bytes_as_none(beam: Path) -> None:
+def test_two_workers_give_the_same_bytes_as_none(beam):
     solver = beam.parent / "solver"
     script = solver.read_text().replace(
         "#!/bin/sh", '#!/bin/sh\ngrep -q "LENGTH *2" "$1" && echo "too short: $1" >&2 && exit 2'
@@ -62,9 +58,7 @@ def test_two_workers_give_the_same_bytes_as_none(beam: Path) -> None:
     assert len(list((beam.parent / "beam_runs").iterdir())) == len(lost)
 
 
-def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(
-    beam: Path, command_line: Callable[..., Any]
-) -> None:
+def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(beam, command_line):
     command_line("study", str(beam), "-o", "beam.nc")
     shutil.rmtree(beam.parent)
     checked = command_line("verify", "beam.nc")
@@ -76,9 +70,7 @@ def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(
     assert "50 of 50 repeated: bit-equal" in trusted.said
 
 
-def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(
-    beam: Path, command_line: Callable[..., Any]
-) -> None:
+def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(beam, command_line):
     (beam.parent / "solver").write_text("#!/bin/sh\necho no licence >&2\nexit 1\n")
     with beam.open("a") as text:
         text.write("[failures]\nstop_after = 0\n")
@@ -90,9 +82,7 @@ def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(
     assert (folders[0] / "stderr").read_text() == "no licence\n"
 
 
-def test_another_program_of_the_same_name_is_told(
-    beam: Path, command_line: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_program_of_the_same_name_is_reported(beam, command_line, monkeypatch):
     program = Path("beam-solver").absolute()
     shutil.copy(beam.parent / "solver", program)
     monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
@@ -106,7 +96,7 @@ def test_another_program_of_the_same_name_is_told(
     assert checked.code == 0
 
 
-def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam: Path) -> None:
+def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam):
     study = uqpen.load_study(beam)
     solver = beam.parent / "solver"
     solver.write_text(solver.read_text().replace("80.64", "80.65"))
@@ -114,7 +104,7 @@ def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam: Path) -> 
         uqpen.run(study)
 
 
-def test_several_programs_can_be_models_of_one_study(beam: Path) -> None:
+def test_several_programs_can_be_models_of_one_study(beam):
     model, rest = re.findall(r"(\[model\].*?)(\[inputs\].*)", beam.read_text(), re.DOTALL)[0]
     models = [model.replace("[model", f"[models.{name}") for name in ("fine", "coarse")]
     coarse = models[1].replace('"./solver"', '"./coarse"')

@@ -1,19 +1,13 @@
 """How functions are compiled, and kept for other processes."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 import pytest
 from llvmlite import binding
 
@@ -23,32 +17,32 @@ from uqpen.statistics import kernels
 from uqpen.statistics.by_blocks.cells import locate
 
 
-def halve(values: npt.NDArray[np.float64]) -> None:
+def halve(values):
     for i in range(values.size):
         values[i] *= 0.5
 
 
-def halve_widely(values: npt.NDArray[np.float64]) -> None:
+def halve_widely(values):
     use_widest_vectors()
     for i in range(values.size):
         values[i] *= 0.5
 
 
-def machine_code(function: object, values: npt.NDArray[np.float64]) -> str:
+def machine_code(function, values):
     compiled = numba.njit(function)
     compiled(values)
     (code,) = compiled.inspect_asm().values()
     return str(code)
 
 
-def test_loops_use_vectors_of_512_bits_where_there_are_any() -> None:
+def test_loops_use_vectors_of_512_bits_where_there_are_any():
     if not binding.get_host_cpu_features().get("avx512f") or numba.config.CPU_NAME:
         pytest.skip("the processor that is compiled for has no vectors of 512 bits")
     assert "zmm" in machine_code(halve_widely, np.ones(64))
 
 
 @pytest.fixture(scope="module")
-def rods() -> Any:
+def rods():
     """The integrator, compiled in this process: what is loaded from disk has no code to look at."""
     if not binding.get_host_cpu_features().get("avx2") or numba.config.CPU_NAME:
         pytest.skip("the processor that is compiled for has no vectors of 256 bits")
@@ -57,14 +51,14 @@ def rods() -> Any:
 
 
 @pytest.mark.slow
-def test_rods_are_integrated_by_vectors(rods: Any) -> None:
+def test_rods_are_integrated_by_vectors(rods):
     """A loop that LLVM leaves scalar has the same results, and takes five times as long."""
     (rods_in_llvm,) = rods.inspect_llvm().values()
     assert rods_in_llvm.count("fdiv <") > 5 * rods_in_llvm.count("fdiv double")
 
 
 @pytest.mark.slow
-def test_rods_have_a_stack_that_is_aligned_to_their_vectors(rods: Any) -> None:
+def test_rods_have_a_stack_that_is_aligned_to_their_vectors(rods):
     """A vector that lies in two cache lines has the same value, and takes longer to read."""
     (code,) = rods.inspect_asm().values()
     size = 64 if "zmm" in code else 32
@@ -72,7 +66,7 @@ def test_rods_have_a_stack_that_is_aligned_to_their_vectors(rods: Any) -> None:
 
 
 @pytest.mark.processor
-def test_the_width_changes_no_result() -> None:
+def test_the_width_changes_no_result():
     values = np.linspace(1.0, 2.0, 37)
     wide = values.copy()
     for function, each in ((halve, values), (halve_widely, wide)):
@@ -88,17 +82,15 @@ def halve(value):
     return value / 2
 """
 
-Load = Callable[[], Any]
-
 
 @pytest.fixture
-def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
+def load(tmp_path, monkeypatch):
     """Loads a module with a compiled function, as each process does."""
     (tmp_path / "halved.py").write_text(HALVED)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
 
-    def once() -> Any:
+    def once():
         monkeypatch.delitem(sys.modules, "halved", raising=False)
         module = importlib.import_module("halved")
         assert module.halve(3.0) == 1.5
@@ -108,11 +100,11 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
 
 
 @pytest.mark.processor
-def test_a_function_is_compiled_once(load: Load) -> None:
+def test_a_function_is_compiled_once(load):
     assert [bool(load().stats.cache_hits) for _ in range(3)] == [False, True, True]
 
 
-def test_code_that_was_cut_off_is_not_used(load: Load, tmp_path: Path) -> None:
+def test_code_that_was_cut_off_is_not_used(load, tmp_path):
     load()
     index, data = sorted((tmp_path / "kept").rglob("*.nb?"), key=lambda path: path.suffix)[::-1]
     for path in (index, data):
@@ -124,7 +116,7 @@ def test_code_that_was_cut_off_is_not_used(load: Load, tmp_path: Path) -> None:
     assert load().stats.cache_hits
 
 
-def test_a_full_disk_keeps_nothing(load: Load, tmp_path: Path) -> None:
+def test_a_full_disk_keeps_nothing(load, tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
     try:
@@ -134,9 +126,7 @@ def test_a_full_disk_keeps_nothing(load: Load, tmp_path: Path) -> None:
     assert not [*tmp_path.rglob("*.nb?")]
 
 
-def test_no_folder_to_write_to_keeps_nothing(
-    load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_folder_to_write_to_keeps_nothing(load, tmp_path, monkeypatch):
     """An installation that is read only, run by a user without a directory to write to."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", "/dev/null")
     # The only place Numba may then try is that of notebooks, which a program is not.
@@ -146,9 +136,7 @@ def test_no_folder_to_write_to_keeps_nothing(
 
 
 @pytest.mark.slow
-def test_processes_that_compile_at_the_same_time_keep_whole_code(
-    load: Load, tmp_path: Path
-) -> None:
+def test_processes_that_compile_at_the_same_time_keep_whole_code(load, tmp_path):
     program = f"import numba; numba.config.CACHE_DIR = {str(tmp_path / 'kept')!r}\n"
     program += "from halved import halve; print(halve(3.0))"
     started = [
@@ -159,7 +147,7 @@ def test_processes_that_compile_at_the_same_time_keep_whole_code(
     assert load().stats.cache_hits
 
 
-def test_each_compiled_function_takes_arguments_of_one_type() -> None:
+def test_each_compiled_function_takes_arguments_of_one_type():
     """So processes that compile at the same time never keep two codes under one name."""
     loops = [getattr(kernels, name) for name in kernels.__all__]
     for function in (erode, locate, *loops):

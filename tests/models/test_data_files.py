@@ -1,7 +1,5 @@
 """Data files: every format gives the same columns, and each mistake has a place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uqpen.core.errors import SettingsError
-from uqpen.models.data.data_file import DataFile, data_file, read_data_file
+from uqpen.models.data.data_file import data_file, read_data_file
 
 RUNS = Path(__file__).parents[1] / "data" / "runs"
 
 
-def file_of(text: str, name: str = "runs.csv") -> DataFile:
+def file_of(text, name="runs.csv"):
     return data_file(Path(name), text.encode())
 
 
-def refused(text: str) -> tuple[str, str]:
+def refused(text):
     with pytest.raises(SettingsError) as caught:
         [column.numbers() for column in file_of(text).columns]
     (problem,) = caught.value.problems
@@ -29,20 +27,20 @@ def refused(text: str) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_the_delimiter_is_recognised(delimiter: str) -> None:
+def test_the_delimiter_is_recognised(delimiter):
     file = file_of(f'"a [kN]"{delimiter}b\r\n1{delimiter}2\r\n\r\n3{delimiter}"4"\r\n')
     assert [(column.name, column.unit) for column in file.columns] == [("a", "kN"), ("b", "")]
     assert [column.numbers().tolist() for column in file.columns] == [[1, 3], [2, 4]]
 
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1))
-def test_every_number_is_read_to_the_bit(rows: list[tuple[float, ...]]) -> None:
+def test_every_number_is_read_to_the_bit(rows):
     lines = ["a,b,c", *(",".join(map(repr, row)) for row in rows)]
     read = np.transpose([column.numbers() for column in file_of("\n".join(lines)).columns])
     assert np.array_equal(read, np.array(rows))
 
 
-def test_a_table_of_openturns_is_read() -> None:
+def test_a_table_of_openturns_is_read():
     file = read_data_file(RUNS / "openturns.csv")
     assert [column.name for column in file.columns] == ["E", "F", "L", "I", "deviation"]
     E, F, L, moment, deviation = (column.numbers() for column in file.columns)
@@ -50,7 +48,7 @@ def test_a_table_of_openturns_is_read() -> None:
     assert file.rows == 60
 
 
-def test_a_collation_of_easyvvuq_is_read_without_its_numbering() -> None:
+def test_a_collation_of_easyvvuq_is_read_without_its_numbering():
     file = read_data_file(RUNS / "easyvvuq.csv")
     names = ["F", "L", "I", "E", "deflection", "stress_0", "stress_1"]
     assert [column.name for column in file.columns] == names
@@ -61,7 +59,7 @@ def test_a_collation_of_easyvvuq_is_read_without_its_numbering() -> None:
     assert file.columns[0].place(0) == "easyvvuq.csv, line 3"
 
 
-def test_a_tabular_file_of_dakota_is_read_without_its_numbering() -> None:
+def test_a_tabular_file_of_dakota_is_read_without_its_numbering():
     file = read_data_file(RUNS / "dakota.dat")
     columns = {column.name: column.numbers() for column in file.columns}
     assert list(columns) == ["w", "t", "X", "Y", "mass", "stress", "displacement"]
@@ -71,7 +69,7 @@ def test_a_tabular_file_of_dakota_is_read_without_its_numbering() -> None:
 
 
 @pytest.mark.parametrize("heading", ["%eval_id x y", "% eval_id x y", "%interface x y"])
-def test_dakota_may_leave_out_a_column_of_its_numbering(heading: str) -> None:
+def test_dakota_may_leave_out_a_column_of_its_numbering(heading):
     row = "I1 2 3" if "interface" in heading else "1 2 3"
     columns = file_of(f"{heading}\n{row}\n").columns
     assert {column.name: column.numbers().tolist() for column in columns} == {"x": [2], "y": [3]}
@@ -80,7 +78,7 @@ def test_dakota_may_leave_out_a_column_of_its_numbering(heading: str) -> None:
 ROWS = "%eval_id interface x y\n1 NO_ID 0.1 5\n2 NO_ID 0.2 6\n\n2 NO_ID 0.2 6\n3 NO_ID 0.4 7\n"
 
 
-def test_a_run_of_dakota_that_stands_twice_is_refused() -> None:
+def test_a_run_of_dakota_that_stands_twice_is_refused():
     assert refused(ROWS) == (
         "eval_id 2 twice in runs.csv, lines 3 and 5, with equal values",
         "each run once: remove one of the lines",
@@ -92,14 +90,14 @@ def test_a_run_of_dakota_that_stands_twice_is_refused() -> None:
     assert file_of(ROWS.replace("\n\n2", "\n\n5")).rows == 4  # the same point, another run
 
 
-def test_runs_of_several_interfaces_of_dakota_are_those_of_several_models() -> None:
+def test_runs_of_several_interfaces_of_dakota_are_those_of_several_models():
     assert refused(ROWS.replace("\n2 NO_ID", "\n2 COARSE")) == (
         "the interfaces NO_ID and COARSE in runs.csv, lines 2 and 3",
         "runs of one interface: keep the lines of one",
     )
 
 
-def test_a_run_of_easyvvuq_that_stands_twice_is_refused() -> None:
+def test_a_run_of_easyvvuq_that_stands_twice_is_refused():
     text = ",run_id,iteration,x,y\n,0,0,0,0\n0,1,0,2,3\n1,1,1,2,4\n2,1,0,2,5\n"
     assert refused(text)[0] == (
         "run_id 1, iteration 0 twice in runs.csv, lines 3 and 5, with other values"
@@ -107,7 +105,7 @@ def test_a_run_of_easyvvuq_that_stands_twice_is_refused() -> None:
     assert file_of(text.replace("2,1,0", "2,2,0")).rows == 3
 
 
-def test_netcdf_and_csv_give_the_same(tmp_path: Path) -> None:
+def test_netcdf_and_csv_give_the_same(tmp_path):
     xr.Dataset(
         {"a": ("run", [1.0, 2.5], {"units": "kN"}), "y": ("run", [np.nan, 3.0]),
          "status": ("run", ["failed", "ok"])},
@@ -120,7 +118,7 @@ def test_netcdf_and_csv_give_the_same(tmp_path: Path) -> None:
         assert (one.name, one.unit, one.texts()) == (other.name, other.unit, other.texts())
 
 
-def test_parquet_and_csv_give_the_same(tmp_path: Path) -> None:
+def test_parquet_and_csv_give_the_same(tmp_path):
     pytest.importorskip("pyarrow", reason="pandas reads Parquet with pyarrow")
     pd.DataFrame({"a [kN]": [1.0, 2.5], "y": [np.nan, 3.0]}).to_parquet(tmp_path / "runs.parquet")
     read = read_data_file(tmp_path / "runs.parquet")
@@ -131,19 +129,19 @@ def test_parquet_and_csv_give_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("blank", ["", " ", "nan", "NaN", "NA", "null"])
-def test_a_blank_entry_is_no_number(blank: str) -> None:
+def test_a_blank_entry_is_no_number(blank):
     (_, column) = file_of(f"a,b\n1,2\n3,{blank}\n").columns
     assert np.array_equal(column.numbers(), [2, np.nan], equal_nan=True)
     assert column.texts() == ["2", ""]
 
 
-def test_rows_without_an_entry_are_no_runs() -> None:
+def test_rows_without_an_entry_are_no_runs():
     file = file_of("a,b\n1,2\n,\n  \n3,x\n,\n")
     assert file.rows == 2
     assert file.columns[1].place(1) == "runs.csv, line 5"
 
 
-def test_mistakes_are_said_with_their_place() -> None:
+def test_mistakes_are_said_with_their_place():
     assert refused('a,b\n1,2\n\n"3\n4",x\n')[0] == '"3\\n4" in column "a", runs.csv, line 5'
     assert refused("a,b\n1,2\n\n3,x\n") == ('"x" in column "b", runs.csv, line 4', "a number")
     assert refused("a,b\n1,2\n3\n") == ("1 value in runs.csv, line 3", "2, one under each heading")
@@ -156,7 +154,7 @@ def test_mistakes_are_said_with_their_place() -> None:
     assert refused("% x y\n1 2 3\n")[0] == "3 values in runs.csv, line 2"
 
 
-def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_table_is_refused(tmp_path):
     for name, content, found in (
         ("a.csv", b"a,b\n1,\xff\n", "bytes that are no UTF-8 in a.csv, line 2"),
         ("a.nc", b"not NetCDF", "a.nc, which cannot be read as NetCDF: it is no NetCDF file"),

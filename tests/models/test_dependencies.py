@@ -1,14 +1,11 @@
 """What a model's runs depend on is recorded by one run, and compared under the same names."""
 
-from __future__ import annotations
-
 import os
 import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.dependency import Dependency
@@ -47,29 +44,22 @@ out = {}
 subprocess.run(["cp", folder / "in.txt", out], check=True)
 out.read_text()
 """
-STUDY = """\
-seed = 1
-[model]
-python = "m.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = "0 ± 1"
-[designs.d]
-kind = "monte-carlo"
-runs = 24
-"""
+STUDY = study_text(
+    {"python": "m.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"d": {"kind": "monte-carlo", "runs": 24}},
+)
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The folder of a study whose model uses files, a module elsewhere and a variable."""
     monkeypatch.setenv("FACTOR_OF_MODEL", SECRET)
     monkeypatch.setattr(sys, "path", [*sys.path])
     return write(tmp_path / "one")
 
 
-def write(root: Path) -> Path:
+def write(root):
     folder = root / "study"
     folder.mkdir(parents=True)
     (root / "lib").mkdir()
@@ -82,20 +72,20 @@ def write(root: Path) -> Path:
     return folder
 
 
-def make(folder: Path, name: str = "study.nc", **options: Any) -> bytes:
+def make(folder, name="study.nc", **options):
     # A module elsewhere is imported once in a process; that of another folder is another one.
     sys.modules.pop("outside", None)
     uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / name, **options)
     return (folder / name).read_bytes()
 
 
-def recorded(folder: Path) -> dict[str, str]:
+def recorded(folder):
     """The roles of what an archive names, by name."""
     lines = uqpen.open_archive(folder / "study.nc").attrs[DEPENDENCIES].splitlines()
     return {each.name: each.role for each in map(Dependency.from_line, lines)}
 
 
-def test_one_run_says_what_the_runs_of_a_study_depend_on(folder: Path) -> None:
+def test_one_run_says_what_the_runs_of_a_study_depend_on(folder):
     content = make(folder)
     assert recorded(folder) == {
         "m.py": "imported",
@@ -114,7 +104,7 @@ def test_one_run_says_what_the_runs_of_a_study_depend_on(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.processor
-def test_the_record_is_the_same_wherever_runs_are_made(folder: Path, tmp_path: Path) -> None:
+def test_the_record_is_the_same_wherever_runs_are_made(folder, tmp_path):
     # Workers are forks of a server, which another test may have started without the variable.
     (folder / "m.py").write_text(MODEL.replace('os.environ["FACTOR_OF_MODEL"]', "'12'"))
     content = make(folder)
@@ -131,7 +121,7 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder: Path, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("k.txt", "file k.txt has changed"),
         ("../lib/far.txt", "file ../lib/far.txt has changed"),
@@ -140,9 +130,7 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder: Path, tmp_path: P
         ("", "environment variable FACTOR_OF_MODEL has changed"),
     ],
 )
-def test_what_has_changed_is_told(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, told: str
-) -> None:
+def test_what_has_changed_is_reported(folder, monkeypatch, name, reported):
     make(folder)
     if name:
         (folder / name).write_text("3" if name.endswith("txt") else "k = 3\n")
@@ -150,10 +138,10 @@ def test_what_has_changed_is_told(
         monkeypatch.setenv("FACTOR_OF_MODEL", "3")
     with pytest.raises(CheckpointError) as caught:
         make(folder, "other.nc", reuse=[folder / "study.nc"])
-    assert [line.strip() for line in str(caught.value).splitlines()[1:-1]] == [told]
+    assert [line.strip() for line in str(caught.value).splitlines()[1:-1]] == [reported]
 
 
-def test_a_file_that_is_gone_is_told(folder: Path) -> None:
+def test_a_file_that_is_gone_is_reported(folder):
     (folder / "m.py").write_text(MODEL.replace("text()) * float", "text() or 1) * float"))
     make(folder)
     (folder / "k.txt").unlink()
@@ -162,7 +150,7 @@ def test_a_file_that_is_gone_is_told(folder: Path) -> None:
         make(folder, "other.nc", reuse=[folder / "study.nc"])
 
 
-def test_an_interrupted_study_does_not_go_on_with_another_file(folder: Path) -> None:
+def test_an_interrupted_study_does_not_go_on_with_another_file(folder):
     (folder / "m.py").write_text(
         MODEL.replace('(here / "stop").exists()', "x > 0 and any(here.glob('stop'))")
     )
@@ -175,9 +163,7 @@ def test_an_interrupted_study_does_not_go_on_with_another_file(folder: Path) -> 
         make(folder)
 
 
-def test_an_interrupted_study_does_not_go_on_with_another_variable(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_study_does_not_go_on_with_another_variable(folder, monkeypatch):
     stopping = "x > 0 and any(here.glob('stop'))"
     (folder / "m.py").write_text(MODEL.replace('(here / "stop").exists()', stopping))
     (folder / "stop").touch()
@@ -189,7 +175,7 @@ def test_an_interrupted_study_does_not_go_on_with_another_variable(
         make(folder)
 
 
-def observed(code: str, folder: Path) -> set[Dependency]:
+def observed(code, folder):
     """What code is seen to use, by a user in a folder."""
     observation = Observation()
     with observation.active():
@@ -218,29 +204,27 @@ def observed(code: str, folder: Path) -> set[Dependency]:
         ("import tempfile, pathlib; pathlib.Path.home()", set()),
     ],
 )
-def test_only_what_decides_a_result_is_recorded(code: str, names: set[str], tmp_path: Path) -> None:
+def test_only_what_decides_a_result_is_recorded(code, names, tmp_path):
     (tmp_path / "a.txt").write_text("1")
     os.environ.pop("OWN", None)
     assert {each.name for each in observed(code, tmp_path)} == names
 
 
-def test_a_file_that_a_run_changes_is_named(tmp_path: Path) -> None:
+def test_a_file_that_a_run_changes_is_named(tmp_path):
     (tmp_path / "a.txt").write_text("1")
     code = "(folder / 'a.txt').read_text(); (folder / 'a.txt').write_text('12')"
     (found,) = observed(code, tmp_path)
     assert (found.sha256, found.uncompared) == ("", "a.txt, which a run changes")
 
 
-def test_the_value_of_a_variable_is_not_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_value_of_a_variable_is_not_recorded(tmp_path, monkeypatch):
     monkeypatch.setenv("PASSWORD", SECRET)
     (found,) = observed("import os; os.getenv('PASSWORD')", tmp_path)
     assert found.name == "PASSWORD"
     assert SECRET not in found.line
 
 
-def test_nothing_is_left_of_an_observation(tmp_path: Path) -> None:
+def test_nothing_is_left_of_an_observation(tmp_path):
     before = os._Environ.__getitem__
     with pytest.raises(ZeroDivisionError):
         observed("1 / 0", tmp_path)
@@ -248,17 +232,15 @@ def test_nothing_is_left_of_an_observation(tmp_path: Path) -> None:
 
 
 class TestInstalled:
-    def test_python_and_this_package_are(self) -> None:
+    def test_python_and_this_package_are(self):
         for file in (os.__file__, np.__file__, pytest.__file__, installed.__file__):
             assert is_installed(str(file))
 
-    def test_a_file_beside_a_study_is_not(self, tmp_path: Path) -> None:
+    def test_a_file_beside_a_study_is_not(self, tmp_path):
         assert not is_installed(str(tmp_path / "m.py"))
         assert not is_installed(__file__)
 
-    def test_a_folder_on_the_path_is_if_a_record_lists_its_files(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_folder_on_the_path_is_if_a_record_lists_its_files(self, tmp_path, monkeypatch):
         information = tmp_path / "package-1.0.dist-info"
         information.mkdir()
         (information / "RECORD").write_text("package/__init__.py,sha256=abc,3\n")
@@ -266,9 +248,7 @@ class TestInstalled:
         assert is_installed(str(tmp_path / "package" / "__init__.py"))
         assert not is_installed(str(tmp_path / "package" / "dropped.py"))
 
-    def test_a_file_dropped_among_packages_is_not(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_file_dropped_among_packages_is_not(self, tmp_path, monkeypatch):
         monkeypatch.setattr(installed, "_SITE", (f"{tmp_path}/",))
         monkeypatch.syspath_prepend(tmp_path)
         (tmp_path / "one-1.0.dist-info").mkdir()
@@ -278,7 +258,7 @@ class TestInstalled:
         assert not is_installed(str(tmp_path / "dropped.py"))
 
 
-def test_a_run_that_fails_early_is_not_all_that_is_observed(folder: Path) -> None:
+def test_a_run_that_fails_early_is_not_all_that_is_observed(folder):
     # The first run alone fails, before it opens a file.
     first = (
         "    if not (here / 'called').exists():\n        (here / 'called').touch()\n        1 / 0\n"
@@ -289,13 +269,13 @@ def test_a_run_that_fails_early_is_not_all_that_is_observed(folder: Path) -> Non
     assert recorded(folder)["k.txt"] == "opened"
 
 
-def test_without_a_trial_run_the_first_run_is_observed(folder: Path) -> None:
+def test_without_a_trial_run_the_first_run_is_observed(folder):
     (folder / "study.toml").write_text(STUDY + "[failures]\ntrial = false\n")
     make(folder)
     assert recorded(folder)["k.txt"] == "opened"
 
 
-def test_files_in_the_folder_are_archived_so_that_runs_can_be_repeated(folder: Path) -> None:
+def test_files_in_the_folder_are_archived_so_that_runs_can_be_repeated(folder):
     source = MODEL.replace("import outside", "").replace('(here.parent / "lib" / "far.txt")', "k")
     (folder / "m.py").write_text(source.replace("    factor", "    k = here / 'k.txt'\n    factor"))
     make(folder)
@@ -304,13 +284,13 @@ def test_files_in_the_folder_are_archived_so_that_runs_can_be_repeated(folder: P
         assert result.verdict.name == "EQUAL", result
 
 
-def test_a_function_of_a_program_is_known_by_the_files_that_it_opens(folder: Path) -> None:
-    program: dict[str, Any] = {"file": str(folder / "k.txt")}
+def test_a_function_of_a_program_is_known_by_the_files_that_it_opens(folder):
+    program = {"file": str(folder / "k.txt")}
     exec(PROGRAM, program)
 
-    def study() -> uqpen.Study:
+    def study():
         designs = {"d": uqpen.MonteCarlo(runs=10)}
-        given: dict[str, Any] = {"inputs": {"x": "0 ± 1"}, "outputs": {"y": "1"}}
+        given = {"inputs": {"x": "0 ± 1"}, "outputs": {"y": "1"}}
         return uqpen.Study(program["f"], designs=designs, seed=1, folder=folder, **given)
 
     uqpen.make_archive(study(), folder / "study.nc")

@@ -1,7 +1,5 @@
 """A target whose yield limit depends on pressure, against closed forms and integrations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from uqpen.core.model import Arrays, Model, Results
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.models.walker_anderson import WalkerAnderson
@@ -35,7 +32,7 @@ ROD = {
 TARGET = {"zero_pressure_yield_limit": 100e6, "yield_limit_slope": 0.6}
 
 
-def results(model: Model, given: dict[str, float], **changes: float | list[float]) -> Results:
+def results(model, given, **changes):
     given = given | changes  # type: ignore[assignment]
     arrays = np.broadcast_arrays(*map(np.atleast_1d, given.values()))
     return Evaluator(model)(
@@ -43,20 +40,20 @@ def results(model: Model, given: dict[str, float], **changes: float | list[float
     )
 
 
-def outputs(model: Model, given: dict[str, float], **changes: float | list[float]) -> Arrays:
+def outputs(model, given, **changes):
     found = results(model, given, **changes)
     assert not found.status.any()
     return found.outputs
 
 
-def integrated_yield_limit(logarithm: float, lowest: float, highest: float, k: float) -> float:
+def integrated_yield_limit(logarithm, lowest, highest, k):
     """Integrate the balance of momentum from the outer boundary inwards, at rest."""
 
-    def slopes(q: float, state: np.ndarray, slope: float) -> list[float]:
+    def slopes(q, state, slope):
         Y = min(lowest + k * state[0], highest)
         return [7 / 3 * Y / (1 + 2 / 3 * slope), Y]
 
-    def plateau(q: float, state: np.ndarray, slope: float) -> float:
+    def plateau(q, state, slope):
         return lowest + k * state[0] - highest
 
     plateau.terminal = True  # type: ignore[attr-defined]
@@ -68,9 +65,7 @@ def integrated_yield_limit(logarithm: float, lowest: float, highest: float, k: f
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(logarithm=st.floats(0.1, 4), ratio=st.floats(1.01, 20), slope=st.floats(0.01, 3))
-def test_the_resistance_agrees_with_an_integration(
-    logarithm: float, ratio: float, slope: float
-) -> None:
+def test_the_resistance_agrees_with_an_integration(logarithm, ratio, slope):
     arguments = (logarithm, 50e6, 50e6 * ratio, slope)
     found = effective_yield_limit(*map(np.atleast_1d, arguments))[0]
     assert found == pytest.approx(integrated_yield_limit(*arguments), rel=1e-9)
@@ -79,7 +74,7 @@ def test_the_resistance_agrees_with_an_integration(
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(share=st.floats(1e-6, 5.9))
-def test_the_plastic_zone_gives_its_volume_to_the_cavity(share: float) -> None:
+def test_the_plastic_zone_gives_its_volume_to_the_cavity(share):
     found = plastic_extent(np.array([2.0]), np.array([share]), np.array([1.0]))[0]
     # The boundary at S was at S (1 - Y0/6G) before the cavity of radius 2 was opened.
     volume = lambda S: S**3 - (S * (1 - share / 6)) ** 3 - 2.0**3  # noqa: E731
@@ -87,7 +82,7 @@ def test_the_plastic_zone_gives_its_volume_to_the_cavity(share: float) -> None:
     assert found > 2
 
 
-def test_a_weak_target_flows_as_far_as_the_theory_of_indentation_has_it() -> None:
+def test_a_weak_target_flows_as_far_as_the_theory_of_indentation_has_it():
     found = plastic_extent(np.array([1.0]), np.array([1e6]), np.array([30e9]))[0]
     assert found**3 == pytest.approx(2 * 30e9 / 1e6, rel=1e-4)
 
@@ -100,14 +95,14 @@ def test_a_weak_target_flows_as_far_as_the_theory_of_indentation_has_it() -> Non
         ({"zero_pressure_yield_limit": 300e6, "yield_limit_slope": 1e-13}, 300e6),
     ],
 )
-def test_a_constant_limit_gives_the_rod_as_it_was(target: dict[str, float], limit: float) -> None:
+def test_a_constant_limit_gives_the_rod_as_it_was(target, limit):
     found = outputs(WalkerAndersonDruckerPrager(), ROD | target)
     expected = outputs(WalkerAnderson(), ROD, target_yield_limit=limit)
     for name, values in expected.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-9)
 
 
-def test_a_shear_modulus_decides_how_far_the_target_flows() -> None:
+def test_a_shear_modulus_decides_how_far_the_target_flows():
     found = outputs(WalkerAndersonDruckerPrager(), ROD | TARGET, target_shear_modulus=14e9)
     S = plastic_extent(np.array([0.017]), np.array([100e6]), np.array([14e9]))[0]
     given = outputs(WalkerAndersonDruckerPrager(), ROD | TARGET, plasticity_radius=S)
@@ -117,7 +112,7 @@ def test_a_shear_modulus_decides_how_far_the_target_flows() -> None:
     np.testing.assert_array_equal(found["penetration_depth"], alone["penetration_depth"])
 
 
-def test_depth_falls_with_each_part_of_the_strength() -> None:
+def test_depth_falls_with_each_part_of_the_strength():
     for name, values in (
         ("zero_pressure_yield_limit", [50e6, 100e6, 200e6, 400e6]),
         ("yield_limit_slope", [0.0, 0.1, 0.3, 1.0]),
@@ -136,13 +131,13 @@ def test_depth_falls_with_each_part_of_the_strength() -> None:
         ({"plasticity_radius": 0.01}, "plasticity_radius > crater_radius"),
     ],
 )
-def test_an_impossible_target_is_inadmissible(changes: dict[str, float], reason: str) -> None:
+def test_an_impossible_target_is_inadmissible(changes, reason):
     found = results(WalkerAndersonDruckerPrager(), ROD | TARGET, **changes)
     assert found.status.tolist() == [Status.INADMISSIBLE]
     assert found.reasons == {0: reason}
 
 
-def test_the_course_of_a_run_ends_where_the_run_does() -> None:
+def test_the_course_of_a_run_ends_where_the_run_does():
     course = WalkerAndersonDruckerPrager().trajectory(ROD | TARGET)
     depth = outputs(WalkerAndersonDruckerPrager(), ROD | TARGET)["penetration_depth"][0]
     assert course["penetration_depth"].values[-1] == pytest.approx(depth, rel=1e-6)

@@ -18,7 +18,6 @@ from uqpen.core.status import Status
 from uqpen.models import tsitouras, walker_anderson
 from uqpen.models.rod_and_target import Termination
 from uqpen.models.rod_course import (
-    Trajectory,
     erosion_slopes,
     integrate_erosion,
     make_rod,
@@ -29,8 +28,6 @@ from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 pytestmark = pytest.mark.processor
 
 FloatArray = npt.NDArray[np.float64]
-Inputs = dict[str, FloatArray]
-
 CASES = Path(__file__).parents[1] / "data" / "walker_anderson_cases.csv"
 
 # Soleng & Svinsås (2001), Table 3.1, with R = 17 mm.
@@ -62,12 +59,12 @@ class Penetration(NamedTuple):
     solved: npt.NDArray[np.bool_]
 
 
-def penetrate(*, tolerance: float = DEFAULT_TOLERANCE, **batch: FloatArray) -> Penetration:
+def penetrate(*, tolerance=DEFAULT_TOLERANCE, **batch):
     results = WalkerAnderson(tolerance).evaluate(batch)
     return Penetration(*results.outputs.values(), results.status == Status.OK)
 
 
-def rods(**changes: float | FloatArray) -> Inputs:
+def rods(**changes):
     """A batch of the nominal rod with some inputs changed."""
     values = np.broadcast_arrays(*({**NOMINAL, **changes}).values())
     shape = np.atleast_1d(values[0]).shape
@@ -77,7 +74,7 @@ def rods(**changes: float | FloatArray) -> Inputs:
     }
 
 
-def concrete(runs: int, seed: int = 5876) -> Inputs:
+def concrete(runs, seed=5876):
     """Admissible draws of the report's law for concrete."""
     rng = np.random.default_rng(seed)
     batch = rods(
@@ -89,23 +86,23 @@ def concrete(runs: int, seed: int = 5876) -> Inputs:
     return select(batch, batch["plasticity_radius"] > batch["crater_radius"])
 
 
-def select(batch: Inputs, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64] | slice) -> Inputs:
+def select(batch, which):
     return {name: values[which] for name, values in batch.items()}
 
 
-def one(**changes: float) -> tuple[float, float]:
+def one(**changes):
     result = penetrate(**rods(**changes), tolerance=1e-11)
     assert result.solved.all()
     return float(result.depth[0]), float(result.residue[0])
 
 
-def assert_same_bits(left: Penetration, right: Penetration) -> None:
+def assert_same_bits(left, right):
     for ours, theirs in zip(left, right, strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
 
 @pytest.fixture(scope="module")
-def cases() -> tuple[Inputs, dict[str, FloatArray], list[str]]:
+def cases():
     with CASES.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     columns = {
@@ -388,7 +385,7 @@ def test_extreme_rods_end_where_an_independent_integration_ends(changes):
 
 
 @pytest.fixture(scope="module")
-def course() -> Trajectory:
+def course():
     return trajectory(make_rod(NOMINAL), depths=10_001)
 
 

@@ -1,13 +1,9 @@
 """The reason of a failed run names the line of the user's own code."""
 
-from __future__ import annotations
-
 import textwrap
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.execution.processes import processes
@@ -23,22 +19,16 @@ import math
 def root(x):
     return math.sqrt(-1 - x)
 """
-STUDY = """\
-seed = 3
-[model]
-python = "beam.py:simulate"
-inputs = { x = "1" }
-outputs = { y = "m" }
-[inputs]
-x = { uniform = { lower = 0, upper = 1 } }
-[designs.some]
-kind = "monte-carlo"
-runs = 5
-"""
+STUDY = study_text(
+    {"python": "beam.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": (0, 1)},
+    designs={"some": {"kind": "monte-carlo", "runs": 5}},
+)
 ROOT = "ValueError: math domain error (helper.py, line 4: return math.sqrt(-1 - x))"
 
 
-def reasons(folder: Path, beam: str, text: str = STUDY, **options: Any) -> set[str]:
+def reasons(folder, beam, text=STUDY, **options):
     folder.mkdir(exist_ok=True)
     (folder / "beam.py").write_text(beam)
     (folder / "helper.py").write_text(HELPER)
@@ -46,7 +36,7 @@ def reasons(folder: Path, beam: str, text: str = STUDY, **options: Any) -> set[s
     return set(tree["runs/some"]["lost_reason"].values.tolist())
 
 
-def test_it_is_the_innermost_line_of_the_users_files(tmp_path: Path) -> None:
+def test_it_is_the_innermost_line_of_the_users_files(tmp_path):
     # The innermost line of all is in a library.
     beam = "import numpy as np\ndef simulate(x):\n    return np.linalg.inv(np.zeros((1, 1)))\n"
     assert reasons(tmp_path / "a", BEAM) == {ROOT}
@@ -57,7 +47,7 @@ def test_it_is_the_innermost_line_of_the_users_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_is_the_same_in_every_folder_and_process(tmp_path: Path) -> None:
+def test_it_is_the_same_in_every_folder_and_process(tmp_path):
     with processes(2) as pool:
         assert reasons(tmp_path / "other", BEAM, map=pool) == {ROOT}
     vectorized = STUDY.replace("[inputs]", "vectorized = true\n[inputs]")
@@ -65,7 +55,7 @@ def test_it_is_the_same_in_every_folder_and_process(tmp_path: Path) -> None:
     assert reasons(tmp_path / "third", beam, vectorized) == {ROOT}
 
 
-def test_a_file_outside_the_study_has_its_name_only(tmp_path: Path) -> None:
+def test_a_file_outside_the_study_has_its_name_only(tmp_path):
     text = STUDY.replace("beam.py", "../models/beam.py")
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "beam.py").write_text("def simulate(x):\n    return 1 / 0\n")
@@ -74,7 +64,7 @@ def test_a_file_outside_the_study_has_its_name_only(tmp_path: Path) -> None:
     assert reasons(tmp_path / "study", "", text) == expected
 
 
-def test_an_exception_that_is_raised_again_has_the_line_of_this_time(tmp_path: Path) -> None:
+def test_an_exception_that_is_raised_again_has_the_line_of_this_time(tmp_path):
     beam = """\
         error = ValueError("no")
         def simulate(x):
@@ -88,13 +78,13 @@ def test_an_exception_that_is_raised_again_has_the_line_of_this_time(tmp_path: P
     }
 
 
-def test_lines_are_counted_as_python_counts_them(tmp_path: Path) -> None:
+def test_lines_are_counted_as_python_counts_them(tmp_path):
     beam = "\f\nTEXT = 'a\u2028b'\ndef simulate(x):\n    return 1 / 0  # now\n    # then\n"
     expected = {"ZeroDivisionError: division by zero (beam.py, line 4: return 1 / 0 # now)"}
     assert reasons(tmp_path, beam) == expected
 
 
-def test_of_a_recursion_it_is_the_innermost_line(tmp_path: Path) -> None:
+def test_of_a_recursion_it_is_the_innermost_line(tmp_path):
     beam = """\
         def deeper(x, depth):
             return 1 / depth if depth == 0 else deeper(x, depth - 1)
@@ -105,7 +95,7 @@ def test_of_a_recursion_it_is_the_innermost_line(tmp_path: Path) -> None:
     assert "(beam.py, line 2: return 1 / depth if" in reason
 
 
-def test_a_line_is_cut_and_an_edit_has_no_effect(tmp_path: Path) -> None:
+def test_a_line_is_cut_and_an_edit_has_no_effect(tmp_path):
     beam = f"""\
         from pathlib import Path
         def simulate(x):
@@ -119,8 +109,8 @@ def test_a_line_is_cut_and_an_edit_has_no_effect(tmp_path: Path) -> None:
     assert len(reason) < 320
 
 
-def _function(scale: float) -> Callable[..., Any]:
-    def model(x: float) -> dict[str, float]:
+def _function(scale):
+    def model(x):
         factor = scale / (x - x)
         return {"y": factor}
 
@@ -128,7 +118,7 @@ def _function(scale: float) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_the_lines_of_a_function_of_a_program_count_from_its_own(workers: int) -> None:
+def test_the_lines_of_a_function_of_a_program_count_from_its_own(workers):
     study = uqpen.Study(
         _function(2.0),
         inputs={"x": uqpen.Uniform(0, 1)},

@@ -1,9 +1,5 @@
 """Arrays with coordinates that a model returns: aligned with the declared ones, or refused."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,11 +14,11 @@ CURVE = Output("y", "m", dims=(TIME,))
 SHEET = Output("y", "m", dims=(LEVEL, TIME))
 
 
-def found(output: Output, array: xr.DataArray, **grids: Any) -> np.ndarray:
+def found(output, array, **grids):
     return extract_outputs({"y": array, "t": [0, 2, 4]}, [output], None, grids)["y"]
 
 
-def curve(time: Any, **attributes: str) -> xr.DataArray:
+def curve(time, **attributes):
     coordinates = xr.Variable("time", time, attributes)
     return xr.DataArray([10.0, 11.0, 13.0], dims="time", coords={"time": coordinates})
 
@@ -37,11 +33,11 @@ def curve(time: Any, **attributes: str) -> xr.DataArray:
         curve([0, 1, 3]).drop_vars("time"),
     ],
 )
-def test_values_stand_at_the_coordinates_that_they_were_returned_at(array: xr.DataArray) -> None:
+def test_values_stand_at_the_coordinates_that_they_were_returned_at(array):
     assert found(CURVE, array).tolist() == [10.0, 11.0, 13.0]
 
 
-def test_each_dimension_is_put_in_order_by_itself() -> None:
+def test_each_dimension_is_put_in_order_by_itself():
     array = xr.DataArray(
         [[1, 2], [3, 4], [5, 6]],
         dims=("time", "level"),
@@ -70,11 +66,11 @@ def test_each_dimension_is_put_in_order_by_itself() -> None:
         (curve([0, 1, 3])[:2], r'returned a "y" of shape \(2,\), not \(3,\) along \(time\)'),
     ],
 )
-def test_other_coordinates_are_refused_with_the_place(array: xr.DataArray, reason: str) -> None:
+def test_other_coordinates_are_refused_with_the_place(array, reason):
     with pytest.raises(UnusableOutputError, match=reason):
         found(CURVE, array)
 
 
-def test_a_grid_of_the_runs_own_is_the_one_that_it_returns() -> None:
+def test_a_grid_of_the_runs_own_is_the_one_that_it_returns():
     array = curve([5, 6, 7])
     assert found(CURVE, array, y=RunGrid({"time": "t"})).tolist() == [10.0, 10.5, 12.0]

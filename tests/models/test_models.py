@@ -1,13 +1,11 @@
 """What holds of every built-in model, and known answers of each."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from uqpen.core.errors import TrajectoryError
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Model, Results
+from uqpen.core.model import Model
 from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
@@ -32,7 +30,7 @@ ROD = {
     "crater_radius": 0.017,
     "smoothing": 0.0,
 }
-ROD_MODELS: list[Model] = [
+ROD_MODELS = [
     WalkerAnderson(),
     RigidPenetration(),
     AlekseevskiiTate(),
@@ -40,7 +38,7 @@ ROD_MODELS: list[Model] = [
 ]
 
 
-def results(model: Model, **changes: float | list[float]) -> Results:
+def results(model, **changes):
     given = {name: value for name, value in {**ROD, **changes}.items() if value is not None}
     arrays = np.broadcast_arrays(*(np.atleast_1d(value) for value in given.values()))
     return Evaluator(model)(
@@ -48,33 +46,33 @@ def results(model: Model, **changes: float | list[float]) -> Results:
     )
 
 
-def without(name: str, **more: float) -> dict[str, float]:
+def without(name, **more):
     return {**{key: value for key, value in ROD.items() if key != name}, **more}
 
 
 @pytest.mark.parametrize("name", MODELS)
 class TestEveryModel:
-    def model(self, name: str) -> Model:
+    def model(self, name):
         model = resolve(MODELS[name])()
         assert isinstance(model, Model)
         return model
 
-    def test_it_goes_by_the_name_that_studies_use(self, name: str) -> None:
+    def test_it_goes_by_the_name_that_studies_use(self, name):
         assert self.model(name).name == name
         assert self.model(name).identity()["name"] == name
 
-    def test_its_units_are_coherent_si(self, name: str) -> None:
+    def test_its_units_are_coherent_si(self, name):
         model = self.model(name)
         for variable in (*model.inputs, *model.outputs):
             assert si_unit(variable.unit) == variable.unit
             assert si_unit(variable.preferred_unit) == variable.unit
 
-    def test_no_name_is_used_twice(self, name: str) -> None:
+    def test_no_name_is_used_twice(self, name):
         model = self.model(name)
         names = [variable.name for variable in (*model.inputs, *model.outputs)]
         assert len(set(names)) == len(names)
 
-    def test_what_is_not_a_number_is_inadmissible(self, name: str) -> None:
+    def test_what_is_not_a_number_is_inadmissible(self, name):
         model = self.model(name)
         inputs = {variable.name: np.array([np.nan, np.inf]) for variable in model.inputs}
         assert (Evaluator(model)(inputs).status == Status.INADMISSIBLE).all()
@@ -96,26 +94,24 @@ class TestRodModels:
             ({"smoothing": -0.1}, "smoothing >= 0 and < 2"),
         ],
     )
-    def test_inputs_outside_the_domain_are_inadmissible(
-        self, model: Model, changes: dict[str, float], reason: str
-    ) -> None:
+    def test_inputs_outside_the_domain_are_inadmissible(self, model, changes, reason):
         found = results(model, **changes)
         assert found.status.tolist() == [Status.INADMISSIBLE]
         assert found.reasons == {0: reason}
 
-    def test_an_inadmissible_run_harms_no_other(self, model: Model) -> None:
+    def test_an_inadmissible_run_harms_no_other(self, model):
         radii = [0.1, 0.01, 0.1]
         found = results(model, plasticity_radius=radii)
         depth = found.outputs["penetration_depth"]
         assert found.status.tolist() == [0, Status.INADMISSIBLE, 0]
         assert depth[0] == depth[2] > 0
 
-    def test_a_modulus_that_disagrees_is_inadmissible(self, model: Model) -> None:
+    def test_a_modulus_that_disagrees_is_inadmissible(self, model):
         found = results(model, projectile_young_modulus=[165e9, 170e9])
         assert found.status.tolist() == [0, Status.INADMISSIBLE]
         assert "within 1 %" in found.reasons[1]
 
-    def test_an_input_is_missing_unless_an_alternative_is_given(self, model: Model) -> None:
+    def test_an_input_is_missing_unless_an_alternative_is_given(self, model):
         assert list(model.missing_inputs(without("projectile_sound_speed"))) == [
             "projectile_sound_speed"
         ]
@@ -124,7 +120,7 @@ class TestRodModels:
         assert list(model.missing_inputs(without("smoothing"))) == []
 
 
-def test_a_young_modulus_stands_for_the_sound_speed() -> None:
+def test_a_young_modulus_stands_for_the_sound_speed():
     inputs = without("projectile_sound_speed", projectile_young_modulus=17_500.0 * 3071.0**2)
     arrays = {name: np.array([value]) for name, value in inputs.items()}
     by_modulus = Evaluator(WalkerAnderson())(arrays).outputs["penetration_depth"]
@@ -137,9 +133,7 @@ def test_a_young_modulus_stands_for_the_sound_speed() -> None:
     ("smoothing", "depth", "residue"),
     [(0.0, 0.4615719, 0.02327912), (0.5, 0.4664426, 0.02471702), (1.0, 0.4755823, 0.02726010)],
 )
-def test_the_nominal_rod_erodes_as_far_as_it_should(
-    smoothing: float, depth: float, residue: float
-) -> None:
+def test_the_nominal_rod_erodes_as_far_as_it_should(smoothing, depth, residue):
     outputs = results(WalkerAnderson(), smoothing=smoothing).outputs
     # A unit of the last digit of the reference values.
     assert outputs["penetration_depth"][0] == pytest.approx(depth, abs=1e-7)
@@ -147,7 +141,7 @@ def test_the_nominal_rod_erodes_as_far_as_it_should(
     assert outputs["termination"][0] == Termination.BREAKDOWN
 
 
-def test_the_rigid_rod_goes_deeper_and_keeps_its_length() -> None:
+def test_the_rigid_rod_goes_deeper_and_keeps_its_length():
     outputs = results(RigidPenetration()).outputs
     assert outputs["penetration_depth"][0] == pytest.approx(1.02885, abs=5e-6)
     assert outputs["projectile_residue"][0] == 0.16
@@ -155,7 +149,7 @@ def test_the_rigid_rod_goes_deeper_and_keeps_its_length() -> None:
     assert outputs["termination"][0] == Termination.RIGID
 
 
-def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
+def test_a_rod_that_never_erodes_is_the_rigid_rod():
     # At 50 m/s the tungsten rod is far too strong for concrete to erode.
     slow = {"impact_velocity": 50.0}
     eroding, rigid = results(WalkerAnderson(), **slow), results(RigidPenetration(), **slow)
@@ -165,7 +159,7 @@ def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
         )
 
 
-def test_the_integrator_numbers_terminations_as_the_output_does() -> None:
+def test_the_integrator_numbers_terminations_as_the_output_does():
     from uqpen.models import rod_kernel
 
     assert rod_kernel.CAUGHT_UP == Termination.BREAKDOWN
@@ -173,7 +167,7 @@ def test_the_integrator_numbers_terminations_as_the_output_does() -> None:
     assert [category.label for category in OUTPUTS[3].categories] == ["v = u", "u = 0", "rigid"]
 
 
-def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:
+def test_the_course_of_a_run_is_a_dataset_against_depth():
     course = WalkerAnderson().trajectory(ROD)
     assert set(course.data_vars) == {
         "time",
@@ -193,7 +187,7 @@ def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:
     )
 
 
-def test_the_course_of_a_rigid_rod_ends_where_the_run_does() -> None:
+def test_the_course_of_a_rigid_rod_ends_where_the_run_does():
     model = RigidPenetration()
     course = model.trajectory(ROD)
     assert set(course) == set(WalkerAnderson().trajectory(ROD))
@@ -210,12 +204,12 @@ def test_the_course_of_a_rigid_rod_ends_where_the_run_does() -> None:
     np.testing.assert_allclose(passed, depth, atol=1e-5)
 
 
-def test_a_course_of_impossible_size_is_refused() -> None:
+def test_a_course_of_impossible_size_is_refused():
     with pytest.raises(TrajectoryError, match="too large or too small"):
         RigidPenetration().trajectory(ROD | {"impact_velocity": 1e200})
 
 
-def test_the_ishigami_function_has_its_known_values() -> None:
+def test_the_ishigami_function_has_its_known_values():
     inputs = {
         "x1": np.array([np.pi / 2, 0.0]),
         "x2": np.array([0.0, np.pi / 2]),
@@ -224,7 +218,7 @@ def test_the_ishigami_function_has_its_known_values() -> None:
     np.testing.assert_allclose(Ishigami().evaluate(inputs).outputs["y"], [1.1, 7.0], rtol=1e-15)
 
 
-def test_campbells_curve_has_its_known_values() -> None:
+def test_campbells_curve_has_its_known_values():
     # Without x1 and x3 the peak has no width; with x1 = 1 its exponent at -90, 0 and 90 is known.
     inputs = {"x1": [0.0, 1.0], "x2": [1.0, 0.0], "x3": [0.0, 2.0], "x4": [2.0, 0.5]}
     values = Campbell().evaluate({k: np.array(v) for k, v in inputs.items()}).outputs["y"]
@@ -235,6 +229,6 @@ def test_campbells_curve_has_its_known_values() -> None:
     np.testing.assert_allclose(values[1, [0, 90, 180]], exact, rtol=1e-14)
 
 
-def test_settings_are_part_of_what_a_model_is() -> None:
+def test_settings_are_part_of_what_a_model_is():
     assert WalkerAnderson(1e-6).identity() != WalkerAnderson(1e-8).identity()
     assert Ishigami(a=7).identity() != Ishigami(a=6).identity()

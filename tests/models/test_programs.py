@@ -1,13 +1,10 @@
 """Studies of programs that people use, as they come with uqpen: ngspice and CalculiX."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 
@@ -16,7 +13,7 @@ STUDIES = Path(__file__).parents[2] / "studies" / "programs"
 pytestmark = pytest.mark.slow
 
 
-def runs_of(name: str, program: str, package: str, tmp_path: Path) -> xr.Dataset:
+def runs_of(name, program, package, tmp_path):
     """Run a study that is shipped, if its program is there."""
     if shutil.which(program) is None:
         pytest.skip(f"there is no {program} here (Debian's package {package})")
@@ -27,7 +24,7 @@ def runs_of(name: str, program: str, package: str, tmp_path: Path) -> xr.Dataset
     return runs
 
 
-def test_the_filter_has_the_cutoff_of_its_formula(tmp_path: Path) -> None:
+def test_the_filter_has_the_cutoff_of_its_formula(tmp_path):
     runs = runs_of("filter", "ngspice", "ngspice", tmp_path)
     period = 2 * np.pi * runs["resistance"].values * runs["capacitance"].values
     # Seven digits are printed, and the frequency is interpolated between 200 in a decade.
@@ -36,7 +33,7 @@ def test_the_filter_has_the_cutoff_of_its_formula(tmp_path: Path) -> None:
     np.testing.assert_allclose(runs["gain"].values, decibels, rtol=1e-4)
 
 
-def test_the_cantilever_bends_as_in_beam_theory(tmp_path: Path) -> None:
+def test_the_cantilever_bends_as_in_beam_theory(tmp_path):
     runs = runs_of("cantilever", "ccx", "calculix-ccx", tmp_path)
     inertia = runs["width"].values * runs["height"].values ** 3 / 12
     theory = runs["load"].values / (3 * runs["modulus"].values * inertia)

@@ -1,12 +1,9 @@
 """A user's Python function may raise anything, return anything, fork or stop the program."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +11,12 @@ import numpy as np
 import pytest
 
 from uqpen.core.interrupts import is_user_interrupt, record_interrupts
-from uqpen.core.model import Input, Output, Results
+from uqpen.core.model import Input, Output
 from uqpen.core.status import Status
 from uqpen.models.python_function import PythonFunction
 
 
-def evaluate(function: Callable[..., Any]) -> Results:
+def evaluate(function):
     model = PythonFunction(function, "f", (Input("x", "1"),), (Output("y", "1"),), UNITS)
     return model.evaluate({"x": np.array([0.5])})
 
@@ -28,13 +25,13 @@ UNITS = {"x": "1", "y": "1"}
 
 
 class TextExitsError(Exception):
-    def __str__(self) -> str:
+    def __str__(self):
         sys.exit(0)
 
 
 class NameRaises(type):
     @property
-    def __name__(cls) -> str:  # type: ignore[override]
+    def __name__(cls):  # type: ignore[override]
         raise RuntimeError("no name")
 
 
@@ -43,21 +40,21 @@ class NamelessError(Exception, metaclass=NameRaises):
 
 
 class Lazy(dict[str, Any]):
-    def __init__(self, error: BaseException) -> None:
+    def __init__(self, error):
         super().__init__(y=1.0)
         self.error = error
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name):
         raise self.error
 
 
 class Number:
-    def __array__(self, *arguments: Any, **options: Any) -> Any:
+    def __array__(self, *arguments, **options):
         sys.exit(0)
 
 
-def raising(error: BaseException) -> Callable[..., Any]:
-    def function(x: float) -> Any:
+def raising(error):
+    def function(x):
         raise error
 
     return function
@@ -75,16 +72,14 @@ def raising(error: BaseException) -> Callable[..., Any]:
         (lambda x: {"y": Number()}, "SystemExit: 0"),
     ],
 )
-def test_whatever_it_raises_is_the_reason_of_a_failed_run(
-    function: Callable[..., Any], reason: str
-) -> None:
+def test_whatever_it_raises_is_the_reason_of_a_failed_run(function, reason):
     results = evaluate(function)
     assert results.status.tolist() == [Status.FAILED]
     assert results.reasons == {0: reason}
 
 
-def test_the_streams_are_there_after_the_run() -> None:
-    def function(x: float) -> dict[str, float]:
+def test_the_streams_are_there_after_the_run():
+    def function(x):
         sys.stdout = sys.stderr = None  # type: ignore[assignment]
         return {"y": x}
 
@@ -94,24 +89,24 @@ def test_the_streams_are_there_after_the_run() -> None:
 
 
 class TestInterrupts:
-    def test_one_that_a_model_raises_is_a_failed_run_where_ctrl_c_is_recorded(self) -> None:
+    def test_one_that_a_model_raises_is_a_failed_run_where_ctrl_c_is_recorded(self):
         with record_interrupts():
             results = evaluate(raising(KeyboardInterrupt()))
         assert results.reasons == {0: "KeyboardInterrupt"}
 
-    def test_ctrl_c_stops_the_study(self) -> None:
-        def function(x: float) -> None:
+    def test_ctrl_c_stops_the_study(self):
+        def function(x):
             os.kill(os.getpid(), signal.SIGINT)
             signal.pause()
 
         with record_interrupts(), pytest.raises(KeyboardInterrupt):
             evaluate(function)
 
-    def test_without_a_record_it_may_be_ctrl_c(self) -> None:
+    def test_without_a_record_it_may_be_ctrl_c(self):
         with pytest.raises(KeyboardInterrupt):
             evaluate(raising(KeyboardInterrupt()))
 
-    def test_the_handler_of_before_is_there_again(self) -> None:
+    def test_the_handler_of_before_is_there_again(self):
         before = signal.getsignal(signal.SIGINT)
         with record_interrupts():
             assert signal.getsignal(signal.SIGINT) is not before
@@ -147,7 +142,7 @@ sys.stdout.write(f"{{outputs}}\\n")
         ("return 'nothing of use'", 0),
     ],
 )
-def test_a_forked_child_never_goes_on_with_the_study(ending: str, code: int) -> None:
+def test_a_forked_child_never_goes_on_with_the_study(ending, code):
     program = FORKING.format(tests=str(Path(__file__).parent), ending=ending)
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

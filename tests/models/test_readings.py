@@ -1,13 +1,9 @@
 """Where a number stands in what a program has written, and how placeholders give it numbers."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -26,7 +22,7 @@ TABLE = "# time  force\n0 1.5\n\n1 2.5\n# a comment\n2 3.5\nforces at the end\n 
 ANGLES = Delimiters("<<", ">>")
 
 
-def number(folder: Path, reader: TextReader | ColumnReader, content: str) -> float | str:
+def number(folder, reader, content):
     """What is read from a file with some content, or why nothing is."""
     (folder / reader.file).write_text(content)
     try:
@@ -47,25 +43,23 @@ def number(folder: Path, reader: TextReader | ColumnReader, content: str) -> flo
         ({"after": "resultat"}, 'out does not contain "resultat"'),
     ],
 )
-def test_a_reading_says_which_match_counts(
-    tmp_path: Path, keys: dict[str, str], expected: float | str
-) -> None:
+def test_a_reading_says_which_match_counts(tmp_path, keys, expected):
     reader = TextReader("out", r"s = (\S+)", **keys)  # type: ignore[arg-type]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert number(tmp_path, reader, LOG) == expected
 
 
-def test_several_matches_are_counted_where_nothing_says_which(tmp_path: Path) -> None:
-    with pytest.warns(RunWarning, match="several matches .* the last is taken") as told:
+def test_several_matches_are_counted_where_nothing_says_which(tmp_path):
+    with pytest.warns(RunWarning, match="several matches .* the last is taken") as reported:
         assert number(tmp_path, TextReader("out", r"s = (\S+)"), LOG) == 8.0
-    (warning,) = (each.message for each in told)
+    (warning,) = (each.message for each in reported)
     assert isinstance(warning, RunWarning)
     assert warning.of_one_run.startswith("4 matches for ")
 
 
 @pytest.fixture
-def endless(tmp_path: Path) -> Iterator[Callable[[Limits], float]]:
+def endless(tmp_path):
     """Read a file with a pattern that does not match it, in any of 2^60 ways."""
     (tmp_path / "out").write_text("a" * 60 + "b")
     signals = (signal.SIGINT, signal.SIGVTALRM, signal.SIGPROF)
@@ -79,17 +73,15 @@ def endless(tmp_path: Path) -> Iterator[Callable[[Limits], float]]:
 class TestEndlessPattern:
     """Patterns of exponential cost."""
 
-    def test_its_time_is_limited(self, endless: Callable[[Limits], float]) -> None:
+    def test_its_time_is_limited(self, endless):
         reason = r'reading what "\(a\+\)\+\$" matches in out took longer than 0.05 s'
-        with pytest.raises(UnreadableError, match=reason) as told:
+        with pytest.raises(UnreadableError, match=reason) as reported:
             endless(Limits(0.05))
-        assert told.value.status == Status.TIMED_OUT
+        assert reported.value.status == Status.TIMED_OUT
 
     @pytest.mark.parametrize("seconds", [3600, None])
-    def test_ctrl_c_ends_it(
-        self, endless: Callable[[Limits], float], seconds: float | None
-    ) -> None:
-        def read() -> None:
+    def test_ctrl_c_ends_it(self, endless, seconds):
+        def read():
             signal.setitimer(signal.ITIMER_PROF, 0.05)
             endless(Limits(seconds))
 
@@ -116,16 +108,12 @@ class TestEndlessPattern:
         (0, 0, "nothing", 'out does not contain "nothing"'),
     ],
 )
-def test_a_table_with_blanks_between_its_columns_is_read(
-    tmp_path: Path, column: str | int, row: int, after: str | None, expected: float | str
-) -> None:
+def test_a_table_with_blanks_between_its_columns_is_read(tmp_path, column, row, after, expected):
     assert number(tmp_path, ColumnReader("out", column, row, after), TABLE) == expected
 
 
 @given(content=st.text(), column=st.integers(-3, 3) | st.just("a"), after=st.none() | st.text())
-def test_any_content_is_a_number_or_a_reason(
-    tmp_path_factory: pytest.TempPathFactory, content: str, column: str | int, after: str | None
-) -> None:
+def test_any_content_is_a_number_or_a_reason(tmp_path_factory, content, column, after):
     if after is None or after.strip():
         reader = ColumnReader("out", column, 0, after)
         (folder := tmp_path_factory.getbasetemp() / "any").mkdir(exist_ok=True)
@@ -134,7 +122,7 @@ def test_any_content_is_a_number_or_a_reason(
             assert isinstance(reader.value(RunFiles(folder)), float)
 
 
-def test_other_delimiters_leave_braces_and_lone_delimiters_alone() -> None:
+def test_other_delimiters_leave_braces_and_lone_delimiters_alone():
     text = "{ R1 1 0 <<r>> ; cout << x; <<n:d>> <<r:.2e>> $x^{2}$ }"
     filled = fill(text, {"r": 47.5, "n": 3.0}, ANGLES)
     assert filled == "{ R1 1 0 47.5 ; cout << x; 3 4.75e+01 $x^{2}$ }"
@@ -152,7 +140,7 @@ def test_other_delimiters_leave_braces_and_lone_delimiters_alone() -> None:
 
 
 @given(number=st.integers(-(2**53), 2**53))
-def test_whole_numbers_are_written_without_a_point(number: int) -> None:
+def test_whole_numbers_are_written_without_a_point(number):
     assert fill("{n:d}", {"n": float(number)}) == str(number)
     with pytest.raises(NotWholeError, match=r"\{n:03d\} is 0.5, which is no whole number"):
         fill("{n:03d}", {"n": 0.5})
@@ -182,26 +170,24 @@ class TestStudy:
     """Studies of a program that repeats its input file."""
 
     @pytest.fixture
-    def folder(self, tmp_path: Path) -> Path:
+    def folder(self, tmp_path):
         (tmp_path / "deck.template").write_text("L = <<length>> x = <<x>> n = <<n:d>>")
         return tmp_path
 
-    def study(self, folder: Path, model: str = 'delimiters = ["<<", ">>"]', n: str = "3") -> object:
+    def study(self, folder, model='delimiters = ["<<", ">>"]', n="3"):
         return uqpen.parse_study(STUDY.format(model=model, n=n), folder=folder, name="deck")
 
-    def test_numbers_arrive_as_they_are_written_and_several_matches_are_told_once(
-        self, folder: Path
-    ) -> None:
+    def test_numbers_arrive_as_they_are_written_and_several_matches_are_reported_once(self, folder):
         text = "{n}\nL = <<length>> \nL = <<length>>\nn = <<n:d>>; <<x:.0f>>"
         (folder / "deck.template").write_text(text)
-        with pytest.warns(RuntimeWarning, match="several matches for") as told:
+        with pytest.warns(RuntimeWarning, match="several matches for") as reported:
             runs = uqpen.run(self.study(folder, 'delimiters = ["<<", ">>"]\nkeep = "all"'))
-        assert len({str(each.message) for each in told}) == 1
+        assert len({str(each.message) for each in reported}) == 1
         assert runs["runs/some"]["y"].values.tolist() == [0.007, 0.007]
         kept = next((folder / "deck_runs").iterdir())
         assert (kept / "deck.in").read_text().startswith("{n}\nL = 7.0 \nL = 7.0\nn = 3; ")
 
-    def test_a_number_that_should_be_whole_and_is_not_fails_its_run(self, folder: Path) -> None:
+    def test_a_number_that_should_be_whole_and_is_not_fails_its_run(self, folder):
         runs = uqpen.run(self.study(folder, n="2.5"))["runs/some"]
         assert set(runs["status"].values) == {Status.FAILED}
         assert set(runs["lost_reason"].values) == {"<<n:d>> is 2.5, which is no whole number"}
@@ -209,6 +195,6 @@ class TestStudy:
     @pytest.mark.parametrize(
         "wrong", ['"<<"', '["<<"]', '["a", "b"]', '["<<", ""]', '["< <", ">>"]', '["<<", 3]']
     )
-    def test_delimiters_are_two_texts(self, folder: Path, wrong: str) -> None:
+    def test_delimiters_are_two_texts(self, folder, wrong):
         with pytest.raises(StudyError, match="expected  two texts of 1 to 8 signs"):
             self.study(folder, f"delimiters = {wrong}")

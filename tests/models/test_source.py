@@ -1,12 +1,11 @@
 """What tells one version of a model from another: built in, or the user's own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.files import archived_files
@@ -20,28 +19,21 @@ from uqpen.models.surroundings import ModelFolder
 
 FOLDER = Path(sources.__file__).parent
 
-STUDY = """
-seed = 1
-[model]
-python = "own.py:f"
-inputs = { x = "1" }
-outputs = { y = "1" }
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {"python": "own.py:f", "inputs": {"x": "1"}, "outputs": {"y": "1"}},
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 class TestBuiltIn:
     @pytest.mark.parametrize("name", list(MODELS))
-    def test_identity_tells_version_and_source(self, name: str) -> None:
+    def test_identity_tells_version_and_source(self, name):
         identity = resolve(MODELS[name])().identity()
         assert identity["version"] == uqpen.__version__
         assert len(identity["source_sha256"]) == 64
 
-    def test_the_source_is_the_same_whatever_has_been_imported(self) -> None:
+    def test_the_source_is_the_same_whatever_has_been_imported(self):
         code = "from uqpen.models.source import source_sha256 as s;"
         module = MODELS["walker-anderson"].partition(":")[0]
         code += (
@@ -69,12 +61,12 @@ class TestBuiltIn:
     )
     def test_what_a_model_imports_belongs_to_it(
         self,
-        model: str,
-        module: str,
-        belongs: bool,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
+        model,
+        module,
+        belongs,
+        tmp_path,
+        monkeypatch,
+    ):
         home = MODELS[model].partition(":")[0]
         digest = sources.source_sha256.__wrapped__
         before = digest(home)
@@ -98,14 +90,14 @@ class TestBuiltIn:
             "def late():\n    from uqpen.models import (\n        tsitouras,\n    )",
         ],
     )
-    def test_imports_are_found_in_every_form(self, line: str) -> None:
+    def test_imports_are_found_in_every_form(self, line):
         assert "tsitouras" in set(sources._imported_modules(line.encode()))
 
 
 class TestFilesThatChange:
     """A file that is edited while the study runs."""
 
-    def test_what_was_imported_is_kept(self, tmp_path: Path) -> None:
+    def test_what_was_imported_is_kept(self, tmp_path):
         source = "def f(x): return {'y': 2 * x}\n"
         (tmp_path / "own.py").write_text(source)
         study = uqpen.parse_study(STUDY, folder=tmp_path)
@@ -116,7 +108,7 @@ class TestFilesThatChange:
         (file,) = archived_files(read_group(tree, "files"))
         assert file.read() == source.encode()
 
-    def test_a_table_is_kept_as_it_was_read(self, tmp_path: Path) -> None:
+    def test_a_table_is_kept_as_it_was_read(self, tmp_path):
         (tmp_path / "own.py").write_text("def f(x): return {'y': 2 * x}\n")
         (tmp_path / "points.csv").write_text("x\n1\n2\n")
         text = (
@@ -129,7 +121,7 @@ class TestFilesThatChange:
         assert archived_files(read_group(tree, "files"))[1].read() == b"x\n1\n2\n"
 
     @pytest.mark.slow
-    def test_runs_of_two_versions_are_refused(self, tmp_path: Path) -> None:
+    def test_runs_of_two_versions_are_refused(self, tmp_path):
         (tmp_path / "own.py").write_text("def f(x): return {'y': 2 * x}\n")
         study = uqpen.parse_study(STUDY, folder=tmp_path)
         (tmp_path / "own.py").write_text("def f(x): return {'y': 3 * x}\n")
@@ -137,7 +129,7 @@ class TestFilesThatChange:
         with processes(1) as pool, pytest.raises(ModelError, match=expected):
             uqpen.run(study, map=pool)
 
-    def test_what_another_process_has_imported_is_known_here(self, tmp_path: Path) -> None:
+    def test_what_another_process_has_imported_is_known_here(self, tmp_path):
         (tmp_path / "beside.py").write_text("a = 1\n")
         there, here = ModelFolder(tmp_path), ModelFolder(tmp_path)
         there.read(str(tmp_path / "beside.py"))

@@ -1,16 +1,12 @@
 """Models on a UM-Bridge server: the real one, and some that misbehave."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -50,13 +46,12 @@ runs = 20
 
 
 @contextlib.contextmanager
-def serving(models: int = 2, program: Path = SERVER) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def serving(models=2, program=SERVER):
     """The address of a real server, and its process."""
     command = [sys.executable, str(program), str(models)]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:
-        assert process.stdout is not None
         try:
             yield f"http://127.0.0.1:{process.stdout.readline().strip()}", process
         finally:
@@ -64,17 +59,17 @@ def serving(models: int = 2, program: Path = SERVER) -> Iterator[tuple[str, subp
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
+def address():
     with serving() as (address, _):
         yield address
 
 
 @contextlib.contextmanager
-def answering(*answers: bytes) -> Iterator[str]:
+def answering(*answers):
     """The address of a server that gives these answers, a connection each, whatever is asked."""
     listening = socket.create_server(("127.0.0.1", 0))
 
-    def serve() -> None:
+    def serve():
         for answer in answers:
             connection, _ = listening.accept()
             with connection:
@@ -89,7 +84,7 @@ def answering(*answers: bytes) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def dripping(*answers: bytes, start: bytes, drop: bytes, end: bytes) -> Iterator[str]:
+def dripping(*answers, start, drop, end):
     """The address of a server that, after some answers, gives the next one drop by drop.
 
     The drops end some ten seconds later, for a client that waits until then, or when it leaves.
@@ -97,7 +92,7 @@ def dripping(*answers: bytes, start: bytes, drop: bytes, end: bytes) -> Iterator
     listening = socket.create_server(("127.0.0.1", 0))
     is_over = threading.Event()
 
-    def serve() -> None:
+    def serve():
         for answer in answers:
             connection, _ = listening.accept()
             with connection:
@@ -121,7 +116,7 @@ def dripping(*answers: bytes, start: bytes, drop: bytes, end: bytes) -> Iterator
         thread.join(60)
 
 
-def http(content: str, code: str = "200 OK") -> bytes:
+def http(content, code="200 OK"):
     head = f"HTTP/1.1 {code}\r\nContent-Length: {len(content.encode())}\r\nConnection: close"
     return f"{head}\r\n\r\n{content}".encode()
 
@@ -135,7 +130,7 @@ BEFORE = (
 )
 
 
-def study(address: str, model: str = 'name = "sum"', *changes: tuple[str, str]) -> Any:
+def study(address, model='name = "sum"', *changes):
     text = STUDY.format(address=address, model=model)
     for old, new in changes:
         assert old in text
@@ -143,14 +138,12 @@ def study(address: str, model: str = 'name = "sum"', *changes: tuple[str, str]) 
     return uqpen.parse_study(text)
 
 
-def runs(study: Any) -> Any:
+def runs(study):
     return uqpen.run(study)["runs/some"]
 
 
 class TestRuns:
-    def test_vectors_are_filled_in_order_and_in_the_units_that_are_declared(
-        self, address: str
-    ) -> None:
+    def test_vectors_are_filled_in_order_and_in_the_units_that_are_declared(self, address):
         made = runs(study(address))
         a, b = made["a"].values / 0.01, made["b"].values
         assert (made["status"] == Status.OK).all()
@@ -158,11 +151,11 @@ class TestRuns:
         np.testing.assert_array_equal(made["y"], 100.0 * (a + b) + 20.0)
         np.testing.assert_array_equal(made["z"], a * 0.001)
 
-    def test_config_is_handed_over(self, address: str) -> None:
+    def test_config_is_handed_over(self, address):
         made = runs(study(address, 'name = "sum"\nconfig = { factor = 0.0 }'))
         assert set(made["y"].values) == {20.0}
 
-    def test_what_decides_the_numbers_is_told(self, address: str) -> None:
+    def test_what_decides_the_numbers_is_reported(self, address):
         model = study(address, 'name = "sum"\nconfig = { b = [1], a = "x" }').model
         assert model.identity() == {
             "name": "sum",
@@ -173,7 +166,7 @@ class TestRuns:
         assert elsewhere.identity() == study(address).model.identity()
 
     @pytest.mark.parametrize("model", ["sum", "sum and failures"])
-    def test_two_workers_give_the_same_bytes_as_none(self, address: str, model: str) -> None:
+    def test_two_workers_give_the_same_bytes_as_none(self, address, model):
         config = "" if model == "sum" else '\nconfig = { limit = 0.7, beyond = "short" }'
         loaded = study(address, 'name = "sum"' + config)
         alone = uqpen.run(loaded)
@@ -252,16 +245,14 @@ class TestLostRuns:
             ("inf", Status.NOT_FINITE, "z is -inf"),
         ],
     )
-    def test_of_the_real_server(
-        self, address: str, beyond: str, status: Status, reason: str
-    ) -> None:
+    def test_of_the_real_server(self, address, beyond, status, reason):
         made = runs(study(address, f'config = {{ limit = 0.7, beyond = "{beyond}" }}\nname="sum"'))
         lost = made["a"].values / 0.01 > 0.7
         assert 0 < lost.sum() < 20
         np.testing.assert_array_equal(made["status"], np.where(lost, status, Status.OK))
         assert set(made["lost_reason"].values) == {reason}
 
-    def test_a_run_beyond_the_time_limit(self, address: str) -> None:
+    def test_a_run_beyond_the_time_limit(self, address):
         limit = 'name = "sum"\ntime_limit = "2 s"'
         model = f'{limit}\nconfig = {{ limit = 0.93, beyond = "sleep" }}'
         made = runs(study(address, model))
@@ -269,7 +260,7 @@ class TestLostRuns:
         assert set(made["lost_reason"].values) == {"took longer than 2 s"}
 
     @pytest.mark.parametrize("case", DRIPS)
-    def test_the_time_limit_is_that_of_the_whole_answer(self, case: str) -> None:
+    def test_the_time_limit_is_that_of_the_whole_answer(self, case):
         start, drop, end = DRIPS[case]
         with dripping(*BEFORE, start=start, drop=drop, end=end) as address:
             limited = study(address, 'time_limit = "1 s"', ("runs = 20", "runs = 1"))
@@ -277,17 +268,15 @@ class TestLostRuns:
         assert made["status"].values.tolist() == [Status.TIMED_OUT]
         assert made["lost_reason"].values.tolist() == ["took longer than 1 s"]
 
-    def test_what_never_ends_is_not_received_for_ever(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_never_ends_is_not_received_for_ever(self, monkeypatch):
         monkeypatch.setattr(umbridge, "_MOST_RECEIVED", 2**17)
         endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
         with dripping(*BEFORE, start=endless, drop=b"H", end=b"") as address:
             made = runs(study(address, "", ("runs = 20", "runs = 1")))
-        told = "the server's answer has more than 16777216 bytes"
-        assert made["lost_reason"].values.tolist() == [told]
+        reported = "the server's answer has more than 16777216 bytes"
+        assert made["lost_reason"].values.tolist() == [reported]
 
-    def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self) -> None:
+    def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self):
         with serving() as (address, process):
             loaded = study(
                 address,
@@ -302,13 +291,13 @@ class TestLostRuns:
         assert set(made["lost_reason"].values) == {LOST}
 
     @pytest.mark.parametrize("case", ANSWERS)
-    def test_of_servers_that_misbehave(self, case: str) -> None:
+    def test_of_servers_that_misbehave(self, case):
         answer, reason = ANSWERS[case]
         with answering(*BEFORE, answer) as address:
             made = runs(study(address, "", ("runs = 20", "runs = 1")))
         assert made["lost_reason"].values.tolist() == [reason]
 
-    def test_a_server_that_gives_up_a_connection_is_asked_again(self) -> None:
+    def test_a_server_that_gives_up_a_connection_is_asked_again(self):
         whole = http('{"output": [[1], [2]]}').replace(b"\r\nConnection: close", b"")
         with answering(*BEFORE, whole, whole) as address:
             loaded = study(address, "")
@@ -321,7 +310,7 @@ ADDRESS = 'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"'
 
 
 class TestMistakes:
-    """Each: what the study has in place of what, and where it is told what."""
+    """Each: what the study has in place of what, and where which message stands."""
 
     @pytest.mark.parametrize(
         ("changes", "where", "found", "expected"),
@@ -391,12 +380,12 @@ class TestMistakes:
     )
     def test_in_a_study(
         self,
-        address: str,
-        changes: list[tuple[str, str]],
-        where: str,
-        found: str,
-        expected: str,
-    ) -> None:
+        address,
+        changes,
+        where,
+        found,
+        expected,
+    ):
         with pytest.raises(StudyError) as refused:
             study(address, 'name = "sum"', *changes)
         block = f"  {where}\n    found     {found}\n    expected  {expected}"
@@ -415,13 +404,13 @@ class TestMistakes:
             f"http://{'a' * 70}.org",
         ],
     )
-    def test_what_is_no_address(self, address: str) -> None:
+    def test_what_is_no_address(self, address):
         with pytest.raises(StudyError) as refused:
             study(address)
         (problem,) = refused.value.problems
         assert (problem.found, problem.expected) == (f'"{address}"', ADDRESS)
 
-    def test_where_nobody_listens(self) -> None:
+    def test_where_nobody_listens(self):
         with socket.create_server(("127.0.0.1", 0)) as listening:
             address = f"http://127.0.0.1:{listening.getsockname()[1]}"
         with pytest.raises(StudyError) as refused:
@@ -430,9 +419,7 @@ class TestMistakes:
         assert problem.found == f'"{address}": {LOST}'
         assert problem.expected == "a UM-Bridge server that responds"
 
-    def test_a_server_that_never_finishes_an_answer_holds_no_check(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_server_that_never_finishes_an_answer_holds_no_check(self, monkeypatch):
         monkeypatch.setattr(umbridge_section, "_PATIENCE", 0.5)
         start, drop, end = DRIPS["content"]
         with (
@@ -469,23 +456,21 @@ class TestMistakes:
             ),
         ],
     )
-    def test_with_a_server(self, answers: list[bytes], found: str, expected: str) -> None:
+    def test_with_a_server(self, answers, found, expected):
         with answering(*answers) as address, pytest.raises(StudyError) as refused:
             study(address, "")
         (problem,) = refused.value.problems
         assert (problem.found, problem.expected) == (found.format(address), expected)
 
 
-def test_a_model_that_is_not_trusted_has_no_runs() -> None:
+def test_a_model_that_is_not_trusted_has_no_runs():
     text = STUDY.format(address="http://127.0.0.1:1", model='name = "sum"')
     model = uqpen.parse_study(text, trust=False).model
     results = model.evaluate({name: np.array([0.1]) for name in ("a", "b", "c")})
     assert results.reasons == {0: "sum: the server is not asked without --trust"}
 
 
-def test_an_archive_that_is_not_trusted_asks_no_server(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_an_archive_that_is_not_trusted_asks_no_server(command_line, tmp_path):
     with serving(1) as (address, _):
         loaded = study(address, "")
         assert loaded.model.name == "sum"
@@ -513,7 +498,7 @@ web.run_app = lambda app, port: run_app(app, sock=listening, print=None)
 """
 
 
-def test_the_documented_example_runs_and_is_right(tmp_path: Path) -> None:
+def test_the_documented_example_runs_and_is_right(tmp_path):
     text = DOCUMENT.read_text(encoding="utf-8").partition("## A server: `umbridge`")[2]
     program, toml = (
         re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)[0]

@@ -1,19 +1,15 @@
 """A model class from a file of the user's own: in a study, its archive and checks."""
 
-from __future__ import annotations
-
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import uqpen
 from uqpen.core.errors import ModelError, StudyError
-from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
+from uqpen.core.model import Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.models.user_module import load_module
 from uqpen.study.identity import run_fingerprint
@@ -25,32 +21,30 @@ PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "model.md").read_text
 MODEL = re.findall(r"```python\n(# my_model.py.*?)```", PAGE, re.DOTALL)[0]
 STUDY = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
 
-Command = Callable[..., Any]
-
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with the file of the page."""
     (tmp_path / "my_model.py").write_text(MODEL)
     return tmp_path
 
 
 @pytest.fixture
-def archive(folder: Path) -> Path:
+def archive(folder):
     """The archive of the page's study, beside which the file is not."""
     uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "a.nc")
     (folder / "my_model.py").unlink()
     return folder / "a.nc"
 
 
-def _outcomes(path: Path, **options: Any) -> dict[str, str]:
+def _outcomes(path, **options):
     found = {check.name: check for check in uqpen.verify(path, **options)}
     return {
         name: check.text for name, check in found.items() if check.verdict is not CheckOutcome.EQUAL
     }
 
 
-def test_its_contract_is_kept(folder: Path) -> None:
+def test_its_contract_is_kept(folder):
     study = uqpen.parse_study(STUDY, folder=folder)
     inputs = {
         "mass": np.array([1.0, 10.0, 500.0]),
@@ -61,7 +55,7 @@ def test_its_contract_is_kept(folder: Path) -> None:
     check_model(study.model, inputs)
 
 
-def test_settings_defaults_and_conditions_are_those_of_the_class(folder: Path) -> None:
+def test_settings_defaults_and_conditions_are_those_of_the_class(folder):
     study = uqpen.parse_study(STUDY, folder=folder)
     linear = 10 * 9.81 / 2000
     results = study.model.evaluate(
@@ -86,12 +80,12 @@ def test_settings_defaults_and_conditions_are_those_of_the_class(folder: Path) -
 
 
 @pytest.mark.slow
-def test_workers_and_an_object_of_python_give_the_same_archive(folder: Path) -> None:
+def test_workers_and_an_object_of_python_give_the_same_archive(folder):
     study = uqpen.parse_study(STUDY, folder=folder)
     for workers in (1, 2):
         uqpen.make_archive(study, folder / f"{workers}.nc", workers=workers)
     assert (folder / "1.nc").read_bytes() == (folder / "2.nc").read_bytes()
-    names: dict[str, Any] = {"__name__": "__main__"}
+    names = {"__name__": "__main__"}
     exec(MODEL, names)
     made = uqpen.Study(
         names["Spring"](hardening=1.5),
@@ -117,8 +111,8 @@ def test_workers_and_an_object_of_python_give_the_same_archive(folder: Path) -> 
         uqpen.load_study(folder / "object.toml")
 
 
-def test_its_file_decides_the_runs(folder: Path) -> None:
-    def fingerprint() -> dict[str, str]:
+def test_its_file_decides_the_runs(folder):
+    def fingerprint():
         return run_fingerprint(uqpen.parse_study(STUDY, folder=folder), "", "some")
 
     before = fingerprint()
@@ -130,7 +124,7 @@ def test_its_file_decides_the_runs(folder: Path) -> None:
 
 
 class TestArchive:
-    def test_without_trust_its_runs_are_data(self, archive: Path) -> None:
+    def test_without_trust_its_runs_are_data(self, archive):
         named = "my_model.py:Spring"
         assert _outcomes(archive) == {
             "runs": f"not repeated: they execute code that the archive names ({named})",
@@ -143,10 +137,10 @@ class TestArchive:
         with pytest.raises(ModelError, match=r"my_model.py:Spring is not loaded"):
             study.model.evaluate({})
 
-    def test_with_trust_all_is_repeated(self, archive: Path) -> None:
+    def test_with_trust_all_is_repeated(self, archive):
         assert _outcomes(archive, trust=True) == {}
 
-    def test_other_statistics_are_found_without_trust(self, archive: Path) -> None:
+    def test_other_statistics_are_found_without_trust(self, archive):
         groups = uqpen.open_archive(archive).to_dict()
         path = "/statistics/some/deflection"
         groups[path] = groups[path].copy(deep=True)
@@ -154,7 +148,7 @@ class TestArchive:
         uqpen.write(type(uqpen.open_archive(archive)).from_dict(groups), archive)
         assert "different" in _outcomes(archive)["statistics"]
 
-    def test_code_is_executed_only_with_trust(self, folder: Path, command_line: Command) -> None:
+    def test_code_is_executed_only_with_trust(self, folder, command_line):
         trace = folder / "executed"
         touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
         (folder / "my_model.py").write_text(touch + MODEL)
@@ -178,13 +172,13 @@ class Raising(Model):
     inputs = (Input("x", "m"),)
     outputs = (Output("y", "m"),)
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         if (inputs["x"] > 2).any():
             raise ZeroDivisionError("nothing left")
         return Results.all_ok({"y": inputs["x"][:1] if (inputs["x"] < 1).all() else inputs["x"]})
 
 
-def test_an_exception_costs_one_run(tmp_path: Path) -> None:
+def test_an_exception_costs_one_run(tmp_path):
     study = uqpen.Study(
         Raising(),
         inputs={"x": uqpen.Uniform("0 m", "2.2 m")},
@@ -220,9 +214,7 @@ def test_an_exception_costs_one_run(tmp_path: Path) -> None:
         ("import numpy as np\n", "import numpi as np\n", "model.use", "No module named 'numpi'"),
     ],
 )
-def test_a_mistake_is_reported_with_its_line(
-    folder: Path, before: str, after: str, key: str, found: str
-) -> None:
+def test_a_mistake_is_reported_with_its_line(folder, before, after, key, found):
     study = re.sub(" +=", " =", STUDY)
     assert before in MODEL + study
     (folder / "my_model.py").write_text(MODEL.replace(before, after))
@@ -233,7 +225,7 @@ def test_a_mistake_is_reported_with_its_line(
     assert re.search(r"study\.toml:\d+ ", str(caught.value))
 
 
-def test_a_condition_that_raises_names_the_class_and_the_method(folder: Path) -> None:
+def test_a_condition_that_raises_names_the_class_and_the_method(folder):
     (folder / "my_model.py").write_text(MODEL.replace("linear < 10", "1 / 0 < 10"))
     with pytest.raises(ModelError, match="Spring: conditions failed: ZeroDivisionError"):
         uqpen.parse_study(STUDY, folder=folder)
@@ -278,9 +270,7 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder: Path) ->
         ),
     ],
 )
-def test_a_mistake_of_an_object_names_the_argument(
-    tmp_path: Path, variables: dict[str, Any], found: str
-) -> None:
+def test_a_mistake_of_an_object_names_the_argument(tmp_path, variables, found):
     own = type("Own", (Raising,), variables)
     with pytest.raises(StudyError, match=r"uqpen\.Study\(model=…\)") as caught:
         uqpen.Study(
@@ -294,16 +284,14 @@ def test_a_mistake_of_an_object_names_the_argument(
     assert problem.found == found
 
 
-def test_a_name_that_no_file_can_have_is_told(tmp_path: Path) -> None:
+def test_a_name_that_no_file_can_have_is_reported(tmp_path):
     with pytest.raises(ModelError, match="there is no file"):
         load_module(f"{'a' * 5000}.py:f", tmp_path)
 
 
-def test_an_object_among_the_modules_that_raises_is_none_of_the_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_object_among_the_modules_that_raises_is_none_of_the_study(tmp_path, monkeypatch):
     class Strange:
-        def __getattr__(self, name: str) -> object:
+        def __getattr__(self, name):
             raise RuntimeError(name)
 
     monkeypatch.setitem(sys.modules, "strange", Strange())

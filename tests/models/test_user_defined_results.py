@@ -1,19 +1,16 @@
 """What a model class of the user's returns: fields, curves that end, and everything wrong."""
 
-from __future__ import annotations
-
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import ModelError, TrajectoryError
-from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
+from uqpen.core.model import Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.models.user_defined_model import UserDefinedModel
 
@@ -30,20 +27,20 @@ class Bar(Model):
     inputs = (Input("x", "m"),)
     outputs = (Output("y", "m"), Output("curve", "m", dims=(PLACE,), may_end=True))
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         curve = inputs["x"][:, np.newaxis] * np.arange(1.0, 4.0)
         return Results.all_ok({"y": inputs["x"], "curve": np.where(curve > 4, np.nan, curve)})
 
 
-def answering(evaluate: Callable[[Arrays], Any], *outputs: Output) -> UserDefinedModel:
+def answering(evaluate, *outputs):
     """A user-defined model whose `evaluate` is a function."""
-    methods: dict[str, Any] = {"evaluate": lambda self, inputs: evaluate(inputs)}
+    methods = {"evaluate": lambda self, inputs: evaluate(inputs)}
     if outputs:
         methods["outputs"] = outputs
     return UserDefinedModel(type("Answering", (Bar,), methods)(), "own")
 
 
-def test_curves_that_end_are_archived_and_verified(tmp_path: Path) -> None:
+def test_curves_that_end_are_archived_and_verified(tmp_path):
     own = type("Own", (Bar,), {})()
     study = uqpen.Study(
         own,
@@ -64,8 +61,8 @@ def test_curves_that_end_are_archived_and_verified(tmp_path: Path) -> None:
     assert {check.name: check.verdict.name for check in checks}["runs"] == "EQUAL"
 
 
-def test_a_wrong_shape_costs_the_runs_that_have_it() -> None:
-    def evaluate(inputs: Arrays) -> Results:
+def test_a_wrong_shape_costs_the_runs_that_have_it():
+    def evaluate(inputs):
         places = 2 if (inputs["x"] > 2).any() else 3
         return Results.all_ok({"y": inputs["x"], "curve": np.ones((len(inputs["x"]), places))})
 
@@ -98,7 +95,7 @@ def test_a_wrong_shape_costs_the_runs_that_have_it() -> None:
         ),
     ],
 )
-def test_an_answer_of_another_kind_is_the_reason_of_a_failed_run(answer: Any, reason: str) -> None:
+def test_an_answer_of_another_kind_is_the_reason_of_a_failed_run(answer, reason):
     model = answering(lambda inputs: answer, Output("y", "m"))
     results = model.evaluate({"x": np.ones(1)})
     assert results.status.tolist() == [Status.FAILED]
@@ -107,10 +104,8 @@ def test_an_answer_of_another_kind_is_the_reason_of_a_failed_run(answer: Any, re
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(3), GeneratorExit()])
 @pytest.mark.parametrize("method", ["evaluate", "conditions", "prepare"])
-def test_an_exit_of_its_own_ends_no_study(
-    error: BaseException, method: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def leave(*arguments: Any) -> Any:
+def test_an_exit_of_its_own_ends_no_study(error, method, monkeypatch):
+    def leave(*arguments):
         raise error
 
     monkeypatch.setattr("uqpen.models.user_defined_model.is_user_interrupt", lambda error: False)
@@ -126,8 +121,8 @@ def test_an_exit_of_its_own_ends_no_study(
         list(model.conditions(RUNS)) if method == "conditions" else model.prepare()
 
 
-def test_the_users_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def leave(*arguments: Any) -> Any:
+def test_the_users_interrupt_ends_it(monkeypatch):
+    def leave(*arguments):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("uqpen.models.user_defined_model.is_user_interrupt", lambda error: True)
@@ -138,10 +133,10 @@ def test_the_users_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_child_that_it_forks_ends() -> None:
+def test_a_child_that_it_forks_ends():
     parent = os.getpid()
 
-    def evaluate(inputs: Arrays) -> Results:
+    def evaluate(inputs):
         child = os.fork()
         if child:
             os.waitpid(child, 0)
@@ -152,8 +147,8 @@ def test_a_child_that_it_forks_ends() -> None:
     assert (results.status == Status.OK).all()
 
 
-def test_its_inputs_and_streams_are_its_own() -> None:
-    def evaluate(inputs: Arrays) -> Results:
+def test_its_inputs_and_streams_are_its_own():
+    def evaluate(inputs):
         sys.stdout = None  # type: ignore[assignment]
         inputs["x"] *= 2
         return Bar().evaluate(inputs)
@@ -172,7 +167,7 @@ def test_its_inputs_and_streams_are_its_own() -> None:
         (np.ones(3), "float64 of shape (3,), not bool of shape (3,)"),
     ],
 )
-def test_a_condition_is_a_truth_value_for_each_run(mask: Any, found: str) -> None:
+def test_a_condition_is_a_truth_value_for_each_run(mask, found):
     conditions = {"conditions": lambda self, inputs: [(mask, "x > 0")]}
     model = UserDefinedModel(type("Conditional", (Bar,), conditions)(), "own")
     with pytest.raises(ModelError) as caught:
@@ -180,25 +175,20 @@ def test_a_condition_is_a_truth_value_for_each_run(mask: Any, found: str) -> Non
     assert str(caught.value) == f"own: conditions failed: ValueError: a condition is {found}"
 
 
-def test_a_trajectory_is_a_dataset() -> None:
+def test_a_trajectory_is_a_dataset():
     other = {"trajectory": lambda self, inputs: {"x": 1}}
     model = UserDefinedModel(type("Other", (Bar,), other)(), "own")
     with pytest.raises(TrajectoryError, match=r"returned dict, not an xarray\.Dataset"):
         model.trajectory({"x": 1.0})
 
 
-def test_without_trust_the_fields_of_an_archive_are_data(tmp_path: Path) -> None:
+def test_without_trust_the_fields_of_an_archive_are_data(tmp_path):
     (tmp_path / "bar.py").write_text(Path(__file__).read_text(encoding="utf-8"))
-    text = """\
-seed = 1
-[model]
-use = "bar.py:Bar"
-[inputs]
-x = { uniform = { lower = "0 m", upper = "2 m" } }
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-"""
+    text = study_text(
+        "bar.py:Bar",
+        inputs={"x": ("0 m", "2 m")},
+        designs={"some": {"kind": "monte-carlo", "runs": 20}},
+    )
     uqpen.write(uqpen.run(uqpen.parse_study(text, folder=tmp_path)), tmp_path / "a.nc")
     checks = {check.name: check for check in uqpen.verify(tmp_path / "a.nc")}
     assert "they execute code" in checks["runs"].text

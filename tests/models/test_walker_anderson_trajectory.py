@@ -1,7 +1,5 @@
 """Trajectories of rods as outputs, against the same equations elsewhere and what they conserve."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
@@ -18,7 +15,6 @@ from uqpen.models.rod_course import make_rod, trajectory
 from uqpen.models.rod_motion import Along, Curves, RigidMotion, follow_erosion, make_rods
 from uqpen.models.rod_trajectories import (
     RigidPenetrationTrajectory,
-    RodTrajectories,
     WalkerAndersonTrajectory,
 )
 from uqpen.testing import check_model
@@ -48,12 +44,12 @@ CASES = {
 PROMISED = 1e-6
 
 
-def inputs(*cases: dict[str, float]) -> dict[str, FloatArray]:
+def inputs(*cases):
     return {name: np.array([case[name] for case in cases]) for name in ROD}
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_curves_are_those_of_one_rod_followed_carefully(case: str) -> None:
+def test_curves_are_those_of_one_rod_followed_carefully(case):
     known = trajectory(make_rod(CASES[case]), tolerance=1e-12)
     u, v, L, s = known.nose_velocity, known.tail_velocity, known.length, known.plastic_extent
     # Rounding may put the coordinate of rest behind the end of the curves.
@@ -74,7 +70,7 @@ def test_curves_are_those_of_one_rod_followed_carefully(case: str) -> None:
     assert motion.rest_time == pytest.approx(known.time[-1], rel=PROMISED / 10)
 
 
-def test_known_values_of_the_nominal_rod() -> None:
+def test_known_values_of_the_nominal_rod():
     # Depth in m: time in µs, u and v in m/s, L and s in mm, from Taylor series of high order.
     known = {
         0.050: (46.067, 1020.611, 1367.958, 146.2320, 2.80922),
@@ -93,7 +89,7 @@ def test_known_values_of_the_nominal_rod() -> None:
         assert own == pytest.approx(values, rel=1.1e-5), depth
 
 
-def test_reference_cases_end_where_they_are_known_to() -> None:
+def test_reference_cases_end_where_they_are_known_to():
     with (DATA / "walker_anderson_cases.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     cases = [{name: float(row[name]) for name in ROD} for row in rows]
@@ -111,7 +107,7 @@ def test_reference_cases_end_where_they_are_known_to() -> None:
 
 
 @pytest.mark.parametrize("case", ["breakdown", "smoothed", "standstill"])
-def test_momentum_is_balanced_while_the_rod_erodes(case: str) -> None:
+def test_momentum_is_balanced_while_the_rod_erodes(case):
     rod = CASES[case]
     R, S, epsilon = rod["crater_radius"], rod["plasticity_radius"], rod["smoothing"]
     model = WalkerAndersonTrajectory(duration="50 us", times=4001)
@@ -135,7 +131,7 @@ def test_momentum_is_balanced_while_the_rod_erodes(case: str) -> None:
     assert momentum[0] + lost == pytest.approx(momentum, rel=1e-6)
 
 
-def test_the_nose_moves_at_its_velocity_and_the_rod_erodes_at_the_difference() -> None:
+def test_the_nose_moves_at_its_velocity_and_the_rod_erodes_at_the_difference():
     model = WalkerAndersonTrajectory(duration="0.5 ms", times=5001)
     found = {name: values[0] for name, values in Evaluator(model)(inputs(ROD)).outputs.items()}
     times = np.array(model.outputs[0].dims[0].values)
@@ -145,7 +141,7 @@ def test_the_nose_moves_at_its_velocity_and_the_rod_erodes_at_the_difference() -
     assert 0.16 - found["length"] == pytest.approx(eroded, abs=1e-6)
 
 
-def test_curves_end_where_the_rod_rests() -> None:
+def test_curves_end_where_the_rod_rests():
     model = WalkerAndersonTrajectory(along="time and depth")
     results = Evaluator(model)(inputs(*CASES.values()))
     assert results.status.tolist() == [Status.OK] * len(CASES)
@@ -160,7 +156,7 @@ def test_curves_end_where_the_rod_rests() -> None:
         assert np.array_equal(np.isnan(results.outputs[output.name]), is_past), output.name
 
 
-def test_a_rod_that_goes_deeper_than_the_last_depth_has_no_end() -> None:
+def test_a_rod_that_goes_deeper_than_the_last_depth_has_no_end():
     model = WalkerAndersonTrajectory(along="depth", depth_limit="20 cm", depths=5)
     found = Evaluator(model)(inputs(ROD)).outputs
     assert found["penetration_depth"] > 0.2
@@ -168,7 +164,7 @@ def test_a_rod_that_goes_deeper_than_the_last_depth_has_no_end() -> None:
 
 
 @pytest.mark.parametrize("kind", [WalkerAndersonTrajectory, RigidPenetrationTrajectory])
-def test_they_begin_at_impact(kind: type[RodTrajectories]) -> None:
+def test_they_begin_at_impact(kind):
     model = kind(along="time and depth", times=2, depths=2)
     found = Evaluator(model)(inputs(ROD)).outputs
     start = {name: values[0, 0] for name, values in found.items() if values.ndim == 2}
@@ -178,7 +174,7 @@ def test_they_begin_at_impact(kind: type[RodTrajectories]) -> None:
     assert start == {**at_surface, "nose_depth": 0.0, **by_depth, "time_at_depth": 0.0}
 
 
-def test_a_rigid_rod_moves_as_its_closed_form_says() -> None:
+def test_a_rigid_rod_moves_as_its_closed_form_says():
     known = RigidPenetration().trajectory(ROD)
     rest = float(known["penetration_depth"][-1])
     model = RigidPenetrationTrajectory(
@@ -191,7 +187,7 @@ def test_a_rigid_rod_moves_as_its_closed_form_says() -> None:
         assert curve == pytest.approx(known[name].values[:-1], rel=1e-9), name
 
 
-def test_a_rod_too_slow_to_erode_is_rigid() -> None:
+def test_a_rod_too_slow_to_erode_is_rigid():
     slow = inputs({**ROD, "impact_velocity": 50.0})
     eroding = Evaluator(WalkerAndersonTrajectory())(slow).outputs
     rigid = Evaluator(RigidPenetrationTrajectory())(slow).outputs
@@ -199,7 +195,7 @@ def test_a_rod_too_slow_to_erode_is_rigid() -> None:
         np.testing.assert_array_equal(values, rigid[name])
 
 
-def test_what_overflows_is_not_finite() -> None:
+def test_what_overflows_is_not_finite():
     case = {**ROD, "projectile_length": 1e300, "target_yield_limit": 1e-300}
     results = Evaluator(WalkerAndersonTrajectory(times=2))(inputs(case))
     assert results.status.tolist() == [Status.NOT_FINITE]
@@ -207,18 +203,18 @@ def test_what_overflows_is_not_finite() -> None:
 
 
 @pytest.mark.parametrize("kind", [WalkerAndersonTrajectory, RigidPenetrationTrajectory])
-def test_they_meet_the_contract_of_models(kind: type[RodTrajectories]) -> None:
+def test_they_meet_the_contract_of_models(kind):
     check_model(kind(along="time and depth", times=5, depths=5), inputs(ROD, CASES["standstill"]))
 
 
-def test_settings_decide_its_identity() -> None:
+def test_settings_decide_its_identity():
     one, other = WalkerAndersonTrajectory(), WalkerAndersonTrajectory(duration="1 ms")
     assert one.identity()["duration"] == "0.002"
     assert other.identity() == {**one.identity(), "duration": "0.001"}
     assert other.outputs != one.outputs
 
 
-def test_an_unknown_coordinate_is_refused() -> None:
+def test_an_unknown_coordinate_is_refused():
     with pytest.raises(SettingsError) as refused:
         WalkerAndersonTrajectory(along="width")
     assert 'one of "time", "depth", "time and depth"' in str(refused.value)

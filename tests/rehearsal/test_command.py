@@ -1,45 +1,33 @@
 """``uqpen rehearse`` as its user meets it."""
 
-from __future__ import annotations
-
 import json
 import signal
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from study_text import study_text
 
 from uqpen.cli.study import study
 from uqpen.rehearsal import rehearse
 
-STUDY = """\
-title = "Small [bold]study[/bold]"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Small [bold]study[/bold]",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    outputs={"y": {"exceeds": [5]}},
+    designs={"monte_carlo": {"kind": "monte-carlo", "runs": 100}},
+)
 SURROGATE = """\
 [surrogates.chaos]
 kind = "polynomial-chaos"
 design = "monte_carlo"
 order = 3
 """
-Command = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder with a small study and its archive."""
     folder = tmp_path_factory.mktemp("rehearsed")
     (folder / "small.toml").write_text(STUDY + SURROGATE, encoding="utf-8")
@@ -49,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def uqpen(command_line: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+def uqpen(command_line, folder, monkeypatch):
     """The command line beside that study; few draws are enough of so small a one."""
     whole = rehearse.large_sample
     monkeypatch.setattr(rehearse, "large_sample", lambda study, draws: whole(study, 2**10))
@@ -57,7 +45,7 @@ def uqpen(command_line: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     return command_line
 
 
-def test_it_shows_what_holds_on_80_columns(uqpen: Command) -> None:
+def test_it_shows_what_holds_on_80_columns(uqpen):
     done = uqpen("rehearse", "small.toml", "--repeats", "10", "--until", '{ y = { mean = "9 %" } }')
     assert done.code == 0
     assert "Small [bold]study[/bold]: rehearsal" in done.out
@@ -69,7 +57,7 @@ def test_it_shows_what_holds_on_80_columns(uqpen: Command) -> None:
 
 
 @pytest.mark.processor
-def test_json_does_not_depend_on_workers(uqpen: Command) -> None:
+def test_json_does_not_depend_on_workers(uqpen):
     options = ("rehearse", "small.toml", "--repeats", "10", "--json")
     alone = uqpen(*options)
     assert uqpen(*options, "--workers", "2").out == alone.out
@@ -93,9 +81,7 @@ def test_json_does_not_depend_on_workers(uqpen: Command) -> None:
         (("small.toml", "--until", "{ z = 1 }"), "--until: "),
     ],
 )
-def test_a_mistake_leaves_with_2_before_any_repeat(
-    uqpen: Command, options: tuple[str, ...], complaint: str
-) -> None:
+def test_a_mistake_leaves_with_2_before_any_repeat(uqpen, options, complaint):
     Path("other.toml").write_text(STUDY + SURROGATE, encoding="utf-8")
     Path("plain.toml").write_text(STUDY, encoding="utf-8")
     done = uqpen("rehearse", *options)
@@ -105,7 +91,7 @@ def test_a_mistake_leaves_with_2_before_any_repeat(
     assert "repeats of" not in done.err
 
 
-def test_an_archive_without_a_surrogate_says_where_one_is_declared(uqpen: Command) -> None:
+def test_an_archive_without_a_surrogate_says_where_one_is_declared(uqpen):
     Path("bare.toml").write_text(STUDY, encoding="utf-8")
     assert uqpen("study", "bare.toml").code == 0
     done = uqpen("rehearse", "bare.toml")
@@ -113,10 +99,10 @@ def test_an_archive_without_a_surrogate_says_where_one_is_declared(uqpen: Comman
     assert "archives/bare.nc: contains no surrogate to rehearse on; [surrogates]" in done.err
 
 
-def test_ctrl_c_shows_the_repeats_so_far(uqpen: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_shows_the_repeats_so_far(uqpen, monkeypatch):
     whole = rehearse.RepeatWork.__call__
 
-    def interrupted(work: Any, batch: Any) -> Any:
+    def interrupted(work, batch):
         if batch.start == 3:
             signal.raise_signal(signal.SIGINT)
         return whole(work, batch)

@@ -1,24 +1,20 @@
 """The example of ``docs/rehearse.md`` works as printed."""
 
-from __future__ import annotations
-
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from page_blocks import ROOT, blocks_of
 
 PAGE = ROOT / "docs" / "rehearse.md"
 
 
-def words(line: str) -> str:
+def words(line):
     """Letters and signs of a line; its numbers may differ on another processor."""
     return " ".join(re.findall(r"[A-Za-z_%>:\[\]]+", line))
 
 
-def test_the_example_is_what_the_command_shows(command_line: Callable[..., Any]) -> None:
+def test_the_example_is_what_the_command_shows(command_line):
     blocks = list(blocks_of(PAGE))
     (study,) = (block for block in blocks if block.file)
     Path(study.file).write_text(study.text, encoding="utf-8")

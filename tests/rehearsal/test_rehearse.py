@@ -1,11 +1,6 @@
 """A study repeated on its own surrogate: coverage, widths, tails, and how it ends."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +12,6 @@ from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
-from uqpen.execution.batch import Batch, BatchResult
 from uqpen.rehearsal.rehearse import (
     RehearsalSettings,
     RepeatRecord,
@@ -36,7 +30,6 @@ from uqpen.rehearsal.rehearsed_study import (
 )
 from uqpen.statistics.threshold import Threshold
 from uqpen.study.load import parse_study
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.workflow import run_design
 
@@ -81,7 +74,7 @@ order = 1
 QUICK = RehearsalSettings(repeats=10, runs=120, draws=2**10)
 
 
-def rehearsed(study: ValidatedStudy) -> RehearsedStudy:
+def rehearsed(study):
     """The surrogate of a study in place of its model, after the study's runs."""
     runs = {
         name: run_design(study, each, Stream(1, name), map=map, progress=Progress())[""]
@@ -94,28 +87,28 @@ def rehearsed(study: ValidatedStudy) -> RehearsedStudy:
     return RehearsedStudy(study, "", fitted, runs)
 
 
-def line_study(folder: Path, designs: str) -> RehearsedStudy:
+def line_study(folder, designs):
     """A line, which its surrogate represents exactly."""
     (folder / "line.py").write_text("def f(a, b):\n    return {'y': 1 + 2 * a + b}\n")
     return rehearsed(parse_study(STUDY + designs + SURROGATE, folder=folder))
 
 
 @pytest.fixture(scope="module")
-def line(tmp_path_factory: pytest.TempPathFactory) -> RehearsedStudy:
+def line(tmp_path_factory):
     return line_study(tmp_path_factory.mktemp("line"), DESIGNS)
 
 
 @pytest.fixture(scope="module")
-def findings(line: RehearsedStudy) -> xr.Dataset:
+def findings(line):
     return rehearse(line, QUICK)
 
 
-def entry(findings: xr.Dataset, statistic: str, label: str = "") -> xr.Dataset:
+def entry(findings, statistic, label=""):
     is_it = (findings["statistic"] == statistic) & (findings["label"] == label)
     return findings.isel(entry=int(np.flatnonzero(is_it)[0]))
 
 
-def test_on_an_exact_surrogate_it_is_the_study_itself_repeated(tmp_path: Path) -> None:
+def test_on_an_exact_surrogate_it_is_the_study_itself_repeated(tmp_path):
     line = line_study(tmp_path, DESIGNS + BLOCKS)
     sources = study_sources(line.study)
     # Steps are the same each time.
@@ -133,16 +126,14 @@ def test_on_an_exact_surrogate_it_is_the_study_itself_repeated(tmp_path: Path) -
     assert first[:, 0] == pytest.approx([0.5, 0.5])
 
 
-def test_it_knows_the_truth(findings: xr.Dataset) -> None:
+def test_it_knows_the_truth(findings):
     assert entry(findings, "mean")["truth"].values == pytest.approx(2)
     assert entry(findings, "std")["truth"].values == pytest.approx((2 / 3) ** 0.5)
     assert entry(findings, "exceedance", "2")["truth"].values[0] == pytest.approx(0.5, abs=0.01)
     assert not findings["hangs_on_tail"].any()
 
 
-def test_coverage_counts_the_intervals_that_hold(
-    line: RehearsedStudy, findings: xr.Dataset
-) -> None:
+def test_coverage_counts_the_intervals_that_hold(line, findings):
     sources = study_sources(line.study)[:1]
     work = RepeatWork(line.study, sources, rehearsed_statistics(line.study, sources))
     means = np.stack([each.estimates[0, 0] for each in make_repeats(work, range(10), map)])
@@ -153,12 +144,12 @@ def test_coverage_counts_the_intervals_that_hold(
     assert found["half_width"] == pytest.approx(np.median(means[:, 2] - means[:, 1]) / 2)
 
 
-def test_the_best_design_at_equal_runs_is_stratified(findings: xr.Dataset) -> None:
+def test_the_best_design_at_equal_runs_is_stratified(findings):
     assert set(findings["runs"].values[findings["size"].values == "equal"]) == {120}
     assert entry(findings, "mean")["best"] == "cube"
 
 
-def test_an_interval_that_holds_too_rarely_falls_short() -> None:
+def test_an_interval_that_holds_too_rarely_falls_short():
     # Of 100 intervals of 95 %, 80 hold the truth; all of those of the second source do.
     ends = np.array([[0.0, -1.0, 1.0]] * 80 + [[3.0, 2.0, 4.0]] * 20)
     other = np.array([[0.0, -2.0, 2.0]] * 100)
@@ -174,9 +165,7 @@ def test_an_interval_that_holds_too_rarely_falls_short() -> None:
     ("name", "share"),
     [("mean", 0.2), ("std", 0.8), ("quantile", 0.0), ("exceedance", 1.0), ("half_spread", 0.0)],
 )
-def test_a_long_tail_decides_on_the_spread_before_it_does_on_the_mean(
-    line: RehearsedStudy, name: str, share: float
-) -> None:
+def test_a_long_tail_decides_on_the_spread_before_it_does_on_the_mean(line, name, share):
     (quantity,) = line.study.quantities_of_interest
     limit = Threshold("40", 40.0)
     statistic = BenchmarkStatistic(replace(quantity, thresholds=(limit,)), name)
@@ -186,8 +175,8 @@ def test_a_long_tail_decides_on_the_spread_before_it_does_on_the_mean(
     assert found == pytest.approx([share], abs=0.2 if 0 < share < 1 else 0)
 
 
-def test_ctrl_c_leaves_the_repeats_so_far(line: RehearsedStudy) -> None:
-    def interrupted(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+def test_ctrl_c_leaves_the_repeats_so_far(line):
+    def interrupted(work, batches):
         for batch in batches:
             if batch.start == 2:
                 raise KeyboardInterrupt
@@ -198,16 +187,14 @@ def test_ctrl_c_leaves_the_repeats_so_far(line: RehearsedStudy) -> None:
     assert entry(findings, "mean")["coverage"].notnull().all()
 
 
-def test_the_order_of_the_repeats_changes_nothing(
-    line: RehearsedStudy, findings: xr.Dataset
-) -> None:
-    def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+def test_the_order_of_the_repeats_changes_nothing(line, findings):
+    def backwards(work, batches):
         yield from map(work, list(batches)[::-1])
 
     xr.testing.assert_identical(rehearse(line, QUICK, map=backwards), findings)
 
 
-def test_the_runs_that_do_are_those_of_the_formula(line: RehearsedStudy) -> None:
+def test_the_runs_that_do_are_those_of_the_formula(line):
     designs = {"draws": line.study.designs["draws"]}
     study = replace(line.study, designs=designs)
     # 1.96 standard deviations over the root of 91 runs.
@@ -219,14 +206,12 @@ def test_the_runs_that_do_are_those_of_the_formula(line: RehearsedStudy) -> None
 @pytest.mark.parametrize(
     ("seconds", "repeats"), [(0.1, 1000), (1.0, 300), (60.0, 200), (0.0, 1000)]
 )
-def test_a_default_number_of_repeats_is_what_fits_five_minutes(
-    seconds: float, repeats: int
-) -> None:
+def test_a_default_number_of_repeats_is_what_fits_five_minutes(seconds, repeats):
     assert RehearsalSettings().affordable_repeats(seconds) == repeats
     assert RehearsalSettings(repeats=50).affordable_repeats(seconds) == 50
 
 
-def test_a_study_whose_points_stay_has_nothing_to_rehearse(line: RehearsedStudy) -> None:
+def test_a_study_whose_points_stay_has_nothing_to_rehearse(line):
     only = replace(line.original, designs={"steps": OneAtATime()})
     without = RehearsedStudy(only, "", line.surrogate, line.runs)
     with pytest.raises(SettingsError, match="found steps, whose points are the same each time"):

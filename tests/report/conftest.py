@@ -73,11 +73,11 @@ def hostile(archives: Mapping[str, xr.DataTree]) -> xr.DataTree:
     return tree
 
 
-def _harming(told: xr.Dataset) -> xr.Dataset:
+def _harming(reported: xr.Dataset) -> xr.Dataset:
     """A group with all its names and texts replaced."""
-    names = [str(name) for name in {*told.variables, *told.dims}]
-    told = told.rename({name: _renamed(name) for name in names if _renamed(name) != name})
-    for name, variable in told.variables.items():
+    names = [str(name) for name in {*reported.variables, *reported.dims}]
+    reported = reported.rename({name: _renamed(name) for name in names if _renamed(name) != name})
+    for name, variable in reported.variables.items():
         for key, text in variable.attrs.items():
             if isinstance(text, str):
                 variable.attrs[key] = _renamed(text) + TEXT * (key in ("long_name", "note"))
@@ -86,8 +86,8 @@ def _harming(told: xr.Dataset) -> xr.Dataset:
             if name in ("lost_reason", "content"):
                 texts = [text + TEXT for text in texts]
             filled = np.array(texts, dtype=object).reshape(variable.shape)
-            told[name] = variable.copy(data=filled)
-    return told
+            reported[name] = variable.copy(data=filled)
+    return reported
 
 
 def _renamed(text: str) -> str:

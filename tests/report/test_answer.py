@@ -1,21 +1,13 @@
 """The main results: sentences with the archive's numbers, their design, their caveats."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
-
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.read import read_group
-from uqpen.charts.chart import Block
 from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts
-from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -27,9 +19,9 @@ DESIGNS = {
 }
 
 
-def _texts(blocks: Iterable[Block]) -> list[str]:
+def _texts(blocks):
     """All sentences, with plain spaces."""
-    found: list[str] = []
+    found = []
     for block in blocks:
         match block:
             case Quote(sentences):
@@ -47,11 +39,11 @@ def _texts(blocks: Iterable[Block]) -> list[str]:
     return [text.replace("\u00a0", " ").replace("\u202f", " ") for text in found]
 
 
-def _told(tree: xr.DataTree, model: str = "") -> list[str]:
+def _reported(tree, model=""):
     return _texts(answer(ArchiveView(tree, model)))
 
 
-def _alerts(tree: xr.DataTree) -> list[str]:
+def _alerts(tree):
     """The kinds of the alerts, in their order."""
     (found,) = (each for each in answer(ArchiveView(tree, "")) if isinstance(each, Alerts))
     assert all(each.remedy.endswith(".") for each in found.alerts)
@@ -59,10 +51,10 @@ def _alerts(tree: xr.DataTree) -> list[str]:
 
 
 def test_the_first_screen_answers_one_question_after_the_other(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     tree = archives["schema_1"]
-    assert _told(tree)[:8] == [
+    assert _reported(tree)[:8] == [
         "y above 10: In 2.0 % of cases (0.4 % to 7.7 %, 95 % interval, as from 130 plain runs).",
         "y is at most 11.5 in 80 of 100 cases. Best estimate 5.9; the 11.5 allow for the finite "
         "number of runs (95 % confidence).",
@@ -88,9 +80,9 @@ def test_the_first_screen_answers_one_question_after_the_other(
 
 
 def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
-    said = _told(archives["beam"])
+    archives,
+):
+    said = _reported(archives["beam"])
     assert said[:2] == [
         "Deflection above 2 mm: In all 98 completed runs: at least 73 % of cases (95 % interval).",
         "The median of deflection is 3.66 mm (3.52 mm to 3.91 mm, 95 % interval): half of all "
@@ -104,7 +96,7 @@ def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
     assert _alerts(archives["beam"]) == ["Failed runs", "Precision", "Scope"]
 
 
-def test_the_picture_has_the_limits_of_the_study(archives: Mapping[str, xr.DataTree]) -> None:
+def test_the_picture_has_the_limits_of_the_study(archives):
     (columns, *_) = answer(ArchiveView(archives["schema_1"], ""))
     assert isinstance(columns, Columns)
     assert columns.picture.title == "y: 19 runs of monte_carlo"
@@ -114,52 +106,50 @@ def test_the_picture_has_the_limits_of_the_study(archives: Mapping[str, xr.DataT
     assert ("limit 10" in [key.text for key in columns.picture.keys]) == is_shown
 
 
-def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(
-    concrete: xr.DataTree, archives: Mapping[str, xr.DataTree]
-) -> None:
-    told = {}
+def test_a_picture_of_runs_says_so_beside_the_sentences_of_a_surrogate(concrete, archives):
+    reported = {}
     for name, tree in (("concrete", concrete), ("beam", archives["beam"])):
         (columns, *_) = answer(ArchiveView(tree, ""))
         assert isinstance(columns, Columns)
-        told[name] = " ".join(columns.picture.notes)
-    assert "intervals of the marked estimates, of these runs alone." in told["concrete"]
-    assert "alone" not in told["beam"]
+        reported[name] = " ".join(columns.picture.notes)
+    assert "intervals of the marked estimates, of these runs alone." in reported["concrete"]
+    assert "alone" not in reported["beam"]
 
 
-def test_the_largest_part_that_a_publication_names_is_compared(concrete: xr.DataTree) -> None:
-    told = " ".join(_told(concrete))
-    assert "Outer radius of plastic flow in the target causes about " in told
-    assert "of the variance of depth of penetration by itself (" in told
-    assert "the largest contribution differs (target yield limit, which has " in told
-    assert "Depth of penetration: mean agrees (0.493 m, " in told
+def test_the_largest_part_that_a_publication_names_is_compared(concrete):
+    reported = " ".join(_reported(concrete))
+    assert "Outer radius of plastic flow in the target causes about " in reported
+    assert "of the variance of depth of penetration by itself (" in reported
+    assert "the largest contribution differs (target yield limit, which has " in reported
+    assert "Depth of penetration: mean agrees (0.493 m, " in reported
     assert len(_alerts(concrete)) <= 5
 
 
 @pytest.mark.parametrize(("runs", "times"), [(1500, 1), (2500, 0)])
-def test_what_all_means_of_few_runs_have_in_common_is_said_once(
-    study_of: Callable[..., ValidatedStudy], runs: int, times: int
-) -> None:
+def test_what_all_means_of_few_runs_have_in_common_is_said_once(study_of, runs, times):
     text = f'[designs.some]\nkind = "monte-carlo"\nruns = {runs}'
     tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))
     assert _alerts(tree) == ["Scope"]
-    assert " ".join(_told(tree)).count("extreme values are more frequent than in these") == times
+    assert (
+        " ".join(_reported(tree)).count("extreme values are more frequent than in these") == times
+    )
 
 
-def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_a_single_run_is_reported_in_the_singular(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
-    told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
-    assert told[1].endswith("in the study: a single run of the model line.py:f.")
-    assert "Did all runs succeed?: The only run completed." in told
+    reported = _reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
+    assert reported[1].endswith("in the study: a single run of the model line.py:f.")
+    assert "Did all runs succeed?: The only run completed." in reported
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
-    told = _told(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
-    assert told[0] == "y is 2 in every run."
+    study_of,
+):
+    reported = _reported(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
+    assert reported[0] == "y is 2 in every run."
 
 
-def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:
+def test_where_no_run_came_back_there_is_no_answer(archives):
     (block,) = answer(ArchiveView(archives["lost"], ""))
     assert block == Text(
         "No run completed, so there are no estimates. All 120 runs failed. The reason: "
@@ -171,16 +161,18 @@ def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.Dat
 
 
 def test_of_several_models_the_differences_stand_first(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     tree = archives["rods"]
-    told = _told(tree, "original")
-    assert told[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
-    assert told[1].startswith("rigid minus original: Mean difference: depth of penetration ")
-    assert told[2].startswith("How much is model form?: Of the variance of depth of penetration, ")
-    assert told[3].startswith("Did all runs succeed?: original: ")
-    at = [told.index(f"By {model} alone") for model in ("original", "smoothed", "rigid")]
-    first, other = told[at[0] : at[1]], told[at[2] :]
+    reported = _reported(tree, "original")
+    assert reported[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
+    assert reported[1].startswith("rigid minus original: Mean difference: depth of penetration ")
+    assert reported[2].startswith(
+        "How much is model form?: Of the variance of depth of penetration, "
+    )
+    assert reported[3].startswith("Did all runs succeed?: original: ")
+    at = [reported.index(f"By {model} alone") for model in ("original", "smoothed", "rigid")]
+    first, other = reported[at[0] : at[1]], reported[at[2] :]
     assert first[1].startswith("Depth of penetration above 60 cm: In 11.0 % of cases (")
     assert other[1].startswith(
         "Depth of penetration above 60 cm: In all 100 completed runs: at least "
@@ -229,26 +221,24 @@ def test_of_several_models_the_differences_stand_first(
         ),
     ],
 )
-def test_what_a_design_cannot_tell_is_said(
-    study_of: Callable[..., ValidatedStudy], design: str, said: list[str]
-) -> None:
+def test_what_a_design_cannot_tell_is_said(study_of, design, said):
     asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
     text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"
-    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
     for each in said:
-        assert each in told
+        assert each in reported
 
 
 def test_every_entry_that_a_study_asks_for_is_stated(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     asked = (
         "[outputs.y]\nexceeds = [1]\nbelow = [0.1]\nquantiles = [0.9]\nhold = [0.9, 0.95]\n"
         "hold_above = [0.9]\nhold_between = [0.9]\nexpected_shortfall = [0.9]\n"
         "return_periods = [50]"
     )
     text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
-    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
     for said in (
         "y above 1: In ",
         "y below 0.1: In ",
@@ -260,10 +250,10 @@ def test_every_entry_that_a_study_asks_for_is_stated(
         "Beyond its 90 % quantile, the mean of y is ",
         "exceeded once in 50 cases: No estimate: the tail ends so abruptly",
     ):
-        assert said in told
+        assert said in reported
 
 
-def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
+def test_only_some_of_many_outputs_have_sentences(tmp_path):
     names = [f"y{number}" for number in range(8)]
     results = ", ".join(f'"{name}": x' for name in names)
     (tmp_path / "many.py").write_text(f"def f(x):\n    return {{{results}}}\n")
@@ -278,11 +268,11 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
             folder=tmp_path,
         )
     )
-    told = _told(tree)
+    reported = _reported(tree)
     # What was asked comes first.
-    assert told[0].startswith("y7 above 0.5: In ")
-    assert sum(text.startswith("The median of ") for text in told) == 6
-    assert any(text.endswith("Further down: 2 more outputs.") for text in told)
+    assert reported[0].startswith("y7 above 0.5: In ")
+    assert sum(text.startswith("The median of ") for text in reported) == 6
+    assert any(text.endswith("Further down: 2 more outputs.") for text in reported)
 
 
 @pytest.mark.parametrize(
@@ -294,7 +284,5 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
         ((1.234e-7, 1.134e-7, 1.334e-7), ("1.23×10⁻⁷", "1.13×10⁻⁷", "1.33×10⁻⁷")),
     ],
 )
-def test_figures_in_a_sentence_have_sensible_digits(
-    bounds: tuple[float, ...], texts: tuple[str, ...]
-) -> None:
+def test_figures_in_a_sentence_have_sensible_digits(bounds, texts):
     assert estimate_texts(*bounds) == texts

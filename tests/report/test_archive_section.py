@@ -1,38 +1,32 @@
 """The last section: the study, its files, inputs, designs, warnings, and what made the archive."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping
-
 import numpy as np
 import pytest
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.charts.chart import Block
 from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive import archive, archive_notes
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.table import OutputTable
 
 pytestmark = pytest.mark.slow
 
 
-def _tables(blocks: Iterable[Block]) -> dict[str, OutputTable]:
+def _tables(blocks):
     return {block.table.title: block.table for block in blocks if isinstance(block, Table)}
 
 
-def _listings(blocks: Iterable[Block]) -> dict[str, Listing]:
+def _listings(blocks):
     return {block.title: block for block in blocks if isinstance(block, Listing)}
 
 
-def test_the_study_comes_first_word_for_word(archives: Mapping[str, xr.DataTree]) -> None:
+def test_the_study_comes_first_word_for_word(archives):
     tree = archives["schema_1"]
     first, *_ = archive(ArchiveView(tree, ""))
     assert first == Listing("The study: schema_1", tree.attrs["study_text"])
 
 
-def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTree]) -> None:
+def test_inputs_are_reported_as_run_and_as_written(archives):
     tree = archives["beam"]
     table = _tables(archive(ArchiveView(tree, "")))[
         "Inputs, over the runs of only, failed ones included"
@@ -52,11 +46,11 @@ def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTre
     ]
 
 
-def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> None:
+def test_designs_say_what_they_are_for(archives):
     table = _tables(archive(ArchiveView(archives["schema_1"], "")))["Designs"]
     assert table.columns == ["points", "runs", "completed", "replicates", "purpose"]
-    told = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
-    assert told == {
+    reported = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
+    assert reported == {
         "monte_carlo": ["independent", "20", "19", "a sample of the inputs; checks chaos"],
         "latin_hypercube": [
             "stratified",
@@ -80,16 +74,16 @@ def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> N
     }
 
 
-def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None:
+def test_what_made_it_is_reported_whole(archives):
     tree = archives["schema_1"]
     blocks = list(archive(ArchiveView(tree, "")))
-    told = {name: cells[0] for name, cells in _tables(blocks)["Provenance"].rows}
-    assert told["seed"] == "11"
-    assert told["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
-    assert told["model name"] == "ishigami"
-    assert told["model source SHA-256"] == tree.attrs["model_source_sha256"]
-    assert told["version of numpy"] == tree.attrs["version_numpy"]
-    assert told["schema of the archive"] == "1"
+    reported = {name: cells[0] for name, cells in _tables(blocks)["Provenance"].rows}
+    assert reported["seed"] == "11"
+    assert reported["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
+    assert reported["model name"] == "ishigami"
+    assert reported["model source SHA-256"] == tree.attrs["model_source_sha256"]
+    assert reported["version of numpy"] == tree.attrs["version_numpy"]
+    assert reported["schema of the archive"] == "1"
     listings = _listings(blocks)
     assert "uqpen verify ARCHIVE\n" in listings["Commands"].text
     hashes = listings["SHA-256 of the content of each of the archive's groups"]
@@ -97,7 +91,7 @@ def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None
     assert hashes.is_folded
 
 
-def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTree]) -> None:
+def test_what_several_models_share_is_reported_once(archives):
     blocks = list(archive(ArchiveView(archives["schema_1_several"], "one")))
     headings = [block.text for block in blocks if isinstance(block, Heading)]
     assert headings == ["one", "other", "The archive of all models"]
@@ -129,24 +123,24 @@ def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTr
     assert kept.text.endswith("def cube(x: float) -> float:\n    return x**3\n")
 
 
-def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
+def test_warnings_are_counted(archives):
     assert archive_notes(archives["beam"])[:3] == (
         "only: 18.3 % of the admissible runs did not complete.",
         "4 estimates: only 98 runs: the coverage may be below nominal",
         "4 estimates: fewer than 200 runs are too few to detect a heavy tail; "
         "see the rank correlations",
     )
-    told = archive_notes(archives["schema_1"])
-    assert told[0] == "22 estimates: 19 runs are too few"
+    reported = archive_notes(archives["schema_1"])
+    assert reported[0] == "22 estimates: 19 runs are too few"
     assert (
         "7 estimates: no correction by runs is known for it: this is the surrogate's own figure"
-        in told
+        in reported
     )
     # What is published elsewhere is no warning.
-    assert not any("published" in line for line in told)
+    assert not any("published" in line for line in reported)
 
 
-def test_warnings_come_before_provenance(archives: Mapping[str, xr.DataTree]) -> None:
+def test_warnings_come_before_provenance(archives):
     blocks = list(archive(ArchiveView(archives["beam"], "")))
     (place,) = [n for n, block in enumerate(blocks) if isinstance(block, Remarks)]
     after = blocks[place + 1]
@@ -155,9 +149,7 @@ def test_warnings_come_before_provenance(archives: Mapping[str, xr.DataTree]) ->
 
 
 @pytest.mark.parametrize("text", ["no TOML [", 'inputs = "none"', "a = " + "[" * 9_999])
-def test_a_study_that_cannot_be_read_is_shown_all_the_same(
-    archives: Mapping[str, xr.DataTree], text: str
-) -> None:
+def test_a_study_that_cannot_be_read_is_shown_all_the_same(archives, text):
     tree = archives["beam"].copy()
     tree.attrs = {**tree.attrs, "study_text": text}
     blocks = list(archive(ArchiveView(tree, "")))
@@ -166,7 +158,7 @@ def test_a_study_that_cannot_be_read_is_shown_all_the_same(
     assert [cells[-1] for _, cells in inputs.rows] == ["–", "–"]
 
 
-def test_long_texts_are_cut_and_say_so(archives: Mapping[str, xr.DataTree]) -> None:
+def test_long_texts_are_cut_and_say_so(archives):
     tree = archives["beam"].copy()
     tree.attrs = {**tree.attrs, "study_text": "#" * 30_000}
     first, *_ = archive(ArchiveView(tree, ""))
@@ -175,7 +167,7 @@ def test_long_texts_are_cut_and_say_so(archives: Mapping[str, xr.DataTree]) -> N
     )
 
 
-def test_texts_of_many_files_are_left_in_the_archive(archives: Mapping[str, xr.DataTree]) -> None:
+def test_texts_of_many_files_are_left_in_the_archive(archives):
     tree = archives["schema_1_several"].copy()
     files = read_group(tree, "files")
     many = xr.concat([files] * 3, "file")

@@ -1,21 +1,16 @@
 """The report of a benchmark of methods, from archives of real benchmarks."""
 
-from __future__ import annotations
-
 import json
 import operator
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
-from uqpen.charts.chart import Block, Chart, Charts
+from uqpen.charts.chart import Block, Charts
 from uqpen.core.errors import ArchiveError
 from uqpen.core.lookup import resolve
 from uqpen.report import SECTIONS
@@ -27,35 +22,25 @@ from uqpen.study.load import parse_study
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-title = "Two </script><b>methods</b>"
-seed = 1
-[model]
-python = "model.py:f"
-vectorized = true
-[model.inputs]
-a = "1"
-b = "1"
-[model.outputs]
-y = "m"
-z = "1"
-[inputs]
-a = { uniform = { lower = -3, upper = 3 } }
-b = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-unit = "cm"
-exceeds = ["300 cm"]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 100
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 100
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:f",
+        "vectorized": True,
+        "inputs": {"a": "1", "b": "1"},
+        "outputs": {"y": "m", "z": "1"},
+    },
+    title="Two </script><b>methods</b>",
+    inputs={"a": (-3, 3), "b": (-3, 3)},
+    outputs={"y": {"unit": "cm", "exceeds": ["300 cm"]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 100},
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 100},
+    },
+)
 TERMS = BenchmarkSettings(budgets=(16, 64), repeats=10, reference=512)
 
 
-def compared(folder: Path, y: str, z: str, terms: BenchmarkSettings = TERMS) -> xr.DataTree:
+def compared(folder, y, z, terms=TERMS):
     """A comparison on a model of two lines of NumPy."""
     source = f"import numpy as np\ndef f(a, b):\n    return {{'y': {y}, 'z': {z}}}\n"
     (folder / "model.py").write_text(source)
@@ -63,26 +48,26 @@ def compared(folder: Path, y: str, z: str, terms: BenchmarkSettings = TERMS) -> 
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def tree(tmp_path_factory):
     """A sum, which Latin hypercubes are made for, and what is always the same."""
     return compared(tmp_path_factory.mktemp("sum"), "a + b + 5", "np.full_like(a, 2)")
 
 
-def blocks_of(tree: xr.DataTree, name: str, kind: type[Block] = Block) -> list[Any]:
-    made: Iterator[Block] = resolve(SECTIONS[name].function)(ArchiveView(tree, ""))
+def blocks_of(tree, name, kind=Block):
+    made = resolve(SECTIONS[name].function)(ArchiveView(tree, ""))
     return [block for block in made if isinstance(block, kind)]
 
 
-def charts_of(tree: xr.DataTree, name: str) -> list[Chart]:
+def charts_of(tree, name):
     return list(find_charts(blocks_of(tree, name)))
 
 
-def traced(chart: Chart, name: str) -> dict[str, Any]:
+def traced(chart, name):
     return next(trace for trace in traces(chart.marks) if trace.get("name") == name)
 
 
 class TestAnswer:
-    def test_sentences_to_be_quoted_count_what_the_verdicts_say(self, tree: xr.DataTree) -> None:
+    def test_sentences_to_be_quoted_count_what_the_verdicts_say(self, tree):
         (quote,) = blocks_of(tree, "leaders", Quote)
         levels = [
             level
@@ -100,7 +85,7 @@ class TestAnswer:
             "noise in 1 and is level with the best in 10; monte_carlo is level in 10."
         )
 
-    def test_each_verdict_stands_in_words(self, tree: xr.DataTree) -> None:
+    def test_each_verdict_stands_in_words(self, tree):
         words = next(b for b in blocks_of(tree, "leaders", Remarks) if b.head == "In words: y")
         first, second = tree["comparison/y/mean_verdict"].values[0]
         assert re.match(
@@ -108,7 +93,7 @@ class TestAnswer:
         )
         assert words.lines[0] == f"mean: {first}; {second}."
 
-    def test_a_chart_marks_who_leads_and_who_is_level(self, tree: xr.DataTree) -> None:
+    def test_a_chart_marks_who_leads_and_who_is_level(self, tree):
         chart = charts_of(tree, "leaders")[0]
         assert chart.y.rows == (
             "mean",
@@ -124,7 +109,7 @@ class TestAnswer:
         assert (lead["x"][first], lead["marker"]["symbol"][first]) == (0, "square")
         assert 0 not in traced(chart, "monte_carlo")["y"]
 
-    def test_what_must_be_known_is_counted(self, tree: xr.DataTree) -> None:
+    def test_what_must_be_known_is_counted(self, tree):
         known = blocks_of(tree, "leaders", Remarks)[0]
         assert known.head == "What to keep in mind"
         assert (
@@ -138,7 +123,7 @@ class TestAnswer:
 
 
 class TestErrors:
-    def test_a_line_for_each_method_has_the_archives_errors(self, tree: xr.DataTree) -> None:
+    def test_a_line_for_each_method_has_the_archives_errors(self, tree):
         chart = charts_of(tree, "errors")[0]
         error = tree["statistics/monte_carlo/y/mean_error"].values
         line = traced(chart, "monte_carlo")
@@ -152,7 +137,7 @@ class TestErrors:
         assert chart.title == "mean: 499.6 (498.3 … 500.2) cm"
         assert [label for label, _ in chart.tables[0].rows] == ["monte_carlo", "latin_hypercube"]
 
-    def test_what_no_axis_can_show_is_named(self, tree: xr.DataTree) -> None:
+    def test_what_no_axis_can_show_is_named(self, tree):
         # The second output never changes, so that every error is 0.
         assert [block.text for block in blocks_of(tree, "errors", Heading)] == ["y"]
         (text,) = blocks_of(tree, "errors", Text)
@@ -161,14 +146,14 @@ class TestErrors:
             "z, 95 % quantile."
         )
 
-    def test_replicates_stand_apart_with_their_verdicts(self, tree: xr.DataTree) -> None:
+    def test_replicates_stand_apart_with_their_verdicts(self, tree):
         chart = charts_of(tree, "replicates")[0]
         replicated = traced(chart, "latin_hypercube")
         error = tree["statistics/latin_hypercube_replicated/y/mean_error"].values
         assert replicated["y"] == pytest.approx(100 * error[:, 0], rel=1e-5)
         assert any(note.startswith("Replicated: ") for note in chart.notes)
 
-    def test_an_error_that_few_repeats_decide_is_hollow(self, tree: xr.DataTree) -> None:
+    def test_an_error_that_few_repeats_decide_is_hollow(self, tree):
         changed = tree.copy(deep=True)
         changed["statistics/monte_carlo/y/mean_error"].values[0, 1:] = np.nan
         chart = charts_of(changed, "errors")[0]
@@ -176,7 +161,7 @@ class TestErrors:
         assert "Hollow: no interval, as few of the repeats decide the error." in chart.notes
         assert chart.tables[0].notes == ["no interval, as few of the repeats decide this error"]
 
-    def test_the_references_own_error_is_shown(self, tree: xr.DataTree) -> None:
+    def test_the_references_own_error_is_shown(self, tree):
         mean = charts_of(tree, "errors")[0]
         _, lower, upper = tree["statistics/reference/y/mean"].values
         own = 100 * (upper - lower) / 2 / tree["comparison/y/mean_scale"].item()
@@ -188,7 +173,7 @@ class TestErrors:
 
 
 class TestRates:
-    def test_slopes_have_intervals_and_a_guide(self, tree: xr.DataTree) -> None:
+    def test_slopes_have_intervals_and_a_guide(self, tree):
         single, replicated = charts_of(tree, "rates")
         assert single.title == "Slopes of y, as single sets"
         assert replicated.title == "Slopes of y, in replicates"
@@ -198,7 +183,7 @@ class TestRates:
             tree["statistics/monte_carlo/y/mean_slope"].values[0], rel=1e-5
         )
 
-    def test_coverage_is_told_with_what_chance_does(self, tree: xr.DataTree) -> None:
+    def test_coverage_is_reported_with_what_chance_does(self, tree):
         (block,) = blocks_of(tree, "coverage", Charts)
         assert block.notes[0] == (
             "Each marker is for one number of runs. Shaded: shares from 80 %, which 10 intervals "
@@ -212,13 +197,13 @@ class TestRates:
 
 
 class TestReference:
-    def test_cost_counts_runs(self, tree: xr.DataTree) -> None:
+    def test_cost_counts_runs(self, tree):
         (table,) = blocks_of(tree, "cost", Table)
         assert table.table.rows[2] == ("\u00a0\u00a0\u00a0replicated", ["8 × 2", "8 × 8"])
         (text,) = blocks_of(tree, "cost", Text)
         assert text.text == ("All repeats together cost 2\u202f400 runs, and the reference 512.")
 
-    def test_values_that_errors_are_held_to(self, tree: xr.DataTree) -> None:
+    def test_values_that_errors_are_held_to(self, tree):
         (text,) = blocks_of(tree, "reference", Text)
         assert text.text == "Of its 512 runs, all completed."
         values = blocks_of(tree, "reference", Table)[0].table
@@ -232,20 +217,18 @@ class TestReference:
         scale = 100 * tree["comparison/y/mean_scale"].item()
         assert relative == f"{scale:.4g} cm"
 
-    def test_tables_are_those_of_the_screen(self, tree: xr.DataTree) -> None:
+    def test_tables_are_those_of_the_screen(self, tree):
         tables = blocks_of(tree, "tables", Table)
         assert len(tables) == 11
         assert tables[0].table.title == "y, mean: 499.6 (498.3 … 500.2) cm"
         assert tables[0].table.columns == ["16", "64", "slope"]
 
-    def test_the_study_is_in_it(self, tree: xr.DataTree) -> None:
+    def test_the_study_is_in_it(self, tree):
         assert STUDY in [block.text for block in blocks_of(tree, "archive", Listing)]
 
 
 class TestPage:
-    def test_it_is_the_same_each_time_and_runs_nothing_of_the_study(
-        self, tree: xr.DataTree
-    ) -> None:
+    def test_it_is_the_same_each_time_and_runs_nothing_of_the_study(self, tree):
         text = report_page(tree)
         assert text == report_page(tree)
         title = "Two &lt;/script&gt;&lt;b&gt;methods&lt;/b&gt;: benchmark of methods"
@@ -257,14 +240,14 @@ class TestPage:
         assert data
         assert json.loads(data[1])["charts"]
 
-    def test_a_reference_that_lost_all_of_its_runs(self, tmp_path: Path) -> None:
+    def test_a_reference_that_lost_all_of_its_runs(self, tmp_path):
         lost = compared(tmp_path, "a * np.nan", "b * np.nan")
         (known,) = blocks_of(lost, "leaders")
         assert known.lines == ("All runs of the reference failed, so all errors are unknown.",)
         names = re.findall(r'<section id="(\w+)"', report_page(lost))
         assert names == ["leaders", "cost", "reference", "tables", "archive"]
 
-    def test_losses_are_told(self, tmp_path: Path) -> None:
+    def test_losses_are_reported(self, tmp_path):
         terms = BenchmarkSettings(budgets=(16,), repeats=10, reference=512)
         some = compared(tmp_path, "np.where(a < 1, np.nan, b)", "np.exp(4 * b)", terms)
         lines = blocks_of(some, "leaders", Remarks)[0].lines
@@ -276,7 +259,7 @@ class TestPage:
         assert not blocks_of(some, "rates")
         assert report_page(some)
 
-    def test_one_method_has_nobody_to_beat(self, tree: xr.DataTree) -> None:
+    def test_one_method_has_nobody_to_beat(self, tree):
         alone = tree.copy(deep=True)
         for name in ("latin_hypercube", "latin_hypercube_replicated"):
             del alone["statistics"][name]
@@ -308,15 +291,13 @@ class TestPage:
             ),
         ],
     )
-    def test_a_damaged_archive_is_refused(
-        self, tree: xr.DataTree, damage: Callable[[xr.DataTree], object], complaint: str
-    ) -> None:
+    def test_a_damaged_archive_is_refused(self, tree, damage, complaint):
         damaged = tree.copy(deep=True)
         damage(damaged)
         with pytest.raises(ArchiveError, match=f"^the archive is damaged: {complaint}"):
             report_page(damaged)
 
-    def test_numbers_of_runs_that_do_not_ascend_are_refused(self, tree: xr.DataTree) -> None:
+    def test_numbers_of_runs_that_do_not_ascend_are_refused(self, tree):
         turned = tree.isel(budget=[1, 0], missing_dims="ignore")
         complaint = "/statistics: numbers of runs that do not ascend from 1"
         with pytest.raises(ArchiveError, match=complaint):

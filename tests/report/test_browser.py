@@ -1,26 +1,18 @@
 """Reports as a browser shows them: read, moved, printed, without a script, and meant to harm."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.slow
 
 WIDE, MIDDLE, PHONE, NARROW = 1200, 700, 400, 320
 
-Show = Callable[[str], Page]
 
-
-def _wait(page: Page, theme: str = "light") -> None:
+def _wait(page, theme="light"):
     """Until all charts that are not folded are drawn in a theme."""
     missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
     page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
@@ -29,7 +21,7 @@ def _wait(page: Page, theme: str = "light") -> None:
 class Runs:
     """What the runs of the concrete study's first design say of an output, in SI units."""
 
-    def __init__(self, tree: xr.DataTree) -> None:
+    def __init__(self, tree):
         self.values = tree["runs/monte_carlo/penetration_depth"].values
         self.sources = [
             name
@@ -38,7 +30,7 @@ class Runs:
         ]
         self.half = float(np.sqrt(np.log(2 / 0.05) / (2 * self.values.size)))
 
-    def at_most(self, x: float) -> tuple[float, float, float]:
+    def at_most(self, x):
         """The share of the runs, and the ends of the band by Dvoretzky, Kiefer, Wolfowitz."""
         share = float(np.mean(self.values <= x))
         return share, max(0.0, share - self.half), min(1.0, share + self.half)
@@ -51,7 +43,7 @@ READ_OUT = re.compile(
 )
 
 
-def _read(page: Page) -> tuple[float, list[str]]:
+def _read(page):
     """The threshold of the first read-out in metres, and the figures in it."""
     text = page.locator(".readout").first.inner_text()
     found = READ_OUT.fullmatch(text)
@@ -62,7 +54,7 @@ def _read(page: Page) -> tuple[float, list[str]]:
     return threshold, list(found.groups()[2:])
 
 
-def _holds(page: Page, runs: Runs) -> float:
+def _holds(page, runs):
     """The threshold that is read off, once all that is said of it is what the runs say."""
     threshold, figures = _read(page)
     share, lower, upper = runs.at_most(threshold)
@@ -77,16 +69,14 @@ class TestReadingOff:
     """The concrete study's page under pointer and keys."""
 
     @pytest.fixture
-    def page(self, show: Show) -> Page:
+    def page(self, show):
         return show("concrete")
 
     @pytest.fixture
-    def runs(self, concrete: xr.DataTree) -> Runs:
+    def runs(self, concrete):
         return Runs(concrete)
 
-    def test_it_begins_where_the_study_asks_and_follows_keys_and_pointer(
-        self, page: Page, runs: Runs
-    ) -> None:
+    def test_it_begins_where_the_study_asks_and_follows_keys_and_pointer(self, page, runs):
         slider = page.locator(".reading input[type=range]").first
         slider.focus()
         before = _holds(page, runs)
@@ -102,38 +92,38 @@ class TestReadingOff:
         number = page.locator(".reading input.threshold").first.input_value()
         assert slider.get_attribute("aria-valuetext") == f"{number} m"
 
-    def test_a_threshold_is_typed(self, page: Page, runs: Runs) -> None:
+    def test_a_threshold_is_typed(self, page, runs):
         number = page.locator(".reading input.threshold").first
         for typed, read in {"0.45": 0.45, "": 0.45, "0,5": 0.5, "600e-3 m": 0.6}.items():
             number.fill(typed)
             number.press("Enter")
             assert _holds(page, runs) == read
 
-    def test_a_click_on_the_curve_moves_it_there(self, page: Page, runs: Runs) -> None:
+    def test_a_click_on_the_curve_moves_it_there(self, page, runs):
         x = float(np.quantile(runs.values, 0.3))
         page.mouse.click(*_on_curve(page, x, 0.3))
         assert _holds(page, runs) == pytest.approx(x, abs=0.01)
 
-    def test_all_curves_say_their_numbers_under_the_pointer(self, page: Page, runs: Runs) -> None:
+    def test_all_curves_say_their_numbers_under_the_pointer(self, page, runs):
         page.get_by_text("Distribution functions by all methods").first.click()
         _wait(page)
         for p in (0.1, 0.5, 0.9):
             x = float(np.quantile(runs.values, p))
             page.mouse.move(*_on_curve(page, x, p, ALL_CURVES))
             at, lines = _hovered(page, x)
-            told = {line.rpartition(" ")[2]: line.rpartition(" ")[0] for line in lines}
-            assert list(told)[::-1] == list(runs.sources)
-            figures = re.fullmatch(rf"{NUMBER} \({NUMBER} … {NUMBER}\)", told["monte_carlo"])
+            reported = {line.rpartition(" ")[2]: line.rpartition(" ")[0] for line in lines}
+            assert list(reported)[::-1] == list(runs.sources)
+            figures = re.fullmatch(rf"{NUMBER} \({NUMBER} … {NUMBER}\)", reported["monte_carlo"])
             np.testing.assert_allclose(
                 [float(figure) for figure in figures.groups()], runs.at_most(at), atol=5.1e-5
             )
 
 
-def _hovered(page: Page, x: float) -> tuple[float, list[str]]:
+def _hovered(page, x):
     """Where the pointer reads off, and what it says of each curve there."""
     title = page.locator(".hoverlayer .legendtitletext")
 
-    def value() -> float:
+    def value():
         return float(title.first.text_content().rpartition(": ")[2])
 
     for _ in range(100):
@@ -148,7 +138,7 @@ LEADING_CURVE = ".plot:has(~ .reading)"
 ALL_CURVES = "details:has(> summary:text('Distribution functions by all methods')) .plot"
 
 
-def _on_curve(page: Page, x: float, p: float, which: str = LEADING_CURVE) -> tuple[float, float]:
+def _on_curve(page, x, p, which=LEADING_CURVE):
     """Where a point of a distribution function lies on the screen."""
     plot = page.locator(which).first
     plot.scroll_into_view_if_needed()
@@ -162,9 +152,7 @@ def _on_curve(page: Page, x: float, p: float, which: str = LEADING_CURVE) -> tup
 
 
 @pytest.mark.parametrize("name", ["concrete", "beam", "lost", "wide", "schema_1_several"])
-def test_it_fits_and_is_accessible_in_both_themes(
-    browser: Browser, reports: Any, name: str
-) -> None:
+def test_it_fits_and_is_accessible_in_both_themes(browser, reports, name):
     # Charts are images to the guidelines, and have the width of what is around them.
     page = browser.new_page()
     page.add_init_script(IDLE)
@@ -188,7 +176,7 @@ def test_it_fits_and_is_accessible_in_both_themes(
 IDLE = "window.requestIdleCallback = () => 0; IntersectionObserver.prototype.observe = () => {};"
 
 
-def _inaccessible(page: Page) -> Iterator[str]:
+def _inaccessible(page):
     """What axe finds against the guidelines."""
     for violation in Axe().run(page).response["violations"]:
         for node in violation["nodes"]:
@@ -202,7 +190,7 @@ WIDER = """() => [...document.querySelectorAll("body *")]
   .map((each) => `${each.tagName}.${each.getAttribute("class")} ${each.textContent.slice(0, 9)}`)"""
 
 
-def _overflowing(page: Page) -> Iterator[str]:
+def _overflowing(page):
     room, taken = page.evaluate(
         "[document.documentElement.clientWidth, document.documentElement.scrollWidth]"
     )
@@ -223,7 +211,7 @@ COLOURS = """() => {
 }"""
 
 
-def test_charts_follow_the_theme(show: Show) -> None:
+def test_charts_follow_the_theme(show):
     page = show("beam")
     light = page.evaluate(COLOURS)
     page.emulate_media(color_scheme="dark")
@@ -242,13 +230,13 @@ def test_charts_follow_the_theme(show: Show) -> None:
         assert page.evaluate(COLOURS) == colours
 
 
-def _contrast(one: str, other: str) -> float:
+def _contrast(one, other):
     """Of two colours, as the guidelines have it."""
     low, high = sorted(map(_luminance, (one, other)))
     return (high + 0.05) / (low + 0.05)
 
 
-def _luminance(colour: str) -> float:
+def _luminance(colour):
     parts = np.array([int(part) for part in re.findall(r"\d+", colour)[:3]]) / 255
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
@@ -265,7 +253,7 @@ FOCUSED = """() => {
 }"""
 
 
-def test_keys_reach_everything_in_the_order_of_the_page(show: Show) -> None:
+def test_keys_reach_everything_in_the_order_of_the_page(show):
     page = show("beam")
     page.reload()
     _wait(page)
@@ -287,7 +275,7 @@ def test_keys_reach_everything_in_the_order_of_the_page(show: Show) -> None:
     assert page.evaluate("document.activeElement.closest('main') !== null")
 
 
-def test_what_scrolls_is_reached_by_keys(show: Show) -> None:
+def test_what_scrolls_is_reached_by_keys(show):
     page = show("wide")
     page.set_viewport_size({"width": 320, "height": 900})
     # Most tables are folded.
@@ -302,7 +290,7 @@ def test_what_scrolls_is_reached_by_keys(show: Show) -> None:
     assert any(scrolls for scrolls, _ in stops)
 
 
-def test_charts_have_the_width_that_there_is(show: Show) -> None:
+def test_charts_have_the_width_that_there_is(show):
     page = show("beam")
     page.set_viewport_size({"width": NARROW, "height": 900})
     page.wait_for_function(FITTING)
@@ -313,7 +301,7 @@ FITTING = """() => [...document.querySelectorAll(".plot[data-drawn]")].every(
   (plot) => Math.abs(plot.querySelector(".main-svg").clientWidth - plot.clientWidth) <= 1)"""
 
 
-def test_on_paper_it_is_light_and_fits(show: Show) -> None:
+def test_on_paper_it_is_light_and_fits(show):
     page = show("beam")
     light = page.evaluate(COLOURS)
     page.emulate_media(color_scheme="dark")
@@ -344,7 +332,7 @@ WORDS = """() => {
 }"""
 
 
-def test_a_decision_maker_reads_it_to_its_end(show: Show) -> None:
+def test_a_decision_maker_reads_it_to_its_end(show):
     page = show("concrete")
     page.set_viewport_size({"width": 1280, "height": 900})
     page.reload()
@@ -362,7 +350,7 @@ def test_a_decision_maker_reads_it_to_its_end(show: Show) -> None:
     page.emulate_media(media="screen")
 
 
-def test_a_link_opens_a_folded_part(show: Show) -> None:
+def test_a_link_opens_a_folded_part(show):
     page = show("concrete")
     part = page.locator("#surrogates details.part")
     assert part.get_attribute("open") is None
@@ -379,7 +367,7 @@ def test_a_link_opens_a_folded_part(show: Show) -> None:
     page.evaluate("history.replaceState(null, '', location.pathname)")
 
 
-def test_without_a_script_texts_and_tables_are_there(browser: Browser, reports: Any) -> None:
+def test_without_a_script_texts_and_tables_are_there(browser, reports):
     page = browser.new_page(java_script_enabled=False)
     page.goto(reports.path("beam").as_uri())
     assert page.locator("noscript p").is_visible()
@@ -398,16 +386,16 @@ class TestHarm:
     """A page of an archive every text of which means harm."""
 
     @pytest.fixture
-    def page(self, show: Show) -> Page:
+    def page(self, show):
         return show("hostile")
 
-    def test_nothing_of_it_is_run_or_loaded(self, page: Page) -> None:
+    def test_nothing_of_it_is_run_or_loaded(self, page):
         assert page.evaluate("typeof hacked") == "undefined"
         assert (
             page.locator("main :is(img, script, b, i, [onerror], [href^=javascript])").count() == 0
         )
 
-    def test_texts_are_seen_as_they_stand(self, page: Page) -> None:
+    def test_texts_are_seen_as_they_stand(self, page):
         harm = (
             "</script><script>hacked=1</script><img src=x onerror=hacked=1>"
             '<a href="javascript:hacked=1">a</a> %{y} &lt; $\\frac{1}{0}$ \\x00\\x1b\\u202e'
@@ -415,15 +403,15 @@ class TestHarm:
         assert page.title().endswith(harm)
         assert page.locator("h1").inner_text().endswith(harm)
 
-    def test_charts_show_them_as_they_stand(self, page: Page) -> None:
+    def test_charts_show_them_as_they_stand(self, page):
         seen = page.locator(".plot svg text").evaluate_all("(all) => all.map((a) => a.textContent)")
         assert "<b>%{x}&amp;<i></script><script>hacked=1</script>… [mm]" in seen
         assert any(text.startswith("<img src=x") for text in seen)
         page.mouse.move(*_on_curve(page, 3.75, 0.5))
         assert _hovered(page, 3.75)[1][0].endswith(" <u onclick=hacked=1>%{z}")
 
-    def test_policy(self, page: Page) -> None:
+    def test_policy(self, page):
         policy = page.locator("meta[http-equiv=Content-Security-Policy]").get_attribute("content")
-        rules: dict[str, Any] = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+        rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
         assert rules["default-src"] == "'none'"
         assert re.fullmatch(r"('sha256-[\w+/=]+' ?)+", rules["script-src"])

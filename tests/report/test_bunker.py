@@ -1,14 +1,10 @@
 """The study of the wall with few runs: its verdict, its caveat, its tables, and its page."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.distributions import model_chart
@@ -27,17 +23,17 @@ CAVEAT = "These are depths in a target without a rear face: a wall of that thick
 
 
 @pytest.fixture(scope="session")
-def bunker() -> xr.DataTree:
+def bunker():
     """The archive of the study, with 400 runs."""
     text = STUDY.read_text(encoding="utf-8").replace("runs = 10_000", "runs = 400")
     return uqpen.run(uqpen.parse_study(text, name="bunker"))
 
 
-def test_all_models_answer_the_same_questions(bunker: xr.DataTree) -> None:
-    told = archive_json(bunker)
-    assert list(told["models"]) == MODELS
+def test_all_models_answer_the_same_questions(bunker):
+    reported = archive_json(bunker)
+    assert list(reported["models"]) == MODELS
     for model in MODELS:
-        depth = told["models"][model]["designs"]["monte_carlo"]["outputs"]["penetration_depth"]
+        depth = reported["models"][model]["designs"]["monte_carlo"]["outputs"]["penetration_depth"]
         assert depth["caveat"] == CAVEAT
         thresholds = [54, 60, 80, 100, 150, 200, 300]
         assert list(depth["exceedance"]) == [f"{each} cm" for each in thresholds]
@@ -45,20 +41,20 @@ def test_all_models_answer_the_same_questions(bunker: xr.DataTree) -> None:
         # Too few runs for a bound, and how many it takes.
         assert depth["hold"]["0.9999"]["upper"] is None
         assert depth["hold"]["0.9999"]["runs_needed"] == 29_956
-    shares = told["model_form"]["monte_carlo"]["penetration_depth"]
+    shares = reported["model_form"]["monte_carlo"]["penetration_depth"]
     parts = [shares[name]["estimate"] for name in ("model_form_share", "parameter_share")]
     # Rods that never erode go twice as deep as all others.
     assert parts[0] > 0.5 > parts[1] > 0
 
 
-def test_the_caveat_stands_below_each_table_of_depths(bunker: xr.DataTree) -> None:
+def test_the_caveat_stands_below_each_table_of_depths(bunker):
     tables = [each for each in output_tables(bunker) if ": penetration_depth [cm]" in each.title]
     of_models = [each for each in tables if " minus " not in each.title]
     assert len(of_models) == len(MODELS)
     assert all(each.notes[0] == CAVEAT for each in of_models)
 
 
-def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+def test_the_page_begins_with_the_verdict(bunker, show):
     page = show("bunker")
     verdict = page.locator(".verdicts").first.inner_text()
     assert verdict.startswith("Depth of penetration above 60\u00a0cm")
@@ -72,9 +68,7 @@ def test_the_page_begins_with_the_verdict(bunker: xr.DataTree, show: Any) -> Non
     assert "an upper bound needs at least 29956 runs" in page.content()
 
 
-def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_drawn(
-    bunker: xr.DataTree, show: Any
-) -> None:
+def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_drawn(bunker, show):
     view = ArchiveView(bunker, "walker_anderson")
     chart = model_chart(view, "penetration_depth", "monte_carlo")
     assert chart is not None
@@ -94,7 +88,7 @@ def test_the_limit_of_the_verdict_is_the_first_threshold_and_all_limits_are_draw
     assert page.locator("#answer .plot").first.evaluate(line) == [60]
 
 
-def test_the_thickness_stands_beside_the_verdict(bunker: xr.DataTree, show: Any) -> None:
+def test_the_thickness_stands_beside_the_verdict(bunker, show):
     page = show("bunker")
     found = {
         finding.locator("dt").inner_text(): " ".join(finding.locator("dd").inner_text().split())
@@ -111,14 +105,14 @@ def test_the_thickness_stands_beside_the_verdict(bunker: xr.DataTree, show: Any)
         ].values[0, 2]
         for model in MODELS
     ]
-    told = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
+    reported = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
     # Rounded up to the digits that are shown, so that each remains a bound.
-    np.testing.assert_allclose(told, sorted(bounds), rtol=0.02)
-    assert (np.array(told) >= np.sort(bounds) * (1 - 1e-12)).all()
+    np.testing.assert_allclose(reported, sorted(bounds), rtol=0.02)
+    assert (np.array(reported) >= np.sort(bounds) * (1 - 1e-12)).all()
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_on_the_page_is_wider_than_it(bunker: xr.DataTree, show: Any, width: int) -> None:
+def test_nothing_on_the_page_is_wider_than_it(bunker, show, width):
     page = show("bunker")
     page.set_viewport_size({"width": width, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -1,46 +1,30 @@
 """``uqpen report``, and the page that ``uqpen study`` writes or names."""
 
-from __future__ import annotations
-
 import os
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 
 pytestmark = pytest.mark.slow
 
-Command = Callable[..., Any]
-
-STUDY = """
-title = "Sum of two"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = 1.0
-x2 = { uniform = { lower = 0, upper = 1 } }
-x3 = { uniform = { lower = 0, upper = 1 } }
-[designs.some]
-kind = "monte-carlo"
-runs = 50
-"""
+STUDY = study_text(
+    "ishigami",
+    title="Sum of two",
+    inputs={"x1": 1.0, "x2": (0, 1), "x3": (0, 1)},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
+def study(tmp_path):
     path = tmp_path / "sum.toml"
     path.write_text(STUDY)
     return path
 
 
-def test_a_study_ends_with_the_line_that_writes_its_report(
-    command_line: Command, study: Path, tmp_path: Path
-) -> None:
+def test_a_study_ends_with_the_line_that_writes_its_report(command_line, study, tmp_path):
     done = command_line("study", "sum.toml")
     assert done.out.endswith("archive: archives/sum.nc\nreport: uqpen report archives/sum.nc\n")
     assert not (tmp_path / "archives/sum.html").exists()
@@ -51,9 +35,7 @@ def test_a_study_ends_with_the_line_that_writes_its_report(
     assert "<h1>Sum of two</h1>" in page
 
 
-def test_a_study_can_write_its_report_at_once(
-    command_line: Command, study: Path, tmp_path: Path
-) -> None:
+def test_a_study_can_write_its_report_at_once(command_line, study, tmp_path):
     done = command_line("study", "sum.toml", "--report", "-o", "there/my archive.nc")
     assert done.out.endswith("report: there/my archive.html\n")
     at_once = (tmp_path / "there/my archive.html").read_bytes()
@@ -61,7 +43,7 @@ def test_a_study_can_write_its_report_at_once(
     assert (tmp_path / "later.html").read_bytes() == at_once
 
 
-def test_a_full_page_is_asked_for(command_line: Command, study: Path, tmp_path: Path) -> None:
+def test_a_full_page_is_asked_for(command_line, study, tmp_path):
     command_line("study", "sum.toml")
     command_line("report", "archives/sum.nc", "-o", "short.html")
     done = command_line("report", "archives/sum.nc", "--full", "-o", "full.html")
@@ -72,9 +54,7 @@ def test_a_full_page_is_asked_for(command_line: Command, study: Path, tmp_path: 
 
 
 class TestMistakes:
-    def test_the_archive_is_not_overwritten(
-        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
-    ) -> None:
+    def test_the_archive_is_not_overwritten(self, command_line, archives, tmp_path):
         uqpen.write(archives["beam"], tmp_path / "beam.nc")
         before = (tmp_path / "beam.nc").read_bytes()
         done = command_line("report", "beam.nc", "-o", "beam.nc")
@@ -82,16 +62,14 @@ class TestMistakes:
         assert done.err == "beam.nc: found the ending .nc; expected .html or .htm\n"
         assert (tmp_path / "beam.nc").read_bytes() == before
 
-    def test_a_file_that_is_no_archive_is_told(self, command_line: Command, study: Path) -> None:
+    def test_a_file_that_is_no_archive_is_reported(self, command_line, study):
         done = command_line("report", "sum.toml")
         assert (done.code, done.err) == (
             2,
             "sum.toml: is not an archive of uqpen's: it is no HDF5 file\n",
         )
 
-    def test_a_page_takes_the_place_of_files_alone(
-        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
-    ) -> None:
+    def test_a_page_takes_the_place_of_files_alone(self, command_line, archives, tmp_path):
         uqpen.write(archives["beam"], tmp_path / "beam.nc")
         (tmp_path / "folder.html").mkdir()
         os.mkfifo(tmp_path / "pipe.html")
@@ -102,9 +80,7 @@ class TestMistakes:
         assert (done.code, done.err) == (2, said)
         assert (tmp_path / "pipe.html").is_fifo()
 
-    def test_a_page_that_cannot_be_written_is_told(
-        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
-    ) -> None:
+    def test_a_page_that_cannot_be_written_is_reported(self, command_line, archives, tmp_path):
         uqpen.write(archives["beam"], tmp_path / "beam.nc")
         (tmp_path / "file").touch()
         done = command_line("report", "beam.nc", "-o", "file/page.html")

@@ -1,23 +1,16 @@
 """How estimates settle, as the page has it."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Block, Chart, Charts
+from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Heading, Remarks, Text
 from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.convergence import convergence
 from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow
-
-Archives = Mapping[str, xr.DataTree]
 
 LINE = """
 seed = 3
@@ -30,15 +23,15 @@ x3 = 1
 """
 
 
-def told(tree: xr.DataTree, model: str = "") -> list[Block]:
+def reported(tree, model=""):
     return list(convergence(ArchiveView(tree, model)))
 
 
-def charts(blocks: list[Block]) -> list[Charts]:
+def charts(blocks):
     return [block for block in blocks if isinstance(block, Charts)]
 
 
-def bounds(chart: Chart) -> np.ndarray:
+def bounds(chart):
     """Estimates with their bounds, as they are drawn."""
     (trace,) = traces(chart.marks)
     y = np.array(trace["y"], dtype=float)
@@ -46,12 +39,12 @@ def bounds(chart: Chart) -> np.ndarray:
     return np.column_stack([y, y - below, y + above])
 
 
-def of(design: str) -> xr.DataTree:
+def of(design):
     return uqpen.run(uqpen.parse_study(f"{LINE}\n[designs.some]\n{design}"))
 
 
-def test_which_design_it_is_of_and_how_to_read_it(concrete: xr.DataTree) -> None:
-    text, remarks, heading, *_ = told(concrete)
+def test_which_design_it_is_of_and_how_to_read_it(concrete):
+    text, remarks, heading, *_ = reported(concrete)
     assert text == Text(
         "By monte_carlo, the design of the main results, the first of the study that is a sample "
         "of the inputs. Its 400 runs are independent draws. Each part has the first few of these."
@@ -66,8 +59,8 @@ def test_which_design_it_is_of_and_how_to_read_it(concrete: xr.DataTree) -> None
     assert heading == Heading("depth of penetration (penetration_depth)")
 
 
-def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
-    depth, residue, end, kinds = charts(told(concrete))
+def test_the_last_dots_are_the_archives_figures(concrete):
+    depth, residue, end, kinds = charts(reported(concrete))
     assert [each.title for each in depth.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in residue.charts] == ["mean", "median"]
     assert [each.title for each in end.charts] == ["mean", "median"]
@@ -87,8 +80,8 @@ def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
     assert [key.text for key in depth.keys] == ["with its 95 % interval", "by all runs"]
 
 
-def test_the_table_has_the_same_figures(concrete: xr.DataTree, archives: Archives) -> None:
-    depth = charts(told(concrete))[0]
+def test_the_table_has_the_same_figures(concrete, archives):
+    depth = charts(reported(concrete))[0]
     (table,) = depth.tables
     assert table.title == "depth of penetration by monte_carlo, by its runs so far"
     assert table.columns == ["mean [m]", "median [m]", "P(> 60 cm)"]
@@ -99,8 +92,8 @@ def test_the_table_has_the_same_figures(concrete: xr.DataTree, archives: Archive
         assert hover == f"{label} runs: {cell.rstrip(' ¹²³⁴⁵⁶⁷⁸⁹⁰')} m"
 
 
-def test_replicates_are_not_divided(archives: Archives) -> None:
-    text, *_ = blocks = told(archives["rods"], "smoothed")
+def test_replicates_are_not_divided(archives):
+    text, *_ = blocks = reported(archives["rods"], "smoothed")
     assert text == Text(
         "By latin, the design of the main results, the first of the study that is a sample of the "
         "inputs. Its 100 runs are 10 independent replicates. Each part has the first few of these: "
@@ -112,9 +105,9 @@ def test_replicates_are_not_divided(archives: Archives) -> None:
     assert bounds(depth)[-1] == pytest.approx(archived.values * 100, rel=1e-5)
 
 
-def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
+def test_an_axis_cuts_off_what_is_far_too_wide():
     tree = of('kind = "latin-hypercube"\nruns = 4000\nreplicates = 200')
-    mean = charts(told(tree))[0].charts[0]
+    mean = charts(reported(tree))[0].charts[0]
     drawn = bounds(mean)
     assert mean.y.ends is not None
     lower, upper = mean.y.ends
@@ -137,17 +130,17 @@ def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
         ('kind = "monte-carlo"\nruns = 20', "it has only 20 runs."),
     ],
 )
-def test_what_cannot_be_divided_says_why(design: str, reason: str) -> None:
-    assert told(of(design)) == [
+def test_what_cannot_be_divided_says_why(design, reason):
+    assert reported(of(design)) == [
         Text("Convergence cannot be shown for some, the design of the main results: " + reason)
     ]
 
 
-def test_an_archive_without_convergence_says_so() -> None:
+def test_an_archive_without_convergence_says_so():
     tree = of('kind = "monte-carlo"\nruns = 40')
     group = tree["statistics/some/y"]
     group.dataset = group.to_dataset().drop_dims("runs_so_far")
-    assert told(tree) == [
+    assert reported(tree) == [
         Text(
             "Convergence cannot be shown for some, the design of the main results: the archive "
             "has no estimates from parts of its runs."
@@ -155,8 +148,8 @@ def test_an_archive_without_convergence_says_so() -> None:
     ]
 
 
-def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample() -> None:
-    text, *_ = told(of('kind = "saltelli"\nbase = 64'))
+def test_pick_freeze_blocks_are_reported_where_there_is_no_other_sample():
+    text, *_ = reported(of('kind = "saltelli"\nbase = 64'))
     assert text == Text(
         "By some, the design of the main results, as no other design is a sample of the inputs. "
         "Its 128 runs that are a sample are 16 independent replicates. Each part has the first few "
@@ -164,5 +157,5 @@ def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample() -> None:
     )
 
 
-def test_nothing_is_told_where_all_runs_were_lost(archives: Archives) -> None:
-    assert told(archives["lost"]) == []
+def test_nothing_is_reported_where_all_runs_were_lost(archives):
+    assert reported(archives["lost"]) == []

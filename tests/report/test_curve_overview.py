@@ -1,16 +1,9 @@
 """Curves at a glance, which a reader sees first: as blocks and in a browser."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-import xarray as xr
-from playwright.sync_api import Page
 
 import uqpen
-from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import find_charts
 from uqpen.report.plotly import traces
 from uqpen.report.sections.answer import answer
@@ -37,7 +30,7 @@ HEAD = '[models.MODEL]\npython = "model.py:MODEL"\ninputs = { a = "1" }\n'
 REST = '[inputs]\na = "1 ± 0.2"\n[designs.mc]\nkind = "monte-carlo"\nruns = 60\n'
 
 
-def model_text(model: str, *curves: str) -> str:
+def model_text(model, *curves):
     made = (
         CURVE.replace("NAME", name).replace("ENDS", str(name == "ending").lower())
         for name in curves
@@ -46,12 +39,10 @@ def model_text(model: str, *curves: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def pair(
-    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
-) -> xr.DataTree:
+def pair(tmp_path_factory, made_once):
     """Five curves by two models, and one more by the first alone."""
 
-    def make() -> xr.DataTree:
+    def make():
         folder = tmp_path_factory.mktemp("pair")
         (folder / "model.py").write_text(MODEL)
         shared = ("ending", "c0", "c1", "c2", "c3")
@@ -61,11 +52,11 @@ def pair(
     return made_once("curve_pair", make)
 
 
-def charts(tree: xr.DataTree, section: Callable[[ArchiveView], Block]) -> list[Chart]:
+def charts(tree, section):
     return list(find_charts(section(ArchiveView(tree, "first"))))
 
 
-def test_curves_of_several_models_come_first(pair: xr.DataTree) -> None:
+def test_curves_of_several_models_come_first(pair):
     first = charts(pair, answer)[:4]
     further = charts(pair, model_comparison)[:2]
     titles = [each.title for each in (*first, *further)]
@@ -73,7 +64,7 @@ def test_curves_of_several_models_come_first(pair: xr.DataTree) -> None:
     assert [each.notes for each in further] == [(), ("By first alone.",)]
 
 
-def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair: xr.DataTree) -> None:
+def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair):
     (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
     lower, upper = traces(drawn.marks)[:2]
     line = next(each for each in traces(drawn.marks) if each.get("name") == "first")
@@ -83,21 +74,21 @@ def test_a_line_is_the_median_and_a_shade_ends_at_the_outer_quantiles(pair: xr.D
     np.testing.assert_allclose(upper["y"], found[:, 2], rtol=1e-3, atol=0.02)
 
 
-def test_a_pointer_reads_the_interval_of_a_median(pair: xr.DataTree) -> None:
+def test_a_pointer_reads_the_interval_of_a_median(pair):
     (drawn,) = [each for each in charts(pair, answer) if each.title == "c2 [cm]"]
     line = next(each for each in traces(drawn.marks) if each.get("name") == "first")
     bounds = pair["models/first/statistics/mc/c2"].to_dataset()["quantile"].values[-1, 1] * 100
     assert line["text"][-1].startswith(estimate_text(*bounds.tolist()))
 
 
-def test_a_study_without_curves_has_none(archives: dict[str, xr.DataTree]) -> None:
+def test_a_study_without_curves_has_none(archives):
     found = find_charts(answer(ArchiveView(archives["beam"], "")))
     assert [each.title for each in found if "[" in each.title] == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_bands_are_drawn_and_fit(show: Callable[[str], Page], theme: str) -> None:
+def test_bands_are_drawn_and_fit(show, theme):
     page = show("pair")
     page.emulate_media(color_scheme=theme)
     for width in (1280, 390):

@@ -1,12 +1,8 @@
 """The section on outputs along a dimension, as blocks and in a browser."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +10,10 @@ import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
 from hashed_trees import with_hashes
 from matplotlib.image import imread
-from playwright.sync_api import Page
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics, estimate_array, pack
-from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import Fold, Heading, find_charts
 from uqpen.report.page import report_page
 from uqpen.report.plotly import charts_json, traces
@@ -35,38 +30,38 @@ def simulate(x, z):
     ending = np.where(days < 20 + 12 * x, curve, np.nan)
     return {"curve": curve, "ending": ending, "third": curve, "x_again": x}
 """
-STUDY = """\
-title = "Curves"
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "m"
-z = "m"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
-third = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
-x_again = "cm"
-[model.outputs.ending]
-unit = "cm"
-along = { time = { unit = "day", from = 0, to = 40, size = 41 } }
-may_end = true
-[inputs]
-x = { uniform = { lower = "0 m", upper = "1 m" } }
-z = { uniform = { lower = "0 m", upper = "1 m" } }
-[outputs.curve]
-exceeds = ["9 m"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 90
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "m", "z": "m"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+            },
+            "third": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+            },
+            "x_again": "cm",
+            "ending": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
+                "may_end": True,
+            },
+        },
+    },
+    title="Curves",
+    seed=11,
+    inputs={"x": ("0 m", "1 m"), "z": ("0 m", "1 m")},
+    outputs={"curve": {"exceeds": ["9 m"]}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 90}},
+)
 
 
 @pytest.fixture(scope="module")
-def moving(
-    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
-) -> xr.DataTree:
-    def make() -> xr.DataTree:
+def moving(tmp_path_factory, made_once):
+    def make():
         folder = tmp_path_factory.mktemp("moving")
         (folder / "model.py").write_text(MODEL)
         return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
@@ -75,7 +70,7 @@ def moving(
 
 
 @pytest.fixture(scope="module")
-def driven(moving: xr.DataTree) -> xr.DataTree:
+def driven(moving):
     """The same with indices along the curve: 0.6 falling to 0.2, and 0.3."""
     group = moving["statistics/mc/curve"].to_dataset()
     arrays = dict(UnpackedStatistics(group))
@@ -94,22 +89,22 @@ def driven(moving: xr.DataTree) -> xr.DataTree:
     return with_hashes(tree)
 
 
-def blocks(tree: xr.DataTree) -> list[Block]:
+def blocks(tree):
     return list(curves(ArchiveView(tree, "")))
 
 
-def chart(tree: xr.DataTree, title: str, number: int = 0) -> Chart:
+def chart(tree, title, number=0):
     return [each for each in find_charts(blocks(tree)) if each.title.startswith(title)][number]
 
 
-def test_the_first_fields_are_open_and_the_others_folded(moving: xr.DataTree) -> None:
+def test_the_first_fields_are_open_and_the_others_folded(moving):
     found = blocks(moving)
     assert [each.text for each in found if isinstance(each, Heading)] == ["curve", "third"]
     assert isinstance(found[-1], Fold)
     assert found[-1].title == "Other curves: ending"
 
 
-def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> None:
+def test_the_readout_has_the_estimates_of_the_archive(moving):
     fan = chart(moving, "Curve along time [day]")
     read = fan.place
     assert read is not None
@@ -126,7 +121,7 @@ def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> No
     assert "(no interval: " in read.text(at)
 
 
-def test_the_chart_says_which_places_have_no_band_and_why(moving: xr.DataTree) -> None:
+def test_the_chart_says_which_places_have_no_band_and_why(moving):
     left_out = "1 of 41 places: the output does not vary, time 0 day"
     fan, quantiles, tolerance = (
         chart(moving, title) for title in ("Curve along", "Quantiles with", "Tolerance band")
@@ -139,13 +134,13 @@ def test_the_chart_says_which_places_have_no_band_and_why(moving: xr.DataTree) -
     assert tolerance.notes == (f"Without bounds (tolerance band): {left_out}.",)
 
 
-def test_where_all_curves_have_ended_only_their_share_is_told(moving: xr.DataTree) -> None:
+def test_where_all_curves_have_ended_only_their_share_is_reported(moving):
     read = chart(moving, "Ending along time").place
     assert read is not None
     assert read.text(40).startswith("At 40 day: share of runs that get this far 0")
 
 
-def test_the_lines_behind_are_runs(moving: xr.DataTree) -> None:
+def test_the_lines_behind_are_runs(moving):
     drawn = traces(chart(moving, "Curve along time").marks)
     (thin,) = [each["y"] for each in drawn if each["line"]["width"] == 0.6]
     lines = np.array(thin, dtype=np.float64).reshape(20, 42)
@@ -155,7 +150,7 @@ def test_the_lines_behind_are_runs(moving: xr.DataTree) -> None:
     assert len({run[-2] for run in lines}) == 20
 
 
-def test_each_place_has_its_runs_in_bins(moving: xr.DataTree) -> None:
+def test_each_place_has_its_runs_in_bins(moving):
     drawn = chart(moving, "Runs at the chosen place", 2)
     assert drawn.slices is not None
     known = np.isfinite(moving["runs/mc/ending"].values).sum(axis=0)
@@ -163,7 +158,7 @@ def test_each_place_has_its_runs_in_bins(moving: xr.DataTree) -> None:
     assert counts == [known[int(place)] for place in drawn.slices.values]
 
 
-def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
+def test_shares_of_the_variance_are_stacked(driven):
     areas = chart(driven, "Shares of the variance, first order by mc")
     tops = [trace["y"][0] for trace in traces(areas.marks) if "fill" in trace]
     assert tops == pytest.approx([0.6, 0.9, 1.0])
@@ -177,14 +172,14 @@ def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
     assert last == {}
 
 
-def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> None:
+def test_the_main_results_say_where_the_mean_is_largest(moving):
     first, *_ = field_sentences(ArchiveView(moving, ""), "mc")
     assert first.startswith("The mean of curve is largest at time\u00a0=\u00a040\u00a0day: ")
     assert first.endswith("95\u00a0% band, valid at all places at once).")
     assert first in report_page(moving)
 
 
-def test_the_main_results_say_why_a_mean_has_no_band_where_it_is_largest() -> None:
+def test_the_main_results_say_why_a_mean_has_no_band_where_it_is_largest():
     study = uqpen.Study(
         model=lambda a: {"y": [0.0, np.exp(30 * a), 0.0]},
         inputs={"a": uqpen.Uniform(0.0, 1.0)},
@@ -198,7 +193,7 @@ def test_the_main_results_say_why_a_mean_has_no_band_where_it_is_largest() -> No
     )
 
 
-def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
+def finer(tree, size):
     """Return the same with more places, each of which is repeated."""
     nodes = {}
     for node in tree.subtree:
@@ -212,7 +207,7 @@ def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
     return with_hashes(xr.DataTree.from_dict(nodes))
 
 
-def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
+def test_of_many_places_some_are_shown(moving):
     tree = finer(moving, 321)
     fan = chart(tree, "Curve along time")
     assert fan.notes[0] == "161 of 321 places are shown."
@@ -221,28 +216,28 @@ def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     assert len(report_page(tree).encode()) < 2_000_000
 
 
-SHEET = """\
-title = "Sheet"
-seed = 1
-[model]
-python = "sheet.py:simulate"
-[model.inputs]
-x = "m"
-[model.outputs.sheet]
-unit = "cm"
-[model.outputs.sheet.along]
-layer = { values = [1, 2] }
-depth = { unit = "cm", values = [0, 1] }
-time = { unit = "s", values = [0, 1, 3] }
-[inputs]
-x = "(1 ± 0.1) m"
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-"""
+SHEET = study_text(
+    {
+        "python": "sheet.py:simulate",
+        "inputs": {"x": "m"},
+        "outputs": {
+            "sheet": {
+                "unit": "cm",
+                "along": {
+                    "layer": {"values": [1, 2]},
+                    "depth": {"unit": "cm", "values": [0, 1]},
+                    "time": {"unit": "s", "values": [0, 1, 3]},
+                },
+            }
+        },
+    },
+    title="Sheet",
+    inputs={"x": "(1 ± 0.1) m"},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+)
 
 
-def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
+def test_a_field_of_more_dimensions_has_maps(tmp_path):
     (tmp_path / "sheet.py").write_text(
         "def simulate(x):\n    first = [[0, x, 2 * x], [0, 0, 0]]\n"
         "    return {'sheet': [first, [[2 * v for v in row] for row in first]]}\n"
@@ -276,14 +271,14 @@ def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def page(show: Callable[[str], Page]) -> Page:
+def page(show):
     page = show("driven")
     page.evaluate("document.querySelectorAll('#curves details').forEach((e) => { e.open = true; })")
     page.wait_for_selector("html[data-ready=yes]:not(:has(#curves .plot:not([data-drawn])))")
     return page
 
 
-def settle(page: Page) -> None:
+def settle(page):
     """Wait until the charts have followed what was moved last."""
     page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
     page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
@@ -300,13 +295,13 @@ ARE_AT = """(place) => {
 }"""
 
 
-def data(page: Page, title: str, member: str) -> list[float]:
+def data(page, title, member):
     figure = page.locator("#curves figure", has=page.get_by_text(title, exact=True)).first
     return figure.locator(".plot").evaluate(f"(plot) => [...plot.data[0].{member}]")
 
 
 @pytest.mark.slow
-def test_the_slider_moves_all_charts_by_keys(page: Page) -> None:
+def test_the_slider_moves_all_charts_by_keys(page):
     page.set_viewport_size({"width": 1200, "height": 1800})
     slider = page.locator("#curves .place input").first
     slider.focus()
@@ -328,7 +323,7 @@ def test_the_slider_moves_all_charts_by_keys(page: Page) -> None:
 
 
 @pytest.mark.slow
-def test_the_address_has_the_place(page: Page) -> None:
+def test_the_address_has_the_place(page):
     page.locator("#curves .place input").first.focus()
     page.keyboard.press("End")
     page.wait_for_url("**#time=40_day")
@@ -338,7 +333,7 @@ def test_the_address_has_the_place(page: Page) -> None:
 
 
 @pytest.mark.slow
-def test_it_fits_and_is_accessible(page: Page) -> None:
+def test_it_fits_and_is_accessible(page):
     page.emulate_media(color_scheme="dark")
     page.set_viewport_size({"width": 390, "height": 900})
     settle(page)

@@ -1,33 +1,28 @@
 """Failed runs: their reasons, their probability, and their inputs."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-
 import numpy as np
 import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import pack
 from uqpen.archive.read import read_group
-from uqpen.charts.chart import Block, Chart
+from uqpen.charts.chart import Chart
 from uqpen.report.blocks import Fold, Table, Text
 from uqpen.report.plotly import traces
 from uqpen.report.sections.failures import failures
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.run_samples import sample_of
-from uqpen.study.study import ValidatedStudy
 
 TOO_HEAVY = 'ValueError: too heavy (beam.py, line 4: raise ValueError("too heavy"))'
 
 
-def _folded(block: Block) -> tuple[Block, ...]:
+def _folded(block):
     assert isinstance(block, Fold)
     return block.blocks
 
 
-def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree]) -> None:
+def test_losses_are_reported_by_reason_and_design(archives):
     table, places, fold = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(table, Table)
     assert table.table.columns == ["only\nof 120 runs"]
@@ -38,7 +33,7 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
     assert chances.y.rows == ("only",)
     assert chances.notes == ("Bars: 95 % intervals.",)
     group = read_group(archives["beam"], "failures", "only")
-    told = group["probability"].sel(status="failed").values
+    reported = group["probability"].sel(status="failed").values
     (trace,) = traces(chances.marks)
     sides = trace["error_x"]
     drawn = [
@@ -46,11 +41,11 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
         trace["x"][0] - sides["arrayminus"][0],
         trace["x"][0] + sides["array"][0],
     ]
-    np.testing.assert_allclose(drawn, told, rtol=1e-4)
+    np.testing.assert_allclose(drawn, reported, rtol=1e-4)
     assert isinstance(places, Chart)
 
 
-def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree]) -> None:
+def test_inputs_that_go_with_losses_are_drawn(archives):
     _, chart, _ = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(chart, Chart)
     assert chart.title == "Inputs associated with the failed runs of only"
@@ -59,7 +54,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
         "The input with the strongest association is load: P(larger) 1.000, P(further out) 0.888 "
         "(0.812 … 0.935)."
     )
-    # All lost runs have larger loads than the others, which no interval can be told of.
+    # All lost runs have larger loads than the others, which there is no interval for.
     larger, further = traces(chart.marks)
     assert larger["marker"]["symbol"] == ["pentagon-open", "pentagon"]
     assert further["marker"]["symbol"] == ["cross", "cross"]
@@ -73,8 +68,8 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
 
 
 def test_where_no_input_has_an_interval_the_legend_is_hollow_too(
-    archives: Mapping[str, xr.DataTree],
-) -> None:
+    archives,
+):
     tree = archives["beam"].copy(deep=True)
     group = tree["failures/only"]
     for name in ("larger", "further_out"):
@@ -85,7 +80,7 @@ def test_where_no_input_has_an_interval_the_legend_is_hollow_too(
     assert drawn == {key.mark for key in chart.keys} == {"pentagon-open", "cross-open"}
 
 
-def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:
+def test_where_all_are_lost_no_input_goes_with_it(archives):
     table, places, _ = failures(ArchiveView(archives["lost"], ""))
     assert isinstance(table, Table)
     assert table.table.rows == [(f"failed: {TOO_HEAVY}", ["120"])]
@@ -93,7 +88,7 @@ def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.Data
     assert places.table.notes[2:] == ["no run completed"]
 
 
-def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:
+def test_where_none_is_lost_a_bound_is_reported(archives):
     (block,) = failures(ArchiveView(archives["schema_1_several"], "one"))
     assert block == Text(
         "All 16 runs completed. By monte_carlo, the model fails at a random point with a "
@@ -102,8 +97,8 @@ def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree])
 
 
 def test_what_is_no_sample_has_a_share_without_an_interval(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     text = '[designs.some]\nkind = "quadrature"\norder = 3'
     tree = uqpen.run(study_of("np.where(a > 0.9, np.nan, a)", text, a=(0.0, 1.0)))
     *_, fold = failures(ArchiveView(tree, ""))
@@ -115,7 +110,7 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
     assert chart.notes == ("Hollow: no interval; the table gives the reason.",)
 
 
-def _with_reasons(study_of: Callable[..., ValidatedStudy], reasons: list[str]) -> xr.DataTree:
+def _with_reasons(study_of, reasons):
     """A study all runs of which failed, for these reasons."""
     text = f'[designs.some]\nkind = "monte-carlo"\nruns = {len(reasons)}'
     text += "\n[failures]\nstop_after = 0"
@@ -126,7 +121,7 @@ def _with_reasons(study_of: Callable[..., ValidatedStudy], reasons: list[str]) -
     return tree
 
 
-def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_rare_reasons_are_counted_together(study_of):
     letters = [chr(ord("A") + max(number, 9)) for number in range(60)]
     table, *_ = failures(ArchiveView(_with_reasons(study_of, letters), ""))
     assert isinstance(table, Table)
@@ -136,8 +131,8 @@ def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStud
 
 
 def test_reasons_that_differ_in_numbers_alone_are_one(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     newton = [f"no root of x1 after {n} steps (residual {n}.5e-4)" for n in range(20)]
     codes = ["exit code 1", "exit code 2"] * 5
     table, *_ = failures(ArchiveView(_with_reasons(study_of, [*newton, *codes]), ""))
@@ -151,7 +146,7 @@ def test_reasons_that_differ_in_numbers_alone_are_one(
     assert table.table.notes == ["such as: no root of x1 after 0 steps (residual 0.5e-4)"]
 
 
-def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
+def test_only_some_of_many_inputs_are_drawn(wide):
     runs = read_group(wide, "runs", "monte_carlo")
     lost = runs["heat_transfer_in_layer_x"].values > 1.1
     tree = wide.copy()
@@ -165,6 +160,6 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
     assert len(chart.tables[0].rows) == 24
 
 
-def _where_lost(runs: xr.Dataset, lost: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> xr.Dataset:
+def _where_lost(runs, lost):
     status = runs["status"].copy(data=np.where(lost, 2, 0))
     return pack(failure_analysis(sample_of(runs.assign(status=status), "status")))

@@ -1,51 +1,38 @@
 """What a reader can do with a page: thresholds, selections, and what can be taken out of it."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
 from hashed_trees import with_hashes
-from playwright.sync_api import Browser, Page
+from study_text import study_text
 
 import uqpen
 
 pytestmark = pytest.mark.slow
 
-STUDY = """
-title = "Two outputs"
-seed = 1
-[model]
-python = "two.py:two"
-vectorized = true
-[model.inputs]
-a = "m"
-b = "m"
-[model.outputs]
-y = "m"
-z = "kg m-3"
-[inputs]
-a = { uniform = { lower = "0 m", upper = "1 m" } }
-b = { uniform = { lower = "0 m", upper = "1 m" } }
-[dependence]
-copula = "gaussian"
-of = "ranks"
-pairs = [{ inputs = ["a", "b"], correlation = 0.8 }]
-[outputs.y]
-exceeds = ["0.5 m"]
-[designs.some]
-kind = "monte-carlo"
-runs = 120
-"""
+STUDY = study_text(
+    {
+        "python": "two.py:two",
+        "vectorized": True,
+        "inputs": {"a": "m", "b": "m"},
+        "outputs": {"y": "m", "z": "kg m-3"},
+    },
+    title="Two outputs",
+    inputs={"a": ("0 m", "1 m"), "b": ("0 m", "1 m")},
+    dependence={
+        "copula": "gaussian",
+        "of": "ranks",
+        "pairs": [{"inputs": ["a", "b"], "correlation": 0.8}],
+    },
+    outputs={"y": {"exceeds": ["0.5 m"]}},
+    designs={"some": {"kind": "monte-carlo", "runs": 120}},
+)
 MODEL = """
 import numpy as np
 def two(a, b):
@@ -55,12 +42,10 @@ def two(a, b):
 
 
 @pytest.fixture(scope="module")
-def two(
-    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
-) -> xr.DataTree:
+def two(tmp_path_factory, made_once):
     """A study of two outputs and two dependent inputs, with a few failed runs."""
 
-    def make() -> xr.DataTree:
+    def make():
         folder = tmp_path_factory.mktemp("two")
         (folder / "two.py").write_text(MODEL)
         return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
@@ -73,7 +58,7 @@ def two(
 class Values:
     """The completed runs of the study."""
 
-    def __init__(self, tree: xr.DataTree) -> None:
+    def __init__(self, tree):
         runs = tree["runs/some"]
         is_ok = runs["status"].values == 0
         self.a, self.b, self.y, self.z = (runs[name].values[is_ok] for name in "abyz")
@@ -85,12 +70,12 @@ class Values:
 
 
 @pytest.fixture
-def values(two: xr.DataTree) -> Values:
+def values(two):
     return Values(two)
 
 
 @pytest.fixture
-def page(show: Callable[[str], Page]) -> Page:
+def page(show):
     """The page with the thresholds that it begins with, and without a selection."""
     page = show("two")
     page.emulate_media(reduced_motion="reduce")
@@ -106,13 +91,13 @@ def page(show: Callable[[str], Page]) -> Page:
     return page
 
 
-def _settle(page: Page) -> None:
+def _settle(page):
     """Wait until the charts have followed what was moved last."""
     page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
     page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
 
 
-def _type(page: Page, form: int, text: str) -> str:
+def _type(page, form, text):
     """Type a threshold; the answer."""
     box = page.locator(".threshold:not(line)").nth(form)
     box.fill(text)
@@ -138,7 +123,7 @@ LINES = """([name, at]) => {
 }"""
 
 
-def _seen(page: Page) -> None:
+def _seen(page):
     """Scroll over the whole page, as charts follow when they come near."""
     for plot in page.locator(".plot").all():
         plot.evaluate("(each) => each.scrollIntoView()")
@@ -146,7 +131,7 @@ def _seen(page: Page) -> None:
 
 
 class TestThreshold:
-    def test_it_moves_in_all_charts_of_the_output(self, page: Page, values: Values) -> None:
+    def test_it_moves_in_all_charts_of_the_output(self, page, values):
         _type(page, 0, "0,7")
         _seen(page)
         lines = page.evaluate(LINES, ["y", 0.7])
@@ -157,16 +142,16 @@ class TestThreshold:
         count = int((values.y > 0.7).sum())
         assert 0 < count < values.y.size
         assert page.locator(".parallel .beyond").count() == count
-        told = page.locator(".told").inner_text()
-        assert told.startswith(f"{count} of the {values.y.size} completed runs shown have y above")
+        reported = page.locator(".told").inner_text()
+        assert reported.startswith(
+            f"{count} of the {values.y.size} completed runs shown have y above"
+        )
         colours = page.evaluate(
             COLOURS, page.locator("#scatter .charts .plot").first.element_handle()
         )
         assert sorted(colours.values()) == sorted([count, values.y.size - count])
 
-    def test_it_stands_in_the_address_and_comes_back_from_it(
-        self, page: Page, browser: Browser
-    ) -> None:
+    def test_it_stands_in_the_address_and_comes_back_from_it(self, page, browser):
         _type(page, 0, "0.62")
         _type(page, 1, "2.5")
         page.wait_for_function("() => decodeURIComponent(location.hash).includes('z>2.5_kg_m-3')")
@@ -179,7 +164,7 @@ class TestThreshold:
         assert [float(text) for text in read] == [0.62, 2.5]
         other.close()
 
-    def test_a_place_stands_before_it(self, page: Page) -> None:
+    def test_a_place_stands_before_it(self, page):
         page.evaluate("location.hash = '#scatter&y>0.55_m'")
         page.wait_for_function("() => document.querySelector('.threshold').value === '0.55'")
         assert page.evaluate("document.getElementById('scatter').getBoundingClientRect().top") < 200
@@ -188,7 +173,7 @@ class TestThreshold:
             "() => decodeURIComponent(location.hash).startsWith('#answer&y>0.55_m')"
         )
 
-    def test_another_unit_is_refused(self, page: Page) -> None:
+    def test_another_unit_is_refused(self, page):
         page.evaluate("location.hash = '#y>70_cm'")
         readout = page.locator(".readout").first
         page.wait_for_function(
@@ -197,7 +182,7 @@ class TestThreshold:
         assert readout.inner_text() == "The address asks for y>70 cm; the unit here is m."
         assert page.locator(".threshold").first.input_value() == "0.5"
 
-    def test_a_value_that_no_run_reached_is_answered(self, page: Page, values: Values) -> None:
+    def test_a_value_that_no_run_reached_is_answered(self, page, values):
         found = re.fullmatch(
             r"1.5 m: no run of (\d+) reached it \(largest: 0.9\d* m\). "
             r"P\(more\) is at most (\d+\.\d) %\.",
@@ -211,7 +196,7 @@ class TestThreshold:
         assert below.startswith(f"−1 m: each of the {values.y.size} runs exceeded it")
         assert page.locator(".threshold").first.input_value() == "-1"
 
-    def test_between_two_steps_both_shares_are_given(self, page: Page, values: Values) -> None:
+    def test_between_two_steps_both_shares_are_given(self, page, values):
         step = 1e-3
         for at in np.quantile(values.y, [0.2, 0.5, 0.8]) + 0.1 * step:
             text = _type(page, 0, f"{at:.6f}")
@@ -221,7 +206,7 @@ class TestThreshold:
             half = 10.0 ** -len(shares[1].partition(".")[2]) / 2 + 1e-9
             assert float(shares[1]) - half <= exact <= float(shares[2] or shares[1]) + half
 
-    def test_what_is_no_number_is_told(self, page: Page) -> None:
+    def test_what_is_no_number_is_reported(self, page):
         assert _type(page, 0, "deep") == "“deep” is not understood; type a number in m."
         box = page.locator(".threshold").first
         assert box.get_attribute("aria-invalid") == "true"
@@ -246,7 +231,7 @@ IN_FRONT = """(plot) => [...plot.querySelector(".trace").querySelectorAll("path.
 
 
 class TestSelection:
-    def test_the_handles_of_an_axis_are_moved_by_keys(self, page: Page, values: Values) -> None:
+    def test_the_handles_of_an_axis_are_moved_by_keys(self, page, values):
         handle = page.locator(".handle[aria-label='y [m], from']")
         handle.focus()
         page.keyboard.press("ArrowDown")
@@ -262,8 +247,8 @@ class TestSelection:
         count = int((column >= lower).sum())
         assert 0 < count < column.size
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
-        told = page.locator(".told").inner_text()
-        assert told.startswith(f"{count} of the {column.size} completed runs shown have")
+        reported = page.locator(".told").inner_text()
+        assert reported.startswith(f"{count} of the {column.size} completed runs shown have")
         assert page.locator(".parallel .in:not(.failed)").count() == count
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()
@@ -273,9 +258,7 @@ class TestSelection:
         page.keyboard.press("Escape")
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
 
-    def test_a_rectangle_over_runs_selects_them_everywhere(
-        self, page: Page, values: Values
-    ) -> None:
+    def test_a_rectangle_over_runs_selects_them_everywhere(self, page, values):
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()
         box = chart.locator(".nsewdrag").first.bounding_box()
@@ -295,7 +278,7 @@ class TestSelection:
         page.get_by_role("button", name="Select all runs").click()
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
 
-    def test_how_the_inputs_of_these_runs_differ(self, page: Page, values: Values) -> None:
+    def test_how_the_inputs_of_these_runs_differ(self, page, values):
         fold = page.locator("details:has(> summary:text('How their inputs differ'))")
         fold.evaluate("(each) => { each.open = true; }")
         rows = page.locator(".told-runs tbody tr").all_inner_texts()
@@ -314,9 +297,7 @@ class TestSelection:
         first = page.locator(".told-runs tbody tr").first.inner_text().split("\t")
         assert (first[0], first[-1]) == ("a [m]", "0.00")
 
-    def test_inputs_against_each_other_are_the_dependent_ones(
-        self, page: Page, values: Values
-    ) -> None:
+    def test_inputs_against_each_other_are_the_dependent_ones(self, page, values):
         drawn = page.locator(".pair .plot").evaluate("(plot) => [plot.data[0].x, plot.data[0].y]")
         found = sorted((sorted(each) for each in drawn), key=sum)
         exact = sorted((sorted(each) for each in (values.a, values.b)), key=sum)
@@ -330,7 +311,7 @@ class TestSelection:
 
 
 class TestSaving:
-    def test_a_table_as_csv(self, page: Page, tmp_path: Path) -> None:
+    def test_a_table_as_csv(self, page, tmp_path):
         table = page.locator(".table:has(> .tools):visible").first
         with page.expect_download() as saved:
             table.get_by_role("button", name="Save as CSV").click()
@@ -342,9 +323,7 @@ class TestSaving:
         assert rows[1:] == [[cell.replace("\u202f", " ") for cell in row] for row in shown]
         assert len({len(row) for row in rows}) == 1
 
-    def test_the_runs_as_csv_which_no_spreadsheet_takes_for_formulas(
-        self, page: Page, values: Values, tmp_path: Path
-    ) -> None:
+    def test_the_runs_as_csv_which_no_spreadsheet_takes_for_formulas(self, page, values, tmp_path):
         with page.expect_download() as saved:
             page.get_by_role("button", name="CSV of these runs").click()
         head, *rows = _csv(saved.value, tmp_path)
@@ -355,9 +334,7 @@ class TestSaving:
         np.testing.assert_allclose([float(row[2]) for row in rows], values.z[kept], rtol=1e-4)
 
     @pytest.mark.parametrize("figure", ["#distributions figure", ".explorer figure"])
-    def test_a_chart_as_svg_tells_where_it_comes_from(
-        self, page: Page, figure: str, tmp_path: Path
-    ) -> None:
+    def test_a_chart_as_svg_tells_where_it_comes_from(self, page, figure, tmp_path):
         saved = _save(page, figure, "SVG")
         svg = ElementTree.fromstring(Path(saved.path()).read_text("utf-8"))
         assert svg.tag == "{http://www.w3.org/2000/svg}svg"
@@ -369,14 +346,14 @@ class TestSaving:
         for key in page.locator(figure).first.locator(".legend li").all_inner_texts():
             assert key.split(" ")[0] in words
 
-    def test_a_chart_as_png(self, page: Page) -> None:
+    def test_a_chart_as_png(self, page):
         content = Path(_save(page, "#distributions figure", "PNG").path()).read_bytes()
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         width, height = (int.from_bytes(content[at : at + 4], "big") for at in (16, 20))
         assert width > 1000
         assert height > 700
 
-    def test_a_sentence_is_copied_with_its_reference(self, page: Page, two: xr.DataTree) -> None:
+    def test_a_sentence_is_copied_with_its_reference(self, page, two):
         page.evaluate(CLIPBOARD)
         button = page.get_by_role("button", name="Copy this sentence with its reference").first
         button.click()
@@ -390,7 +367,7 @@ class TestSaving:
             "() => !document.querySelector('main').textContent.includes('Copied')"
         )
 
-    def test_the_link_to_a_chart_has_the_threshold(self, page: Page) -> None:
+    def test_the_link_to_a_chart_has_the_threshold(self, page):
         page.evaluate(CLIPBOARD)
         figure = page.locator("#scatter .charts figure").first
         figure.get_by_text("Save or link").click()
@@ -405,7 +382,7 @@ CLIPBOARD = """Object.defineProperty(navigator, "clipboard", {
 })"""
 
 
-def _save(page: Page, figure: str, label: str) -> Any:
+def _save(page, figure, label):
     """The file that a button of a figure saves."""
     tools = page.locator(figure).first.locator("details.tools").last
     if not tools.evaluate("(each) => each.open"):
@@ -415,13 +392,13 @@ def _save(page: Page, figure: str, label: str) -> Any:
     return saved.value
 
 
-def _csv(saved: Any, folder: Path) -> list[list[str]]:
+def _csv(saved, folder):
     path = folder / "saved.csv"
     saved.save_as(path)
     return list(csv.reader(io.StringIO(path.read_text("utf-8-sig"), newline="")))
 
 
-def test_a_table_is_sorted_by_its_numbers(page: Page) -> None:
+def test_a_table_is_sorted_by_its_numbers(page):
     table = page.locator("#distributions .table:visible table").first
     column = (
         "(table) => [...table.tBodies[0].rows].map((row) => parseFloat(row.cells[2].textContent))"
@@ -441,7 +418,7 @@ def test_a_table_is_sorted_by_its_numbers(page: Page) -> None:
     assert table.evaluate(column) == before
 
 
-def test_the_contents_stay_in_view_and_lead_back_up(page: Page) -> None:
+def test_the_contents_stay_in_view_and_lead_back_up(page):
     page.evaluate("document.getElementById('scatter').scrollIntoView()")
     page.wait_for_selector("nav a[href='#scatter'][aria-current=true]")
     assert page.evaluate("document.querySelector('nav').getBoundingClientRect().top") == 0
@@ -449,7 +426,7 @@ def test_the_contents_stay_in_view_and_lead_back_up(page: Page) -> None:
     page.wait_for_function("() => scrollY === 0")
 
 
-def test_it_has_no_faults_with_a_selection(page: Page) -> None:
+def test_it_has_no_faults_with_a_selection(page):
     page.locator(".handle").first.focus()
     page.keyboard.press("PageUp")
     page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")

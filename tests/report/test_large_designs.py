@@ -1,7 +1,5 @@
 """Charts of a design with more runs than figures show are drawn from quantiles of all runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,14 +12,14 @@ from uqpen.results.digits import grouped_number
 RUNS, SHOWN = 4_000, 300
 
 
-def _grown(x: float) -> dict[str, float]:
+def _grown(x):
     if x > 2.5:
         raise ValueError("x is too large")
     return {"y": float(np.exp(x))}
 
 
 @pytest.fixture(scope="module")
-def archive() -> uqpen.Archive:
+def archive():
     study = uqpen.Study(
         seed=3,
         model=uqpen.PythonModel(_grown, inputs={"x": "1"}, outputs={"y": "m"}),
@@ -33,14 +31,14 @@ def archive() -> uqpen.Archive:
 
 
 @pytest.fixture
-def view(archive: uqpen.Archive, monkeypatch: pytest.MonkeyPatch) -> ArchiveView:
+def view(archive, monkeypatch):
     """Return a view of the archive whose figures show few runs."""
     monkeypatch.setattr("uqpen.results.archive_view.RUNS_IN_MEMORY", SHOWN)
     return ArchiveView(archive, "")
 
 
 @pytest.fixture
-def completed(archive: uqpen.Archive) -> np.ndarray:
+def completed(archive):
     """Return the completed runs in m; the largest is none of the first."""
     runs = archive["runs/draws"].to_dataset()
     values = runs["y"].values[runs["status"].values == 0]
@@ -49,7 +47,7 @@ def completed(archive: uqpen.Archive) -> np.ndarray:
     return values
 
 
-def test_a_histogram_is_that_of_all_runs(view: ArchiveView, completed: np.ndarray) -> None:
+def test_a_histogram_is_that_of_all_runs(view, completed):
     values = view.shown_values("draws", "y")
     shares = np.searchsorted(np.sort(completed), values, side="right") / completed.size
     np.testing.assert_allclose(shares, np.linspace(0, 1, 1001), atol=2e-3)
@@ -57,13 +55,13 @@ def test_a_histogram_is_that_of_all_runs(view: ArchiveView, completed: np.ndarra
     assert histogram(view, "y", "draws").title == f"draws, by {grouped_number(1001)} quantiles"
 
 
-def test_the_largest_run_is_that_of_all_runs(view: ArchiveView, completed: np.ndarray) -> None:
+def test_the_largest_run_is_that_of_all_runs(view, completed):
     largest = LargestRun.of_design(view, "draws", "y")
     assert largest.runs == completed.size
     assert largest.value == pytest.approx(100 * completed.max())
 
 
-def test_a_tail_is_that_of_all_runs(view: ArchiveView, completed: np.ndarray) -> None:
+def test_a_tail_is_that_of_all_runs(view, completed):
     (curve,) = distribution_curves(view, "y")
     values, band = exceedance_tail(curve)
     beyond = [np.mean(100 * completed > value) for value in values[:-1]]

@@ -1,18 +1,14 @@
 """Reports as files: complete, the same each time, small, and sound HTML."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.core.errors import ReportError
@@ -26,9 +22,6 @@ VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
 
 NAMES = ["beam", "lost", "schema_1", "schema_1_several"]
 
-Archives = Mapping[str, xr.DataTree]
-PageOf = Callable[[str], str]
-
 
 class Outline(HTMLParser):
     """What stands in a page, and what is wrong with how its parts are nested."""
@@ -38,45 +31,45 @@ class Outline(HTMLParser):
     BLOCKS = ("p", "ul", "ol", "div", "table", "figure", "details", "section", "form")
     HEADINGS = ("h1", "h2", "h3", "h4")
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
-        self.faults: list[str] = []
-        self.ids: list[str] = []
-        self.links: list[str] = []
-        self.labels: list[str] = []
-        self.levels: list[int] = []
-        self.counts: Counter[str] = Counter()
-        self._open: list[str] = []
+        self.faults = []
+        self.ids = []
+        self.links = []
+        self.labels = []
+        self.levels = []
+        self.counts = Counter()
+        self._open = []
         self.feed(text)
         self.close()
         self.faults += [f"<{tag}> is not closed" for tag in self._open]
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        told = dict(attrs)
-        if len(told) < len(attrs):
+    def handle_starttag(self, tag, attrs):
+        reported = dict(attrs)
+        if len(reported) < len(attrs):
             self.faults.append(f"<{tag}> has an attribute twice")
         if "p" in self._open and tag in (*self.BLOCKS, *self.HEADINGS):
             self.faults.append(f"<{tag}> in a paragraph")
         self.counts[tag] += 1
         self.levels += [int(tag[1])] if tag in self.HEADINGS else []
-        self.ids += filter(None, [told.get("id")])
-        self.links += [target for target in [told.get("href")] if target and target != "data:,"]
-        if told.get("role") == "img":
-            self.labels.append(told.get("aria-label") or "")
+        self.ids += filter(None, [reported.get("id")])
+        self.links += [target for target in [reported.get("href")] if target and target != "data:,"]
+        if reported.get("role") == "img":
+            self.labels.append(reported.get("aria-label") or "")
         if tag not in self.EMPTY:
             self._open.append(tag)
 
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_startendtag(self, tag, attrs):
         if tag not in self.EMPTY:
             self.faults.append(f"<{tag}/> is closed at once")
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag):
         if not self._open or self._open.pop() != tag:
             self.faults.append(f"</{tag}> at line {self.getpos()[0]} ends something else")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_is_sound(page_of: PageOf, name: str) -> None:
+def test_it_is_sound(page_of, name):
     text = page_of(name)
     outline = Outline(text)
     assert outline.faults == []
@@ -90,7 +83,7 @@ def test_it_is_sound(page_of: PageOf, name: str) -> None:
     text.encode("utf-8")
 
 
-def test_texts_that_mean_harm_leave_it_sound(hostile: xr.DataTree) -> None:
+def test_texts_that_mean_harm_leave_it_sound(hostile):
     text = report_page(hostile)
     outline = Outline(text)
     assert outline.faults == []
@@ -99,7 +92,7 @@ def test_texts_that_mean_harm_leave_it_sound(hostile: xr.DataTree) -> None:
     assert re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\ud800-\udfff]", _own(text)) is None
 
 
-def test_what_is_no_text_is_spelled_out(archives: Archives, tmp_path: Path) -> None:
+def test_what_is_no_text_is_spelled_out(archives, tmp_path):
     tree = archives["lost"].copy()
     tree.attrs["title"] = "one\x00 two\ud83d three\x1b[31m four\u202e five\x85 six"
     tree.attrs["study_text"] = "first\r\nsecond\tthird\r"
@@ -109,19 +102,19 @@ def test_what_is_no_text_is_spelled_out(archives: Archives, tmp_path: Path) -> N
     assert "\r" not in _own(text)
 
 
-def test_a_study_without_a_title_has_a_heading(archives: Archives) -> None:
+def test_a_study_without_a_title_has_a_heading(archives):
     tree = archives["lost"].copy()
     tree.attrs["title"] = " "
     assert "<h1>A study without a title</h1>" in report_page(tree)
 
 
-def _own(text: str) -> str:
+def _own(text):
     """A page without the library."""
     return text.replace((VENDORED / "plotly-basic.min.js").read_text("utf-8"), "")
 
 
 class TestSections:
-    def test_those_that_an_archive_has_nothing_for_are_not_there(self, page_of: PageOf) -> None:
+    def test_those_that_an_archive_has_nothing_for_are_not_there(self, page_of):
         text = page_of("lost")
         shown = re.findall(r'<section id="(\w+)"', text)
         assert shown == re.findall(r'<li><a href="#(\w+)">', text)
@@ -131,9 +124,7 @@ class TestSections:
         assert "distributions" in re.findall(r'<section id="(\w+)"', page_of("beam"))
 
 
-def test_outputs_stand_below_the_model_that_they_are_of(
-    archives: Archives, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_outputs_stand_below_the_model_that_they_are_of(archives, monkeypatch):
     only = {"distributions": SECTIONS["distributions"]}
     monkeypatch.setattr("uqpen.report.page.SECTIONS", only)
     page = report_page(archives["rods"])
@@ -146,24 +137,24 @@ def test_outputs_stand_below_the_model_that_they_are_of(
 
 
 class TestFolding:
-    def test_parts_for_a_statistician_are_folded(self, page_of: PageOf) -> None:
+    def test_parts_for_a_statistician_are_folded(self, page_of):
         text = page_of("schema_1")
         folded = re.findall(r'<section id="(\w+)"[^>]*>\s*<details class="part">', text)
         named = [name for name, section in SECTIONS.items() if section.is_folded]
         assert folded == [name for name in named if f'<section id="{name}"' in text]
         assert {"convergence", "surrogates", "archive"} <= {*folded}
 
-    def test_a_full_page_has_everything_open(self, archives: Archives) -> None:
+    def test_a_full_page_has_everything_open(self, archives):
         text = _own(report_page(archives["schema_1"], full=True))
         assert re.findall(r"<details(?![^>]* open>)[^>]*>", text) == []
         assert 'class="screen"' not in text
 
 
 class TestBytes:
-    def test_they_are_the_same_each_time(self, archives: Archives, page_of: PageOf) -> None:
+    def test_they_are_the_same_each_time(self, archives, page_of):
         assert report_page(archives["beam"]) == page_of("beam")
 
-    def test_they_are_the_same_in_another_process(self, archives: Archives, tmp_path: Path) -> None:
+    def test_they_are_the_same_in_another_process(self, archives, tmp_path):
         uqpen.write(archives["schema_1"], tmp_path / "archive.nc")
         write_report(uqpen.open_archive(tmp_path / "archive.nc"), tmp_path / "one.html")
         code = (
@@ -177,16 +168,16 @@ class TestBytes:
         )
         assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
-    def test_they_do_not_grow_with_the_runs(self) -> None:
+    def test_they_do_not_grow_with_the_runs(self):
         few, many = (len(report_page(_ishigami(runs)).encode()) for runs in (2_000, 20_000))
         assert abs(many - few) < 20_000
 
     @pytest.mark.parametrize("name", NAMES)
-    def test_there_are_few_enough_to_send(self, page_of: PageOf, name: str) -> None:
+    def test_there_are_few_enough_to_send(self, page_of, name):
         assert len(page_of(name).encode()) < 2_000_000
 
 
-def _ishigami(runs: int) -> xr.DataTree:
+def _ishigami(runs):
     """A study of one design, and as many runs of a cheap model."""
     distributions = [
         f"x{number} = {{ uniform = {{ lower = -3, upper = 3 }} }}" for number in (1, 2, 3)
@@ -200,16 +191,14 @@ def _ishigami(runs: int) -> xr.DataTree:
 
 
 class TestFile:
-    def test_folders_are_made_and_what_stood_there_is_replaced(
-        self, archives: Archives, tmp_path: Path
-    ) -> None:
+    def test_folders_are_made_and_what_stood_there_is_replaced(self, archives, tmp_path):
         path = tmp_path / "new" / "page.html"
         for _ in range(2):
             write_report(archives["lost"], path)
         assert [each.name for each in path.parent.iterdir()] == ["page.html"]
         assert path.read_text("utf-8").startswith("<!DOCTYPE html>")
 
-    def test_a_file_in_place_of_its_folder(self, archives: Archives, tmp_path: Path) -> None:
+    def test_a_file_in_place_of_its_folder(self, archives, tmp_path):
         (tmp_path / "file").write_text("mine")
         path = tmp_path / "file" / "page.html"
         with pytest.raises(ReportError) as error:
@@ -217,7 +206,7 @@ class TestFile:
         assert str(error.value) == f"{path}: cannot be written: {path.parent} is no folder"
         assert (tmp_path / "file").read_text() == "mine"
 
-    def test_a_folder_in_its_place(self, archives: Archives, tmp_path: Path) -> None:
+    def test_a_folder_in_its_place(self, archives, tmp_path):
         folder = tmp_path / "page.html"
         folder.mkdir()
         with pytest.raises(ReportError) as error:
@@ -226,13 +215,13 @@ class TestFile:
         assert [*tmp_path.iterdir()] == [folder]
 
 
-def test_an_endless_title_is_cut(archives: Archives) -> None:
+def test_an_endless_title_is_cut(archives):
     tree = archives["lost"].copy()
     tree.attrs["title"] = "x" * 1_000_000
     assert page_heading(tree) == f"{'x' * 999}…"
 
 
-def test_the_library_has_its_licence_and_its_version_beside_it() -> None:
+def test_the_library_has_its_licence_and_its_version_beside_it():
     head = (VENDORED / "plotly-basic.min.js").read_text("utf-8")[:400]
     version = re.search(r"plotly\.js \(basic - minified\) v(\d+\.\d+\.\d+)", head)
     assert version

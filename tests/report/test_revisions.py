@@ -1,17 +1,11 @@
 """Two archives side by side: what changed, and how the answers moved."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from playwright.sync_api import Browser
 
 import uqpen
 from uqpen.charts.chart import Chart
@@ -29,9 +23,7 @@ from uqpen.report.revisions.revision_page import (
 from uqpen.report.revisions.study_changes import study_changes, unpaired
 
 
-def beam(
-    shift: float = 0.0, runs: int = 400, unit: str = "cm", seed: int = 1, **outputs: Any
-) -> xr.DataTree:
+def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):
     study = uqpen.Study(
         title="A beam",
         model=uqpen.PythonModel(
@@ -52,23 +44,21 @@ def beam(
 
 
 @pytest.fixture(scope="module")
-def first() -> xr.DataTree:
+def first():
     return beam()
 
 
 @pytest.fixture(scope="module")
-def second() -> xr.DataTree:
+def second():
     """The same beam, 5 cm further down, with fewer runs."""
     return beam(shift=0.05, runs=300)
 
 
-def tables(blocks: Any) -> dict[str, dict[str, list[str]]]:
+def tables(blocks):
     return {each.table.title: dict(each.table.rows) for each in blocks if isinstance(each, Table)}
 
 
-def test_an_answer_stands_beside_its_other_with_the_difference(
-    first: xr.DataTree, second: xr.DataTree
-) -> None:
+def test_an_answer_stands_beside_its_other_with_the_difference(first, second):
     (table,) = tables(estimate_changes(ArchivePair(first, second))).values()
     one, other, difference, verdict = table["mean"]
     means = [100 * float(tree["runs/draws"]["sag"].values.mean()) for tree in (first, second)]
@@ -80,7 +70,7 @@ def test_an_answer_stands_beside_its_other_with_the_difference(
     assert table["sd"][3] == "overlap"
 
 
-def test_what_moved_is_said_first(first: xr.DataTree, second: xr.DataTree) -> None:
+def test_what_moved_is_said_first(first, second):
     head, *_ = estimate_changes(ArchivePair(first, second))
     assert isinstance(head, Remarks)
     assert re.fullmatch(r"The intervals of \d of \d+ estimates are apart:", head.head)
@@ -89,7 +79,7 @@ def test_what_moved_is_said_first(first: xr.DataTree, second: xr.DataTree) -> No
     assert "sd" not in line.split(": ")[1].split(", ")
 
 
-def test_no_test_is_claimed_where_intervals_overlap(first: xr.DataTree) -> None:
+def test_no_test_is_claimed_where_intervals_overlap(first):
     head, note, *_ = estimate_changes(ArchivePair(first, beam(seed=2)))
     assert isinstance(head, Text)
     assert re.fullmatch(r"The intervals of all \d+ estimates overlap\.", head.text)
@@ -97,7 +87,7 @@ def test_no_test_is_claimed_where_intervals_overlap(first: xr.DataTree) -> None:
     assert "do not show that the true values are the same" in note.text
 
 
-def test_another_unit_is_shown_in_that_of_the_first(first: xr.DataTree) -> None:
+def test_another_unit_is_shown_in_that_of_the_first(first):
     pair = ArchivePair(first, beam(unit="mm"))
     (table,) = tables(estimate_changes(pair)).values()
     assert table["mean"][0] == table["mean"][1], "in cm"
@@ -111,7 +101,7 @@ def test_another_unit_is_shown_in_that_of_the_first(first: xr.DataTree) -> None:
     assert medians[0] == pytest.approx(medians[1], rel=0.01)
 
 
-def test_both_functions_are_on_one_chart(first: xr.DataTree, second: xr.DataTree) -> None:
+def test_both_functions_are_on_one_chart(first, second):
     (chart,) = [each for each in cdf_charts(ArchivePair(first, second)) if isinstance(each, Chart)]
     assert [key.text for key in chart.keys] == ["A", "B"]
     assert len({(key.series, key.dash) for key in chart.keys}) == 2
@@ -119,7 +109,7 @@ def test_both_functions_are_on_one_chart(first: xr.DataTree, second: xr.DataTree
     assert values[0] == values[1], "a pointer reads both off"
 
 
-def test_changes_are_rows_of_settings(first: xr.DataTree, second: xr.DataTree) -> None:
+def test_changes_are_rows_of_settings(first, second):
     found = list(study_changes(ArchivePair(first, second)))
     rows = tables(found)
     assert rows["Settings of the study"]["designs.draws.runs"] == ["400", "300"]
@@ -130,13 +120,13 @@ def test_changes_are_rows_of_settings(first: xr.DataTree, second: xr.DataTree) -
     assert "+runs = 300" in listing.text
 
 
-def test_the_same_study_says_so(first: xr.DataTree) -> None:
+def test_the_same_study_says_so(first):
     (text,) = study_changes(ArchivePair(first, first.copy()))
     assert isinstance(text, Text)
     assert "are the same" in text.text
 
 
-def test_versions_and_models_that_differ_are_named(first: xr.DataTree) -> None:
+def test_versions_and_models_that_differ_are_named(first):
     other = first.copy()
     other.attrs |= {"version_numpy": "1.0", "model_source_sha256": "f" * 64}
     rows = tables(study_changes(ArchivePair(first, other)))
@@ -144,7 +134,7 @@ def test_versions_and_models_that_differ_are_named(first: xr.DataTree) -> None:
     assert rows["Models"]["source sha256"][1] == "f" * 64
 
 
-def test_a_study_text_that_is_damaged_is_compared_as_text(first: xr.DataTree) -> None:
+def test_a_study_text_that_is_damaged_is_compared_as_text(first):
     other = first.copy()
     other.attrs["study_text"] = "[[[ no study\n"
     found = list(study_changes(ArchivePair(first, other)))
@@ -152,14 +142,14 @@ def test_a_study_text_that_is_damaged_is_compared_as_text(first: xr.DataTree) ->
     assert any(isinstance(each, Listing) and "no study" in each.text for each in found)
 
 
-def test_what_only_one_has_is_named(first: xr.DataTree) -> None:
+def test_what_only_one_has_is_named(first):
     (remarks,) = unpaired(ArchivePair(first, beam(weight="kg")))
     assert isinstance(remarks, Remarks)
     assert remarks.lines == ("output weight: in B only",)
     assert not list(unpaired(ArchivePair(first, first)))
 
 
-def test_an_output_of_another_dimension_is_not_compared(first: xr.DataTree) -> None:
+def test_an_output_of_another_dimension_is_not_compared(first):
     other = first.copy()
     for path in ("runs/draws",):
         dataset = other[path].to_dataset()
@@ -172,9 +162,7 @@ def test_an_output_of_another_dimension_is_not_compared(first: xr.DataTree) -> N
     assert remarks.lines == ("output sag: in another unit, cm and kg",)
 
 
-def test_the_page_is_complete_and_the_same_each_time(
-    first: xr.DataTree, second: xr.DataTree, tmp_path: Path
-) -> None:
+def test_the_page_is_complete_and_the_same_each_time(first, second, tmp_path):
     write_revision_report(first, second, tmp_path / "two.html", names=("a.nc", "<b>.nc"))
     page = (tmp_path / "two.html").read_text("utf-8")
     assert page == revision_page(first, second, names=("a.nc", "<b>.nc"))
@@ -191,14 +179,14 @@ def test_the_page_is_complete_and_the_same_each_time(
     assert len(json.loads(data[1])["charts"]) == 1
 
 
-def test_a_benchmark_is_refused(first: xr.DataTree) -> None:
+def test_a_benchmark_is_refused(first):
     benchmark = xr.DataTree(xr.Dataset(attrs={KIND: BENCHMARK}))
     with pytest.raises(ReportError, match="only archives of studies are shown side by side"):
         revision_page(first, benchmark)
 
 
 @pytest.mark.slow
-def test_the_command_takes_two_archives(command_line: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_command_takes_two_archives(command_line, tmp_path):
     text = (
         'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n'
         "x1 = { uniform = { lower = 0, upper = 1 } }\nx2 = 1.0\nx3 = 1.0\n"
@@ -219,12 +207,10 @@ def test_the_command_takes_two_archives(command_line: Callable[..., Any], tmp_pa
 
 
 @pytest.mark.slow
-def test_a_browser_draws_both_functions(
-    first: xr.DataTree, second: xr.DataTree, browser: Browser, tmp_path: Path
-) -> None:
+def test_a_browser_draws_both_functions(first, second, browser, tmp_path):
     write_revision_report(first, second, tmp_path / "two.html")
     page = browser.new_page(viewport={"width": 390, "height": 800})
-    said: list[str] = []
+    said = []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
     page.goto((tmp_path / "two.html").as_uri())

@@ -1,18 +1,14 @@
 """What a page carries along for its reader: runs, distribution functions, names of its parts."""
 
-from __future__ import annotations
-
 import json
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from hashed_trees import with_hashes
 
 from uqpen.charts.chart import Axis, Chart, Charts
 from uqpen.report.anchors import block_anchors
-from uqpen.report.blocks import Heading, RunExplorer, find_charts, find_explorers
+from uqpen.report.blocks import Heading, find_charts, find_explorers
 from uqpen.report.masthead import page_reference
 from uqpen.report.plotly import charts_json
 from uqpen.report.sections.distributions import distributions
@@ -21,16 +17,14 @@ from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow
 
-Archives = dict[str, xr.DataTree]
 
-
-def explorer_of(tree: xr.DataTree, model: str = "") -> RunExplorer:
+def explorer_of(tree, model=""):
     (explorer,) = find_explorers(scatter(ArchiveView(tree, model)))
     return explorer
 
 
 class TestRunExplorer:
-    def test_it_has_all_inputs_and_outputs_of_the_runs(self, archives: Archives) -> None:
+    def test_it_has_all_inputs_and_outputs_of_the_runs(self, archives):
         explorer = explorer_of(archives["beam"])
         runs = archives["beam"]["runs/only"]
         is_ok = runs["status"].values == 0
@@ -44,23 +38,23 @@ class TestRunExplorer:
         np.testing.assert_allclose(load.values, runs["load"].values[is_ok] / 1e3, rtol=1e-4)
         np.testing.assert_allclose(load.failed, runs["load"].values[~is_ok] / 1e3, rtol=1e-4)
 
-    def test_a_categorical_output_has_rows(self, archives: Archives) -> None:
+    def test_a_categorical_output_has_rows(self, archives):
         explorer = explorer_of(archives["rods"], "original")
         (kind,) = (column for column in explorer.columns if column.rows)
         assert kind.rows == ("v = u", "u = 0", "rigid")
         assert explorer.model == "original"
 
-    def test_its_lists_are_those_of_the_charts(self, archives: Archives) -> None:
+    def test_its_lists_are_those_of_the_charts(self, archives):
         blocks = list(scatter(ArchiveView(archives["beam"], "")))
         charts, explorers = list(find_charts(blocks)), list(find_explorers(blocks))
-        content: dict[str, Any] = json.loads(charts_json(charts, explorers))
+        content = json.loads(charts_json(charts, explorers))
         assert [chart["runs"] for chart in content["charts"]] == ["", ""]
         (runs,) = content["runs"]
         assert all("same" in column["values"] for column in runs["traces"])
 
 
 class TestThresholdsBeyondTheAxis:
-    def test_the_function_goes_on_to_the_most_extreme_runs(self, archives: Archives) -> None:
+    def test_the_function_goes_on_to_the_most_extreme_runs(self, archives):
         chart = next(find_charts(distributions(ArchiveView(archives["beam"], ""))))
         runs = archives["beam"]["runs/only"]
         values = np.sort(1e3 * runs["deflection"].values[runs["status"].values == 0])
@@ -78,7 +72,7 @@ class TestThresholdsBeyondTheAxis:
 
 
 class TestAnchors:
-    def test_each_part_has_a_name_of_its_own_that_says_where_it_is(self) -> None:
+    def test_each_part_has_a_name_of_its_own_that_says_where_it_is(self):
         charts = tuple(_chart(title) for title in ("against a", "against a", "Γ"))
         blocks = [Heading("Model"), Heading("y (m/s)", 4), Charts(charts), Heading("title")]
         anchors = block_anchors([("scatter", blocks), ("title", [charts[0]])])
@@ -92,11 +86,11 @@ class TestAnchors:
         ]
 
 
-def _chart(title: str) -> Chart:
+def _chart(title):
     return Chart(title, "Empty.", Axis("x"), Axis("y"), ())
 
 
-def test_the_reference_names_study_archive_and_version(archives: Archives) -> None:
+def test_the_reference_names_study_archive_and_version(archives):
     tree = with_hashes(archives["beam"])
     reference = page_reference(tree)
     assert f"uqpen {tree.attrs['version_uqpen']}" in reference

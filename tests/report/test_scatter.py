@@ -1,12 +1,7 @@
 """Runs as points, and what is said of which are shown."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -14,14 +9,12 @@ from uqpen.report.blocks import Fold
 from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.input_ranking import input_order
+from uqpen.results.input_measures import input_order
 
 pytestmark = pytest.mark.slow
 
-Archives = dict[str, xr.DataTree]
 
-
-def groups(tree: xr.DataTree, model: str = "") -> list[Charts]:
+def groups(tree, model=""):
     found = [
         each
         for block in scatter(ArchiveView(tree, model))
@@ -30,7 +23,7 @@ def groups(tree: xr.DataTree, model: str = "") -> list[Charts]:
     return [block for block in found if isinstance(block, Charts)]
 
 
-def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
+def test_runs_stand_where_the_archive_has_them(archives):
     (group,) = groups(archives["beam"])
     runs = archives["beam"]["runs/only"]
     is_ok = runs["status"].values == 0
@@ -56,17 +49,17 @@ def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
     ]
 
 
-def test_the_numbers_behind_are_measures_of_association(archives: Archives) -> None:
+def test_the_numbers_behind_are_measures_of_association(archives):
     (group,) = groups(archives["beam"])
     (table,) = group.tables
     assert table.title == "deflection and its inputs, by only"
     assert table.columns == ["Spearman", "Pearson", "first order"]
-    told = archives["beam"]["statistics/only/deflection"]["spearman"][0]
+    reported = archives["beam"]["statistics/only/deflection"]["spearman"][0]
     assert table.rows[0] == ("load", [*table.rows[0][1]])
-    assert table.rows[0][1][0].startswith(table.cell(told, lambda values: values).split(" ")[0])
+    assert table.rows[0][1][0].startswith(table.cell(reported, lambda values: values).split(" ")[0])
 
 
-def test_a_list_that_charts_share_is_written_once(archives: Archives) -> None:
+def test_a_list_that_charts_share_is_written_once(archives):
     (group,) = groups(archives["beam"])
     together = charts_json(group.charts)
     assert '"y":{"same":[0,0,"y"]},' in together
@@ -75,7 +68,7 @@ def test_a_list_that_charts_share_is_written_once(archives: Archives) -> None:
     assert "same" not in alone
 
 
-def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
+def test_many_runs_are_thinned_and_many_inputs_chosen(study_of):
     inputs = {f"x{number:02}": (0, 1) for number in range(30)}
     body = " + ".join(f"{number} * {name}" for number, name in enumerate(inputs))
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1000'
@@ -95,7 +88,7 @@ def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
     assert len(group.tables[0].rows) == 30
 
 
-def test_kinds_are_rows_and_have_the_ranges_of_inputs(archives: Archives) -> None:
+def test_kinds_are_rows_and_have_the_ranges_of_inputs(archives):
     group = groups(archives["rods"], "original")[-1]
     runs = archives["rods"]["models/original/runs/latin"]
     rows = group.charts[0].y.rows
@@ -113,5 +106,5 @@ def test_kinds_are_rows_and_have_the_ranges_of_inputs(archives: Archives) -> Non
     assert table.notes == ["ranges of these runs, not estimates; so they have no intervals"]
 
 
-def test_where_no_run_came_back_there_are_no_points(archives: Archives) -> None:
+def test_where_no_run_came_back_there_are_no_points(archives):
     assert not groups(archives["lost"])

@@ -1,58 +1,54 @@
 """Charts of the inputs' part in an output, and what is said of them."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Block, Chart
 from uqpen.report.blocks import Fold, Table, find_charts
 from uqpen.report.plotly import traces
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.input_ranking import input_ranking
+from uqpen.results.input_measures import input_ranking
 from uqpen.results.source_statistics import SourceStatistics
 
 pytestmark = pytest.mark.slow
 
-Archives = dict[str, xr.DataTree]
 
-
-def blocks(tree: xr.DataTree, model: str = "") -> list[Block]:
+def blocks(tree, model=""):
     return list(sensitivity(ArchiveView(tree, model)))
 
 
-def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
+def charts(tree, model=""):
     return list(find_charts(blocks(tree, model)))
 
 
-def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:
+def test_estimates_and_bars_are_those_of_the_archive(archives):
     (chart,) = charts(archives["beam"])
     (trace,) = traces(chart.marks)
-    told = archives["beam"]["statistics/only/deflection"]["first_order"].values
-    np.testing.assert_allclose(trace["x"], told[:, 0], rtol=1e-5)
-    np.testing.assert_allclose(trace["error_x"]["array"], told[:, 2] - told[:, 0], rtol=1e-5)
-    np.testing.assert_allclose(trace["error_x"]["arrayminus"], told[:, 0] - told[:, 1], rtol=1e-5)
+    reported = archives["beam"]["statistics/only/deflection"]["first_order"].values
+    np.testing.assert_allclose(trace["x"], reported[:, 0], rtol=1e-5)
+    np.testing.assert_allclose(
+        trace["error_x"]["array"], reported[:, 2] - reported[:, 0], rtol=1e-5
+    )
+    np.testing.assert_allclose(
+        trace["error_x"]["arrayminus"], reported[:, 0] - reported[:, 1], rtol=1e-5
+    )
     assert trace["y"] == [0, 1]
     assert chart.y.rows == ("load", "span")
     assert [key.text for key in chart.keys] == ["first order by only"]
     assert trace["text"][0] == (
-        f"load, first order by only: {estimate_text(*told[0])} "
+        f"load, first order by only: {estimate_text(*reported[0])} "
         "(only 98 runs: the coverage may be below nominal)"
     )
 
 
-def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
+def test_the_largest_is_named_with_its_interval(archives):
     (chart,) = charts(archives["beam"])
-    told = archives["beam"]["statistics/only/deflection"]["first_order"].values
+    first = archives["beam"]["statistics/only/deflection"]["first_order"].values
     assert chart.summary == (
-        f"By only, load has the largest first order: {estimate_text(*told[0])}; span comes next: "
-        f"{estimate_text(*told[1])}. Its interval overlaps with no other's. "
+        f"By only, load has the largest first order: {estimate_text(*first[0])}; span comes next: "
+        f"{estimate_text(*first[1])}. Its interval overlaps with no other's. "
         "Note on this interval: only 98 runs: the coverage may be below nominal."
     )
     assert chart.notes == (
@@ -61,14 +57,14 @@ def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
     )
 
 
-def test_intervals_that_overlap_leave_the_order_open(study_of: Any) -> None:
+def test_intervals_that_overlap_leave_the_order_open(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 200'
     (chart,) = charts(uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1.01))))
     assert "Its interval overlaps with that of" in chart.summary
     assert ", so this order is uncertain." in chart.summary
 
 
-def test_a_measure_that_runs_cannot_correct_is_hollow_and_says_why(study_of: Any) -> None:
+def test_a_measure_that_runs_cannot_correct_is_hollow_and_says_why(study_of):
     text = """[designs.blocks]
 kind = "saltelli"
 base = 256
@@ -85,15 +81,15 @@ order = 3
     keys = {key.text: key.mark for key in chart.keys}
     assert keys["total order by blocks"] == "square"
     assert keys["total order by flat"] == "square-open"
-    told = SourceStatistics(tree).statistics("flat", "y")["total_order"]
-    (reason,) = {*told.coords["note"].values.tolist()}
+    reported = SourceStatistics(tree).statistics("flat", "y")["total_order"]
+    (reason,) = {*reported.coords["note"].values.tolist()}
     (hollow,) = [note for note in chart.notes if "total order by flat" in note]
     assert hollow.startswith("Hollow, no interval: ")
     assert reason in hollow
     assert "By blocks, b has the largest total order" in chart.summary
 
 
-def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Archives) -> None:
+def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives):
     (chart, *_) = charts(archives["schema_1"])
     assert [key.text for key in chart.keys][:2] == [
         "first order by blocks",
@@ -107,7 +103,7 @@ def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Ar
     )
 
 
-def test_the_driver_that_is_quoted_is_in_the_chart(study_of: Any) -> None:
+def test_the_driver_that_is_quoted_is_in_the_chart(study_of):
     designs = (
         '[designs.sample]\nkind = "monte-carlo"\nruns = 4000\n'
         '[designs.blocks]\nkind = "saltelli"\nbase = 64'
@@ -121,7 +117,7 @@ def test_the_driver_that_is_quoted_is_in_the_chart(study_of: Any) -> None:
     assert "first order by sample" in [key.text for key in chart.keys]
 
 
-def test_what_is_published_is_written_alike_in_table_and_pointer(study_of: Any) -> None:
+def test_what_is_published_is_written_alike_in_table_and_pointer(study_of):
     asked = (
         '[published.report]\nsource = "a report"\n[published.report.y]\nresponse = { a = 0.423 }\n'
         '[designs.some]\nkind = "one-at-a-time"'
@@ -132,38 +128,38 @@ def test_what_is_published_is_written_alike_in_table_and_pointer(study_of: Any) 
     assert trace["text"] == ["a, report: 42.3 &#37; (published in a report)"]
 
 
-def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
+def test_responses_are_magnitudes_in_per_cent(archives):
     tree = archives["schema_1"]
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
     (trace,) = [each for each in traces(chart.marks) if each["name"] == "steps"]
-    told = tree["statistics/steps/y"]["response"].values[:, 0]
+    reported = tree["statistics/steps/y"]["response"].values[:, 0]
     # The inputs stand in their order of importance for the output, in all charts of it.
     order = [list(tree["statistics/steps/y"]["input"].values).index(row) for row in chart.y.rows]
-    np.testing.assert_allclose(trace["x"], (100 * np.abs(told))[order], rtol=1e-5)
+    np.testing.assert_allclose(trace["x"], (100 * np.abs(reported))[order], rtol=1e-5)
     assert chart.x.title == "|response| [%]"
     assert set(trace["marker"]["symbol"]) == {"pentagon-open"}
 
 
-def test_kinds_of_which_the_same_is_told_share_a_chart(archives: Archives) -> None:
+def test_kinds_of_which_the_same_is_reported_share_a_chart(archives):
     found = [each for each in charts(archives["rods"], "original") if "whether it is" in each.title]
     assert [each.title for each in found] == [
         "Shares of the variance of whether it is v = u or u = 0"
     ]
 
 
-def test_what_has_no_chart_is_folded_and_nothing_is_told_without_runs(archives: Archives) -> None:
+def test_what_has_no_chart_is_folded_and_nothing_is_reported_without_runs(archives):
     *_, fold = blocks(archives["beam"])
     assert isinstance(fold, Fold)
     tables = [block for block in fold.blocks if isinstance(block, Table)]
     assert [table.table.title for table in tables] == [
         "deflection: shares of its logarithm's variance",
         "deflection: association with its inputs",
-    ], "as all runs exceed 2 mm, nothing is told of what makes them"
+    ], "as all runs exceed 2 mm, nothing is reported of what makes them"
     assert all(table.is_folded for table in tables)
     assert blocks(archives["lost"]) == []
 
 
-def test_of_many_inputs_those_with_the_largest_estimates_are_shown(study_of: Any) -> None:
+def test_of_many_inputs_those_with_the_largest_estimates_are_shown(study_of):
     inputs = {f"x{number:02}": (0, 1) for number in range(18)}
     body = " + ".join(f"{2**number} * {name}" for number, name in enumerate(inputs))
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 300'

@@ -1,16 +1,12 @@
 """Statistics of all sources side by side, and what their intervals cost."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping
-
 import numpy as np
 import pytest
 import xarray as xr
 
 import uqpen
 from uqpen.charts.axes import logarithmic_axis
-from uqpen.charts.chart import Block, Chart, Charts
+from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Fold, Heading, Table, Text
 from uqpen.report.plotly import charts_json, traces
 from uqpen.report.sections.source_comparison import source_comparison
@@ -18,8 +14,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 
 pytestmark = pytest.mark.slow
-
-Archives = Mapping[str, xr.DataTree]
 
 SOURCES = [
     "monte_carlo",
@@ -32,11 +26,11 @@ SOURCES = [
 
 
 @pytest.fixture(scope="module")
-def told(concrete: xr.DataTree) -> list[Block]:
+def reported(concrete):
     return list(source_comparison(ArchiveView(concrete, "")))
 
 
-def flat(blocks: Iterable[Block]) -> list[Block]:
+def flat(blocks):
     """All blocks, with those of folded parts in their places."""
     return [
         each
@@ -45,18 +39,18 @@ def flat(blocks: Iterable[Block]) -> list[Block]:
     ]
 
 
-def groups(blocks: Iterable[Block]) -> list[Charts]:
+def groups(blocks):
     return [block for block in flat(blocks) if isinstance(block, Charts)]
 
 
-def chart(charts: Charts, title: str) -> Chart:
+def chart(charts, title):
     return next(each for each in charts.charts if each.title == title)
 
 
-def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]) -> None:
-    assert told[0] == Heading("depth of penetration (penetration_depth)")
-    assert [type(block) for block in told] == [Heading, Charts, Fold, Fold]
-    side_by_side, others = groups(told)[:2]
+def test_each_statistic_has_a_chart_with_a_row_for_each_source(reported):
+    assert reported[0] == Heading("depth of penetration (penetration_depth)")
+    assert [type(block) for block in reported] == [Heading, Charts, Fold, Fold]
+    side_by_side, others = groups(reported)[:2]
     assert [each.title for each in side_by_side.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in others.charts] == ["sd", "5 % quantile", "95 % quantile"]
     for each in (*side_by_side.charts, *others.charts):
@@ -64,13 +58,13 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]
     assert chart(side_by_side, "mean").x.title == "mean [m]"
     assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
     assert side_by_side.notes == ("Bars: 95 % intervals.",)
-    table = next(block.table for block in flat(told) if isinstance(block, Table))
+    table = next(block.table for block in flat(reported) if isinstance(block, Table))
     assert table.title == "penetration_depth [m]"
     assert table.rows[0] == ("runs", ["400", "400", "256", "384", "80", "480", "–"])
 
 
-def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block]) -> None:
-    main, others = groups(told)[:2]
+def test_dots_are_the_archives_figures(concrete, reported):
+    main, others = groups(reported)[:2]
     for group, title, name in ((main, "mean", "mean"), (others, "sd", "std")):
         drawn = traces(chart(group, title).marks)
         assert [trace["name"] for trace in drawn][:7] == list(chart(group, title).y.rows)
@@ -87,14 +81,14 @@ def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block])
             else:
                 assert (left, right) == ("none", "none")
             assert symbol.endswith("-open") == bool(np.isnan(lower))
-    (shown, *_) = (block.table for block in flat(told) if isinstance(block, Table))
+    (shown, *_) = (block.table for block in flat(reported) if isinstance(block, Table))
     table = dict(shown.rows)
     hover = traces(chart(main, "mean").marks)[0]["text"][0]
     assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
 
 
-def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:
-    widths = groups(told)[2]
+def test_widths_stand_against_runs(concrete, reported):
+    widths = groups(reported)[2]
     assert [each.title for each in widths.charts] == [
         "Width of the interval: mean",
         "Width of the interval: median",
@@ -118,10 +112,8 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     )
 
 
-def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
-    concrete: xr.DataTree, told: list[Block]
-) -> None:
-    _, table, *_ = (block.table for block in flat(told) if isinstance(block, Table))
+def test_a_table_says_how_many_draws_give_as_narrow_an_interval(concrete, reported):
+    _, table, *_ = (block.table for block in flat(reported) if isinstance(block, Table))
     assert (
         table.title
         == "Cost of an interval: its half-width, and the independent draws needed for it"
@@ -144,7 +136,7 @@ def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     assert "128 of them are a sample; the others are for its indices" in table.notes
 
 
-def test_one_source_has_a_table(archives: Archives) -> None:
+def test_one_source_has_a_table(archives):
     heading, text, table = source_comparison(ArchiveView(archives["beam"], ""))
     assert heading == Heading("deflection")
     assert text == Text("Only only has estimates, so there is nothing to compare.")
@@ -152,11 +144,11 @@ def test_one_source_has_a_table(archives: Archives) -> None:
     assert table.table.columns == ["only"]
 
 
-def test_nothing_is_told_where_all_runs_were_lost(archives: Archives) -> None:
+def test_nothing_is_reported_where_all_runs_were_lost(archives):
     assert list(source_comparison(ArchiveView(archives["lost"], ""))) == []
 
 
-def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives) -> None:
+def test_widths_need_no_independent_draws_but_their_costs_do(archives):
     without = xr.DataTree.from_dict(
         {
             path: dataset
@@ -174,8 +166,8 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives)
 
 
 def test_of_many_outputs_the_last_have_tables_only(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+    tmp_path_factory,
+):
     folder = tmp_path_factory.mktemp("many")
     names = [f"y{number}" for number in range(8)]
     body = ", ".join(f"{name!r}: x + {number}" for number, name in enumerate(names))
@@ -202,8 +194,8 @@ def test_of_many_outputs_the_last_have_tables_only(
     assert other.is_folded
 
 
-def test_what_is_drawn_stays_small(told: list[Block]) -> None:
-    charts = [each for charts in groups(told) for each in charts.charts]
+def test_what_is_drawn_stays_small(reported):
+    charts = [each for charts in groups(reported) for each in charts.charts]
     assert len(charts_json(charts)) < 70_000
 
 
@@ -218,7 +210,7 @@ def test_what_is_drawn_stays_small(told: list[Block]) -> None:
         ([1, 1e12], ["1", "1\u202f000", "10⁶", "10⁹", "10¹²"]),
     ],
 )
-def test_logarithmic_axes_have_round_numbers(values: list[float], texts: list[str]) -> None:
+def test_logarithmic_axes_have_round_numbers(values, texts):
     axis = logarithmic_axis("x", values)
     assert [text for _, text in axis.ticks] == texts
     assert axis.ends is not None

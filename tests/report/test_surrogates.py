@@ -1,15 +1,10 @@
 """Surrogates against their model, run by run and figure by figure."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Block, Charts
+from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Table
 from uqpen.report.plotly import traces
 from uqpen.report.sections.surrogates import surrogates
@@ -17,8 +12,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.surrogate_tables import correction_tables
 
 pytestmark = pytest.mark.slow
-
-Archives = dict[str, xr.DataTree]
 
 FLAT = """[designs.many]
 kind = "monte-carlo"
@@ -36,20 +29,20 @@ method = "least-squares"
 
 
 @pytest.fixture(scope="module")
-def tree(module_study_of: Any) -> xr.DataTree:
+def tree(module_study_of):
     return uqpen.run(module_study_of("np.exp(3 * a) + b", FLAT, a=(0, 1), b=(0, 1)))
 
 
-def blocks(tree: xr.DataTree) -> list[Block]:
+def blocks(tree):
     return list(surrogates(ArchiveView(tree, "")))
 
 
-def one(tree: xr.DataTree, kind: type) -> Any:
+def one(tree, kind):
     (found,) = [block for block in blocks(tree) if isinstance(block, kind)]
     return found
 
 
-def line_of(tree: xr.DataTree) -> tuple[float, float, float]:
+def line_of(tree):
     """The surrogate y = c + a * slope + b * slope, out of its coefficients."""
     inputs = tree["runs/few"]
     columns = np.column_stack([np.ones(30), inputs["a"].values, inputs["b"].values])
@@ -57,7 +50,7 @@ def line_of(tree: xr.DataTree) -> tuple[float, float, float]:
     return tuple(found.tolist())
 
 
-def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
+def test_points_are_the_model_and_its_surrogate(tree):
     charts = one(tree, Charts)
     (chart,) = charts.charts
     diagonal, cloud, worst = traces(chart.marks)
@@ -83,7 +76,7 @@ def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
     )
 
 
-def test_differences_are_of_all_runs(tree: xr.DataTree) -> None:
+def test_differences_are_of_all_runs(tree):
     (table,) = one(tree, Charts).tables
     assert table.title == "Surrogate minus model, in 2\u202f000 runs of many"
     c, a, b = line_of(tree)
@@ -95,17 +88,17 @@ def test_differences_are_of_all_runs(tree: xr.DataTree) -> None:
     assert cells[3] == f"{np.abs(off).max():.3g} ¹"
 
 
-def test_the_fit_and_the_corrected_estimates_stand_below_each_other(tree: xr.DataTree) -> None:
+def test_the_fit_and_the_corrected_estimates_stand_below_each_other(tree):
     fit, corrected = (block.table for block in blocks(tree) if isinstance(block, Table))
     assert fit.title == "flat: fit to 30 runs, check by many"
     assert [corrected] == list(correction_tables(tree, "flat"))
 
 
-def test_without_others_it_is_held_against_the_runs_it_was_fitted_to(study_of: Any) -> None:
+def test_without_others_it_is_held_against_the_runs_it_was_fitted_to(study_of):
     text = FLAT[FLAT.index("[designs.few]") :].replace('check = "many"\n', "")
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
     assert one(tree, Charts).notes == ("Shown are 30 of 30 runs of few (its training runs).",)
 
 
-def test_an_archive_without_surrogates_has_none(archives: Archives) -> None:
+def test_an_archive_without_surrogates_has_none(archives):
     assert not blocks(archives["beam"])

@@ -1,33 +1,24 @@
 """A section of the report from a file of the user's own, and what goes wrong in it."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Block
 from uqpen.core.errors import ReportError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.report.blocks import Heading, Remarks, Text
 from uqpen.report.page import report_page
-from uqpen.results.archive_view import ArchiveView
 from uqpen.testing import check_section
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "chart.md").read_text(encoding="utf-8")
 SECTION = re.findall(r"```python\n(# my_section.py.*?)```", PAGE, re.DOTALL)[0]
 HARM = "<img src=x onerror=hacked=1></script>"
 
-Command = Callable[..., Any]
-
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """The current folder, with the file of the page."""
     (tmp_path / "my_section.py").write_text(SECTION)
     monkeypatch.chdir(tmp_path)
@@ -35,21 +26,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def tree(folder: Path, study_of: Command) -> xr.DataTree:
+def tree(folder, study_of):
     """An archive of a study."""
     return uqpen.run(study_of("a + b", a=(0, 1), b=(0, 1)))
 
 
-def _function() -> Callable[[ArchiveView], Iterator[Block]]:
-    names: dict[str, Any] = {}
+def _function():
+    names = {}
     exec(SECTION, names)
-    function: Callable[[ArchiveView], Iterator[Block]] = names["extremes"]
-    return function
+    return names["extremes"]
 
 
-def test_the_command_adds_it_before_the_last_section(
-    tree: xr.DataTree, command_line: Command
-) -> None:
+def test_the_command_adds_it_before_the_last_section(tree, command_line):
     Path("archives").mkdir()
     uqpen.write(tree, "archives/a.nc")
     done = command_line("report", "archives/a.nc", "--section", "my_section.py:extremes")
@@ -62,14 +50,14 @@ def test_the_command_adds_it_before_the_last_section(
     assert page == report_page(uqpen.open_archive("archives/a.nc"), [_function()])
 
 
-def test_without_it_the_page_is_as_before(tree: xr.DataTree) -> None:
+def test_without_it_the_page_is_as_before(tree):
     assert "own-1" not in report_page(tree)
 
 
-def test_its_contract_is_kept(tree: xr.DataTree) -> None:
+def test_its_contract_is_kept(tree):
     check_section(_function(), tree)
 
-    def nothing(view: ArchiveView) -> Iterator[Block]:
+    def nothing(view):
         yield from ()
 
     assert "own-1" not in report_page(tree, [nothing])
@@ -77,8 +65,8 @@ def test_its_contract_is_kept(tree: xr.DataTree) -> None:
         check_section(nothing, tree)
 
 
-def test_texts_are_escaped(tree: xr.DataTree) -> None:
-    def hostile(view: ArchiveView) -> Iterator[Block]:
+def test_texts_are_escaped(tree):
+    def hostile(view):
         yield Heading(HARM)
         yield Text(f"{HARM}\x1b\u202e")
         yield Remarks(HARM, (HARM,))
@@ -107,9 +95,7 @@ def test_texts_are_escaped(tree: xr.DataTree) -> None:
         ("answer", "", 'the section "answer" is on every page already'),
     ],
 )
-def test_a_mistake_is_one_sentence(
-    tree: xr.DataTree, command_line: Command, reference: str, body: str, message: str
-) -> None:
+def test_a_mistake_is_one_sentence(tree, command_line, reference, body, message):
     uqpen.write(tree, "a.nc")
     Path("own.py").write_text(
         "from uqpen.charts.chart import Axis, Chart\n"
@@ -122,13 +108,13 @@ def test_a_mistake_is_one_sentence(
     assert not Path("a.html").exists()
 
 
-def test_an_archive_of_a_benchmark_takes_none(tree: xr.DataTree) -> None:
+def test_an_archive_of_a_benchmark_takes_none(tree):
     tree.attrs[KIND] = BENCHMARK
     with pytest.raises(ReportError, match="a benchmark of methods has no further sections"):
         report_page(tree, [_function()])
 
 
-def test_an_installed_package_adds_sections(tree: xr.DataTree, install: Command) -> None:
+def test_an_installed_package_adds_sections(tree, install):
     install("charts", SECTION, "[uqpen.sections]\nextremes = uqpen_test_charts:extremes\n")
     assert report_page(tree, ["extremes"]) == report_page(tree, [_function()])
     with pytest.raises(UnknownNameError, match='no section "extreme"; did you mean "extremes"'):

@@ -1,16 +1,10 @@
 """What a view of an archive costs, counted."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from unittest.mock import Mock
-
-import pytest
 
 import uqpen
 from uqpen.results import archive_view, source_statistics
 from uqpen.results.archive_view import ArchiveView
-from uqpen.study.study import ValidatedStudy
 
 DESIGN = """
 [designs.mc]
@@ -19,9 +13,7 @@ runs = 20
 """
 
 
-def test_a_view_lists_the_outputs_once(
-    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_view_lists_the_outputs_once(study_of, monkeypatch):
     # Many outputs cost their square where each of them looks for all.
     tree = uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1)))
     first_runs = Mock(wraps=source_statistics.first_runs)
@@ -33,9 +25,7 @@ def test_a_view_lists_the_outputs_once(
     assert first_runs.call_count == 1
 
 
-def test_a_view_takes_the_shown_runs_once(
-    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_view_takes_the_shown_runs_once(study_of, monkeypatch):
     view = ArchiveView(uqpen.run(study_of("a + b", DESIGN, a=(0, 1), b=(0, 1))), "")
     taken = Mock(wraps=archive_view.input_sample)
     monkeypatch.setattr(archive_view, "input_sample", taken)

@@ -1,7 +1,5 @@
 """Numbers in sentences."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -12,7 +10,7 @@ from uqpen.results.digits import count_text, estimate_texts, percent_texts
 @pytest.mark.parametrize(
     ("number", "said"), [(0, "0 runs"), (1, "1 run"), (2, "2 runs"), (1000, "1\u202f000 runs")]
 )
-def test_one_thing_is_in_the_singular(number: int, said: str) -> None:
+def test_one_thing_is_in_the_singular(number, said):
     assert count_text(number, "run") == said
 
 
@@ -27,13 +25,11 @@ def test_one_thing_is_in_the_singular(number: int, said: str) -> None:
         ((0.35, math.nan, math.nan), ("35 %", "– %", "– %")),
     ],
 )
-def test_probabilities_are_told_in_per_cent(
-    probabilities: tuple[float, float, float], said: tuple[str, ...]
-) -> None:
+def test_probabilities_are_reported_in_per_cent(probabilities, said):
     assert percent_texts(*probabilities) == said
 
 
-def test_they_have_the_digits_of_the_tables() -> None:
+def test_they_have_the_digits_of_the_tables():
     # 0.2075 ends in a five, which 20.75 is rounded otherwise from.
     bounds = (0.2075, 0.1825, 0.2325)
     assert estimate_texts(*bounds) == ("0.207", "0.182", "0.233")

@@ -1,11 +1,7 @@
 """Statistics of a design's runs as a whole are shown by the declaration of their group alone."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, Group
@@ -15,22 +11,14 @@ from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 
-STUDY = """
-seed = 1
-[model]
-python = "model.py:simulate"
-inputs = { a = "m", b = "1" }
-outputs = { y = "m" }
-[inputs]
-a = { uniform = { lower = "0 m", upper = "10 m" } }
-b = { uniform = { lower = 0, upper = 1 } }
-[designs.one]
-kind = "monte-carlo"
-runs = 40
-[designs.other]
-kind = "monte-carlo"
-runs = 30
-"""
+STUDY = study_text(
+    {"python": "model.py:simulate", "inputs": {"a": "m", "b": "1"}, "outputs": {"y": "m"}},
+    inputs={"a": ("0 m", "10 m"), "b": (0, 1)},
+    designs={
+        "one": {"kind": "monte-carlo", "runs": 40},
+        "other": {"kind": "monte-carlo", "runs": 30},
+    },
+)
 MODEL = """
 def simulate(a, b):
     if a > 8:
@@ -40,7 +28,7 @@ def simulate(a, b):
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[xr.DataTree]:
+def tree(tmp_path_factory):
     """Archive with a further group, which has what the group of failures has."""
     folder = tmp_path_factory.mktemp("groups")
     (folder / "model.py").write_text(MODEL, encoding="utf-8")
@@ -56,7 +44,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[xr.DataTree]:
         yield uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_it_is_written_and_checked(tree: xr.DataTree) -> None:
+def test_it_is_written_and_checked(tree):
     for design in ("one", "other"):
         written = tree["further"][design].to_dataset()
         assert written.identical(tree["failures"][design].to_dataset())
@@ -69,7 +57,7 @@ def test_it_is_written_and_checked(tree: xr.DataTree) -> None:
     assert "/further/one: lowest is not of numbers along input" in list(find_faults(changed))
 
 
-def test_it_has_a_table_with_a_row_for_each_entry(tree: xr.DataTree) -> None:
+def test_it_has_a_table_with_a_row_for_each_entry(tree):
     table = next(each for each in output_tables(tree) if each.title == "a further group")
     assert table.columns == ["one", "other"]
     cells = dict(table.rows)
@@ -78,7 +66,7 @@ def test_it_has_a_table_with_a_row_for_each_entry(tree: xr.DataTree) -> None:
     assert "…" in cells["probability that a run ends so, failed"][0]
 
 
-def test_it_is_in_json_and_in_the_long_table(tree: xr.DataTree) -> None:
+def test_it_is_in_json_and_in_the_long_table(tree):
     design = archive_json(tree)["designs"]["one"]
     assert design["further"]["larger"]["a"] == design["where_lost"]["a"]["larger"]
     assert design["further"]["lowest"]["a"] == design["where_lost"]["a"]["lowest"]

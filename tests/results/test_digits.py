@@ -1,7 +1,5 @@
 """Numbers with as many digits as they have."""
 
-from __future__ import annotations
-
 import pytest
 
 from uqpen.results.digits import (
@@ -13,7 +11,7 @@ from uqpen.results.digits import (
 )
 
 
-def test_no_digit_lies_below_rounding_errors() -> None:
+def test_no_digit_lies_below_rounding_errors():
     near = 5.0 + 4e-15
     assert estimate_text(5.0, 5.0 - 1e-16, near) == "5"
     assert estimate_texts(5.0, 5.0, near) == ("5", "5", "5")
@@ -35,11 +33,11 @@ def test_no_digit_lies_below_rounding_errors() -> None:
         (float("nan"), "–"),
     ],
 )
-def test_a_number_alone_has_one_form(value: float, text: str) -> None:
+def test_a_number_alone_has_one_form(value, text):
     assert number_text(value) == text
 
 
-def test_over_tenfolds_each_number_has_two_digits_of_its_own() -> None:
+def test_over_tenfolds_each_number_has_two_digits_of_its_own():
     assert (
         estimate_text(2.2e-4, 9e-5, 1.2e-3, is_logarithmic=True) == "2.2×10⁻⁴ (9.0×10⁻⁵ … 0.0012)"
     )
@@ -55,7 +53,7 @@ def test_over_tenfolds_each_number_has_two_digits_of_its_own() -> None:
     assert estimate_text(1.0, -1.0, 20.0, is_logarithmic=True) == estimate_text(1.0, -1.0, 20.0)
 
 
-def test_more_than_four_digits_stand_in_groups() -> None:
+def test_more_than_four_digits_stand_in_groups():
     assert tolerance_limit_text(86_300.0, 106_854.2) == "86\u202f300, at most 106\u202f855"
     assert estimate_text(-36_688.0, -40_000.0, 134_140.0).startswith("−36\u202f688 (−40\u202f000")
     assert estimate_text(9_999.0, 9_000.0, 9_999.5).startswith("9999 (9000")

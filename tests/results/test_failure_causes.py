@@ -1,7 +1,5 @@
 """Reasons that differ in their numbers alone are one cause."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -22,25 +20,25 @@ from uqpen.results.failed_runs import FailedRuns, common_reasons, failure_causes
         ("{} (after 3, line 4) in all", "# (after #, line #) in all"),
     ],
 )
-def test_numbers_are_masked_and_names_are_not(reason: str, cause: str) -> None:
+def test_numbers_are_masked_and_names_are_not(reason, cause):
     reasons = [reason.format(number) for number in (1.5, 2.5, 3.5, 4.5)]
     assert set(common_reasons(reasons).values()) == {cause}
 
 
-def test_an_example_does_not_repeat_its_line_of_code() -> None:
+def test_an_example_does_not_repeat_its_line_of_code():
     place = " (a.py, line 12: y = root(x, 2))"
     found = FailedRuns(Status.FAILED, f"no # m{place}", 5, f"no 2.5 m{place}", "one")
     assert found.text == f"no # m, such as: no 2.5 m{place}"
     assert found._replace(example="").text == f"no # m{place}"
 
 
-def test_reasons_without_numbers_and_few_exit_codes_stay_as_they_are() -> None:
+def test_reasons_without_numbers_and_few_exit_codes_stay_as_they_are():
     reasons = ["no number", "exit code 1", "exit code 2", "exit code 139"]
     assert common_reasons(reasons) == dict(zip(reasons, reasons, strict=True))
 
 
-def test_causes_are_counted_over_designs() -> None:
-    def runs(numbers: list[int], reasons: list[str], statuses: list[Status]) -> xr.Dataset:
+def test_causes_are_counted_over_designs():
+    def runs(numbers, reasons, statuses):
         status = np.zeros(10, dtype=np.int8)
         status[numbers] = statuses
         return xr.Dataset(

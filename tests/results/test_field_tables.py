@@ -1,9 +1,6 @@
 """How outputs with dimensions are shown: as lines, JSON, tables, and on the page."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -17,10 +14,15 @@ from uqpen.figures.page import available
 from uqpen.report.page import report_page
 from uqpen.results.archive import archive_html
 from uqpen.results.digits import estimate_text
-from uqpen.results.field_tables import curve_tables, field_lines, field_tables, place_option
+from uqpen.results.fields import (
+    curve_tables,
+    field_lines,
+    field_tables,
+    place_option,
+    select_output,
+)
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
-from uqpen.results.output_selection import select_output
 from uqpen.results.output_tables import output_tables
 
 MODEL = """\
@@ -49,30 +51,30 @@ runs = 30
 HEAD = "sheet [cm]: along time [day] from 0 to 4 (3), level from 1 to 2 (2)"
 
 
-def made(folder: Path, text: str) -> xr.DataTree:
+def made(folder, text):
     (folder / "model.py").write_text(MODEL)
     (folder / "study.toml").write_text(text)
     return uqpen.run(uqpen.load_study(folder / "study.toml"))
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("fields")
 
 
 @pytest.fixture(scope="module")
-def mixed(folder: Path) -> xr.DataTree:
+def mixed(folder):
     """A field and a number."""
     return made(folder, STUDY)
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def alone(tmp_path_factory):
     """A field and nothing else."""
     return made(tmp_path_factory.mktemp("alone"), STUDY.replace('y = "1"\n', ""))
 
 
-def test_there_is_a_line_for_each_with_its_range(mixed: xr.DataTree) -> None:
+def test_there_is_a_line_for_each_with_its_range(mixed):
     y = mixed["statistics/mc/y"].to_dataset()
     mean = estimate_text(*y["mean"].values.tolist())
     sd = estimate_text(*y["std"].values.tolist())
@@ -82,13 +84,13 @@ def test_there_is_a_line_for_each_with_its_range(mixed: xr.DataTree) -> None:
     ]
 
 
-def test_a_field_without_statistics_has_its_dimensions(mixed: xr.DataTree) -> None:
+def test_a_field_without_statistics_has_its_dimensions(mixed):
     tree = mixed.copy()
     tree["statistics/mc/sheet"] = xr.Dataset()
     assert list(field_lines(tree)) == [HEAD]
 
 
-def test_of_several_models_lines_name_the_model(tmp_path: Path) -> None:
+def test_of_several_models_lines_name_the_model(tmp_path):
     head, rest = STUDY.split("[model]\n")
     table, rest = rest.split("[inputs]\n")
     one = "[models.one]\n" + table.replace("[model.", "[models.one.")
@@ -97,7 +99,7 @@ def test_of_several_models_lines_name_the_model(tmp_path: Path) -> None:
     assert [line.partition(";")[0] for line in lines] == [f"one: {HEAD}", f"other: {HEAD}"]
 
 
-def test_show_prints_them(mixed: xr.DataTree, alone: xr.DataTree, tmp_path: Path) -> None:
+def test_show_prints_them(mixed, alone, tmp_path):
     for tree in (mixed, alone):
         uqpen.write(tree, tmp_path / "study.nc")
         shown = CliRunner().invoke(show, [str(tmp_path / "study.nc"), "--all"])
@@ -111,7 +113,7 @@ def test_show_prints_them(mixed: xr.DataTree, alone: xr.DataTree, tmp_path: Path
     assert "quantile" not in shown.output
 
 
-def test_fields_along_the_same_dimensions_share_a_table(mixed: xr.DataTree) -> None:
+def test_fields_along_the_same_dimensions_share_a_table(mixed):
     (table,) = field_tables(mixed)
     y = mixed["statistics/mc/y"].to_dataset()
     ((label, (smallest, largest)),) = table.rows
@@ -137,7 +139,7 @@ runs = 50
 """
 
 
-def test_a_curve_has_a_table_at_five_places(tmp_path: Path) -> None:
+def test_a_curve_has_a_table_at_five_places(tmp_path):
     code = "def simulate(x):\n    return {'z': [x * time for time in range(11)]}\n"
     (tmp_path / "curve.py").write_text(code)
     tree = uqpen.run(uqpen.parse_study(CURVE, folder=tmp_path))
@@ -158,19 +160,19 @@ def test_a_curve_has_a_table_at_five_places(tmp_path: Path) -> None:
     assert f"\nall statistics at any place:\n  {command}\n" in shown
 
 
-def test_a_field_with_several_dimensions_has_no_table_of_places(mixed: xr.DataTree) -> None:
+def test_a_field_with_several_dimensions_has_no_table_of_places(mixed):
     assert [*curve_tables(mixed)] == []
     assert place_option(mixed).endswith('--output sheet --at "time=4 day" --at "level=2"')
 
 
-def test_a_field_without_a_mean_has_a_row(mixed: xr.DataTree) -> None:
+def test_a_field_without_a_mean_has_a_row(mixed):
     tree = mixed.copy()
     tree["statistics/mc/sheet"] = xr.Dataset()
     (table,) = field_tables(tree)
     assert table.rows == [("sheet [cm]", ["–", "–"])]
 
 
-def test_shares_over_a_field_that_is_cut_say_what_of(tmp_path: Path) -> None:
+def test_shares_over_a_field_that_is_cut_say_what_of(tmp_path):
     (tmp_path / "model.py").write_text(
         "def simulate(x, z):\n    return {'sheet': [[x, z], [x + z, 2 * z], [x, z]]}\n"
     )
@@ -187,7 +189,7 @@ def test_shares_over_a_field_that_is_cut_say_what_of(tmp_path: Path) -> None:
         ]
 
 
-def test_json_has_their_dimensions(mixed: xr.DataTree) -> None:
+def test_json_has_their_dimensions(mixed):
     outputs = json.loads(json.dumps(archive_json(mixed)))["designs"]["mc"]["outputs"]
     assert outputs["sheet"]["dimensions"] == {
         "time": {"size": 3, "units": "s", "coordinates": [0.0, 86_400.0, 345_600.0]},
@@ -196,7 +198,7 @@ def test_json_has_their_dimensions(mixed: xr.DataTree) -> None:
     assert "dimensions" not in outputs["y"]
 
 
-def test_json_has_lists_along_them(mixed: xr.DataTree) -> None:
+def test_json_has_lists_along_them(mixed):
     outputs = json.loads(json.dumps(archive_json(mixed)))["designs"]["mc"]["outputs"]
     field, number = outputs["sheet"], outputs["y"]
     for name in ("mean", "std"):
@@ -211,7 +213,7 @@ def test_json_has_lists_along_them(mixed: xr.DataTree) -> None:
     assert field["quantiles"]["0.5"]["estimate"][1:] == [[0.01, 0.02], [0.03, 0.04]]
 
 
-def test_the_long_table_has_a_row_for_each_place(mixed: xr.DataTree) -> None:
+def test_the_long_table_has_a_row_for_each_place(mixed):
     table = long_table(mixed).query("output == 'sheet' and statistic == 'mean'")
     assert table["time"].tolist() == [0.0, 0.0, 86_400.0, 86_400.0, 345_600.0, 345_600.0]
     assert table["level"].tolist() == [1.0, 2.0] * 3
@@ -219,7 +221,7 @@ def test_the_long_table_has_a_row_for_each_place(mixed: xr.DataTree) -> None:
     assert table["estimate"].iloc[-1] == 0.04
 
 
-def test_a_page_names_them(mixed: xr.DataTree, alone: xr.DataTree) -> None:
+def test_a_page_names_them(mixed, alone):
     for tree in (mixed, alone):
         page = report_page(tree)
         assert HEAD in page
@@ -227,11 +229,11 @@ def test_a_page_names_them(mixed: xr.DataTree, alone: xr.DataTree) -> None:
         assert available(tree) is not None
 
 
-def test_a_trial_run_gives_the_range(folder: Path, mixed: xr.DataTree) -> None:
+def test_a_trial_run_gives_the_range(folder, mixed):
     shown = CliRunner().invoke(run, [str(folder / "study.toml")])
     assert "0 to 4 along time (3), level (2)" in shown.output
 
 
-def test_models_are_described_by_their_dimensions() -> None:
+def test_models_are_described_by_their_dimensions():
     shown = CliRunner().invoke(models, ["walker-anderson-trajectory"])
     assert {"nose_depth", "numbers", "elapsed_time"} <= set(shown.output.split())

@@ -1,13 +1,7 @@
 """Indices of dependent inputs: they overlap, and estimates with intervals are shown."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.figures.page import panels
@@ -38,13 +32,13 @@ check = "large"
 
 
 @pytest.fixture(scope="module")
-def tree(module_study_of: Callable[..., Any]) -> xr.DataTree:
+def tree(module_study_of):
     return uqpen.run(
         module_study_of("a + b + 0.6 * c", DEPENDENT + DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1))
     )
 
 
-def test_dependent_inputs_have_no_shares(tree: xr.DataTree) -> None:
+def test_dependent_inputs_have_no_shares(tree):
     first = tree["statistics/chaos/y/first_order"].values[:, 0]
     assert first.sum() > 1.5
     (table,) = [each for each in output_tables(tree) if "its variance" in each.title]
@@ -59,15 +53,15 @@ def test_dependent_inputs_have_no_shares(tree: xr.DataTree) -> None:
     assert "shares" not in panel.title
 
 
-def test_indices_of_a_surrogate_with_intervals_stand_alone(tree: xr.DataTree) -> None:
+def test_indices_of_a_surrogate_with_intervals_stand_alone(tree):
     (chart,) = find_charts(sensitivity(ArchiveView(tree, "")))
     assert _drawn(chart) == ["Shapley effect by chaos", "first order by chaos"]
     assert "First-order indices by plain samples are in the table only." in chart.notes
 
 
 def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
-    tree: xr.DataTree,
-) -> None:
+    tree,
+):
     without = tree.copy(deep=True)
     without["statistics/chaos/y/first_order"][:, 1:] = np.nan
     (chart,) = find_charts(sensitivity(ArchiveView(without, "")))
@@ -79,18 +73,18 @@ def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
     ]
     (drawn,) = [trace for trace in traces(chart.marks) if trace["name"] == "first order by large"]
     assert set(drawn["marker"]["symbol"]) == {"circle"}
-    told = tree["statistics/large/y/first_order"].values
-    assert np.isfinite(told).all()
+    reported = tree["statistics/large/y/first_order"].values
+    assert np.isfinite(reported).all()
     assert "First-order indices by other plain samples are in the table only." in chart.notes
     (table,) = [each for each in output_tables(without) if "its variance" in each.title]
     assert "first order\nlarge" in table.columns
 
 
-def _drawn(chart: Any) -> list[str]:
+def _drawn(chart):
     return [trace["name"] for trace in traces(chart.marks) if not trace["name"].endswith("refused")]
 
 
-def test_shapley_effects_decide_the_order_of_the_inputs(study_of: Callable[..., Any]) -> None:
+def test_shapley_effects_decide_the_order_of_the_inputs(study_of):
     # All of what b does it shares with a; so its first-order index is large, its part is not.
     body = "3 * a + 0 * b + 1.5 * c"
     tree = uqpen.run(study_of(body, DEPENDENT + DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1)))
@@ -100,7 +94,7 @@ def test_shapley_effects_decide_the_order_of_the_inputs(study_of: Callable[..., 
     assert list(chart.y.rows) == ranked
 
 
-def test_independent_inputs_have_shares(study_of: Callable[..., Any]) -> None:
+def test_independent_inputs_have_shares(study_of):
     tree = uqpen.run(study_of("a + b + 0.6 * c", DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1)))
     (chart,) = find_charts(sensitivity(ArchiveView(tree, "")))
     assert chart.title == "Shares of its variance"

@@ -1,7 +1,5 @@
 """All estimates of an archive in one table, which agrees with what the archive holds."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -46,22 +44,22 @@ COLUMNS = [
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(uqpen.parse_study(STUDY))
 
 
 @pytest.fixture(scope="module")
-def table(tree: xr.DataTree) -> pd.DataFrame:
+def table(tree):
     return long_table(tree)
 
 
-def _rows(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
+def _rows(table, **wanted):
     for column, value in wanted.items():
         table = table[table[column] == value]
     return table
 
 
-def test_its_columns_say_what_of_what_and_how_sure(table: pd.DataFrame) -> None:
+def test_its_columns_say_what_of_what_and_how_sure(table):
     assert list(table.columns) == COLUMNS
     assert list(dict.fromkeys(table["kind"])) == [
         "design",
@@ -72,19 +70,19 @@ def test_its_columns_say_what_of_what_and_how_sure(table: pd.DataFrame) -> None:
     assert list(dict.fromkeys(table["model"])) == ["one", "two", "two minus one", ""]
 
 
-def test_it_agrees_with_the_json(tree: xr.DataTree, table: pd.DataFrame) -> None:
-    told = archive_json(tree)["models"]["two"]["designs"]["plain"]["outputs"]["y"]
+def test_it_agrees_with_the_json(tree, table):
+    reported = archive_json(tree)["models"]["two"]["designs"]["plain"]["outputs"]["y"]
     of_model = _rows(table, model="two", source="plain", output="y")
     for statistic, coordinates, expected in (
-        ("mean", "", told["mean"]),
-        ("quantile", "probability=0.95", told["quantiles"]["0.95"]),
-        ("tolerance_limit", "content=0.9", told["hold"]["0.9"]),
-        ("exceedance", "threshold=4", told["exceedance"]["4"]),
-        ("first_order", "input=x2", told["sensitivity"]["x2"]["first_order"]),
+        ("mean", "", reported["mean"]),
+        ("quantile", "probability=0.95", reported["quantiles"]["0.95"]),
+        ("tolerance_limit", "content=0.9", reported["hold"]["0.9"]),
+        ("exceedance", "threshold=4", reported["exceedance"]["4"]),
+        ("first_order", "input=x2", reported["sensitivity"]["x2"]["first_order"]),
         (
             "exceedance_first_order",
             "threshold=4, input=x1",
-            told["sensitivity_of_exceedance"]["4"]["x1"]["first_order"],
+            reported["sensitivity_of_exceedance"]["4"]["x1"]["first_order"],
         ),
     ):
         (row,) = _rows(of_model, statistic=statistic, coordinates=coordinates).to_dict("records")
@@ -95,13 +93,13 @@ def test_it_agrees_with_the_json(tree: xr.DataTree, table: pd.DataFrame) -> None
         assert row["note"] == expected.get("note", "")
 
 
-def test_an_entry_is_told_by_its_coordinates(table: pd.DataFrame) -> None:
+def test_an_entry_is_reported_by_its_coordinates(table):
     quantiles = _rows(table, model="one", source="plain", statistic="quantile")
     assert quantiles["probability"].tolist() == [0.05, 0.5, 0.95]
     assert quantiles["input"].isna().all()
 
 
-def test_a_publication_and_a_difference_are_sources(table: pd.DataFrame) -> None:
+def test_a_publication_and_a_difference_are_sources(table):
     (paper,) = _rows(table, model="one", kind="publication").to_dict("records")
     assert (paper["statistic"], paper["estimate"]) == ("mean", 3.5)
     assert math.isnan(paper["lower"])
@@ -110,15 +108,13 @@ def test_a_publication_and_a_difference_are_sources(table: pd.DataFrame) -> None
     assert {"mean", "std", "quantile"} <= set(difference["statistic"])
 
 
-def test_ends_of_runs_are_of_no_output(table: pd.DataFrame) -> None:
+def test_ends_of_runs_are_of_no_output(table):
     ends = _rows(table, model="one", source="plain", output="")
     assert set(ends["statistic"]) == {"probability"}
     assert "crashed" in set(ends["status"])
 
 
-def test_distribution_functions_are_listed_on_demand(
-    tree: xr.DataTree, table: pd.DataFrame
-) -> None:
+def test_distribution_functions_are_listed_on_demand(tree, table):
     assert not {"cdf", "cdf_band", "cdf_value"} & set(table["statistic"])
     everything = long_table(tree, functions=True)
     places = _rows(everything, model="one", source="plain", statistic="cdf_value")
@@ -127,13 +123,13 @@ def test_distribution_functions_are_listed_on_demand(
     assert len(_rows(everything, model="one", source="plain", statistic="cdf")) == len(places)
 
 
-def test_one_model_has_a_table_of_its_own(tree: xr.DataTree, table: pd.DataFrame) -> None:
+def test_one_model_has_a_table_of_its_own(tree, table):
     own = rows_frame(statistics_rows(SourceStatistics(tree["models/two"]), "two"))
     listed = _rows(table, model="two").reset_index(drop=True)
     pd.testing.assert_frame_equal(own, listed[own.columns.tolist()])
 
 
-def test_a_statistic_that_an_archive_lacks_is_absent(tree: xr.DataTree) -> None:
+def test_a_statistic_that_an_archive_lacks_is_absent(tree):
     pruned = tree["models/one"].copy()
     node = pruned["statistics/plain/y"]
     node.dataset = node.to_dataset().drop_vars("quantile")
@@ -143,8 +139,8 @@ def test_a_statistic_that_an_archive_lacks_is_absent(tree: xr.DataTree) -> None:
 
 
 def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
-    tree: xr.DataTree,
-) -> None:
+    tree,
+):
     ranges = estimate_array(
         [[2.0, 1.0, 3.0], [4.0, np.nan, np.nan]],
         {"share": 2},
@@ -164,13 +160,13 @@ def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
     assert found["interval"].tolist() == ["bootstrap", "none"]
 
 
-def test_an_archive_without_estimates_has_an_empty_table() -> None:
+def test_an_archive_without_estimates_has_an_empty_table():
     found = rows_frame(statistics_rows(SourceStatistics(xr.DataTree())))
     assert len(found) == 0
     assert {"estimate", "statistic"} <= set(found.columns)
 
 
-def test_corrected_estimates_have_the_surrogates_own_figure_beside_them() -> None:
+def test_corrected_estimates_have_the_surrogates_own_figure_beside_them():
     means = xr.DataArray(
         [1.0, 0.9, 1.1],
         dims="bound",

@@ -1,20 +1,17 @@
 """One output of an archive, and a field at one place, as a scalar output is shown."""
 
-from __future__ import annotations
-
 import json
 import re
-from pathlib import Path
 
 import pytest
-import xarray as xr
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
+from study_text import study_text
 
 import uqpen
 from uqpen.cli.show import show
 from uqpen.core.errors import QuantityError, UnknownNameError
+from uqpen.results.fields import select_output
 from uqpen.results.json import archive_json
-from uqpen.results.output_selection import select_output
 from uqpen.results.output_tables import output_tables
 
 # `copy` is the curve at 1 day, so that all its figures are known.
@@ -22,29 +19,29 @@ MODEL = """\
 def simulate(x):
     return {"curve": [x, 2 * x, float("nan") if x > 0 else 3 * x], "copy": 2 * x, "infected": x}
 """
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "1"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "day", values = [0, 1, 4] } }, may_end = true }
-copy = "cm"
-infected = "1"
-[inputs]
-x = "0 ± 1"
-[outputs]
-curve = { exceeds = ["1 cm"] }
-copy = { exceeds = ["1 cm"] }
-[designs.copy]
-kind = "monte-carlo"
-runs = 40
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "1"},
+        "outputs": {
+            "curve": {
+                "unit": "cm",
+                "along": {"time": {"unit": "day", "values": [0, 1, 4]}},
+                "may_end": True,
+            },
+            "copy": "cm",
+            "infected": "1",
+        },
+    },
+    seed=11,
+    inputs={"x": "0 ± 1"},
+    outputs={"curve": {"exceeds": ["1 cm"]}, "copy": {"exceeds": ["1 cm"]}},
+    designs={"copy": {"kind": "monte-carlo", "runs": 40}},
+)
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("selection")
     (folder / "model.py").write_text(MODEL)
     (folder / "study.toml").write_text(STUDY)
@@ -53,16 +50,16 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tree(archive: Path) -> xr.DataTree:
+def tree(archive):
     return uqpen.open_archive(archive)
 
 
-def unmarked(cells: list[str]) -> list[str]:
+def unmarked(cells):
     """Return cells without the marks of their notes, whose numbers differ between tables."""
     return [re.sub(" [¹²³⁴⁵⁶⁷⁸⁹]$", "", cell) for cell in cells]
 
 
-def test_at_a_place_a_field_is_shown_as_a_number(tree: xr.DataTree) -> None:
+def test_at_a_place_a_field_is_shown_as_a_number(tree):
     place, _ = select_output(tree, "curve", ["time=1 day"])
     shown = next(output_tables(place))
     number = next(output_tables(select_output(tree, "copy")[0]))
@@ -75,13 +72,13 @@ def test_at_a_place_a_field_is_shown_as_a_number(tree: xr.DataTree) -> None:
     assert "mean, all places at once" in rows
 
 
-def test_where_curves_end_it_says_how_many_got_there(tree: xr.DataTree) -> None:
+def test_where_curves_end_it_says_how_many_got_there(tree):
     rows = dict(next(output_tables(select_output(tree, "curve", ["time=4"])[0])).rows)
     share = float((tree["runs/copy"]["x"] <= 0).mean())
     assert rows["P(reached)"][0].startswith(f"{share:.2g}")
 
 
-def test_json_has_the_place(tree: xr.DataTree) -> None:
+def test_json_has_the_place(tree):
     found = archive_json(select_output(tree, "curve", ["time=1 day"])[0])["designs"]["copy"]
     whole = archive_json(tree)["designs"]["copy"]["outputs"]
     assert list(found["outputs"]) == ["curve"]
@@ -99,9 +96,7 @@ def test_json_has_the_place(tree: xr.DataTree) -> None:
         ("time=2 day", 1, "time = 1 day is the nearest to 2 day"),
     ],
 )
-def test_the_nearest_place_is_taken_and_named(
-    tree: xr.DataTree, text: str, position: int, remark: str
-) -> None:
+def test_the_nearest_place_is_taken_and_named(tree, text, position, remark):
     place = select_output(tree, "curve", [text])[1][0]
     assert (place.position, place.remark) == (position, remark)
 
@@ -119,19 +114,17 @@ def test_the_nearest_place_is_taken_and_named(
         ("curve", ["time"], QuantityError, "a place, such as time=1"),
     ],
 )
-def test_a_mistake_is_named(
-    tree: xr.DataTree, output: str, at: list[str], error: type[Exception], message: str
-) -> None:
+def test_a_mistake_is_named(tree, output, at, error, message):
     with pytest.raises(error) as refused:
         select_output(tree, output, at)
     assert message in str(refused.value)
 
 
-def shown(*arguments: str) -> Result:
+def shown(*arguments):
     return CliRunner().invoke(show, list(arguments))
 
 
-def test_the_command_shows_one_output(archive: Path) -> None:
+def test_the_command_shows_one_output(archive):
     every = shown(str(archive), "--output", "curve", "--at", "time=2 day")
     assert every.exit_code == 0
     assert "curve at time = 1 day [cm]" in every.output
@@ -142,7 +135,7 @@ def test_the_command_shows_one_output(archive: Path) -> None:
     assert "--at needs --output" in shown(str(archive), "--at", "time=1").output
 
 
-def test_the_fits_of_a_surrogate_are_cut_to_the_output(tmp_path: Path) -> None:
+def test_the_fits_of_a_surrogate_are_cut_to_the_output(tmp_path):
     (tmp_path / "model.py").write_text(MODEL)
     surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "copy"\n'
     (tmp_path / "study.toml").write_text(STUDY + surrogate)

@@ -1,12 +1,8 @@
 """Figures in sensible digits, tables and JSON that agree with the archive."""
 
-from __future__ import annotations
-
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +21,7 @@ from uqpen.results.failed_runs import failed_runs, has_failed_design
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import OutputTable, identity, shown_estimate
-from uqpen.study.study import ValidatedStudy
+from uqpen.results.table import identity, shown_estimate
 
 
 @pytest.mark.parametrize(
@@ -66,16 +61,12 @@ from uqpen.study.study import ValidatedStudy
         (-1.0, -1.05012, math.nan, "−1.000 (−1.051 … ?)"),
     ],
 )
-def test_an_estimate_has_the_digits_its_interval_leaves(
-    estimate: float, lower: float, upper: float, text: str
-) -> None:
+def test_an_estimate_has_the_digits_its_interval_leaves(estimate, lower, upper, text):
     assert estimate_text(estimate, lower, upper) == text
 
 
 @given(estimate=st.floats(-1e6, 1e6), below=st.floats(1e-3, 1e6), share=st.floats(0.7, 1.4))
-def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
-    estimate: float, below: float, share: float
-) -> None:
+def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(estimate, below, share):
     above = below * share
     text = estimate_text(estimate, estimate - below, estimate + above).replace("\u202f", "")
     # With two digits of the half-width the last place is a tenth of it, at most half of that off.
@@ -86,7 +77,7 @@ def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
     assert half == 0 or abs(shown - estimate) <= 0.051 * half
 
 
-def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
+def test_a_bound_that_holds_is_shown_beside_its_estimate():
     assert tolerance_limit_text(13.4812, 13.7612) == "13.48, at most 13.77"
     assert tolerance_limit_text(13.48, 13.77) == "13.48, at most 13.77"
     assert tolerance_limit_text(13.4812, math.nan) == "13.48"
@@ -94,9 +85,7 @@ def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
 
 
 @given(estimate=st.floats(-1e6, 1e6), upper=st.floats(1e-3, 1e6).filter(lambda side: side > 0))
-def test_the_end_of_a_one_sided_interval_still_bounds_what_it_did(
-    estimate: float, upper: float
-) -> None:
+def test_the_end_of_a_one_sided_interval_still_bounds_what_it_did(estimate, upper):
     bound = estimate + upper
     _, _, shown = estimate_texts(estimate, math.nan, bound)
     figure, _, power = shown.replace("\u202f", "").partition("×10")
@@ -105,7 +94,7 @@ def test_the_end_of_a_one_sided_interval_still_bounds_what_it_did(
     assert float(figure.replace("−", "-")) * scale >= bound - 1e-11 * abs(bound)
 
 
-def test_what_rounding_left_of_an_index_is_0() -> None:
+def test_what_rounding_left_of_an_index_is_0():
     index = xr.DataArray(
         [-3.636e-08, math.nan, math.nan], dims="bound", name="first_order", coords={"input": "x"}
     )
@@ -116,12 +105,12 @@ def test_what_rounding_left_of_an_index_is_0() -> None:
     assert shown_estimate(index.rename("mean"), identity) == "−3.636×10⁻⁸"
 
 
-def test_a_probability_in_per_cent_has_its_own_digits() -> None:
+def test_a_probability_in_per_cent_has_its_own_digits():
     assert [percent_text(p) for p in (0.05, 0.999, 0.9999)] == ["5 %", "99.9 %", "99.99 %"]
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     rods = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
     study = f"""
         title = "Rods"
@@ -143,17 +132,17 @@ def tree() -> xr.DataTree:
 
 
 @pytest.fixture(scope="module")
-def tables(tree: xr.DataTree) -> dict[str, OutputTable]:
+def tables(tree):
     return {table.title: table for table in output_tables(tree)}
 
 
-def cell(table: OutputTable, row: str, column: str) -> str:
+def cell(table, row, column):
     return dict(table.rows)[row][table.columns.index(column)]
 
 
 def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
-    tables: dict[str, OutputTable],
-) -> None:
+    tables,
+):
     of_statistics = [title for title in tables if ":" not in title]
     assert of_statistics == [
         "penetration_depth [cm]",
@@ -164,17 +153,17 @@ def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
 
 
 def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_them_better(
-    tables: dict[str, OutputTable],
-) -> None:
+    tables,
+):
     table = tables["penetration_depth: shares of its variance"]
     # Of two samples of one size, the first.
     assert table.columns == ["first order\nfew"]
     assert [label for label, _ in table.rows][-1] == "crater_radius"
 
 
-def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
-    tree: xr.DataTree,
-) -> None:
+def test_all_that_is_reported_of_the_inputs_part_is_shown_when_it_is_asked_for(
+    tree,
+):
     shown = {table.title: table for table in output_tables(tree, everything=True)}
     shares = shown["penetration_depth: shares of its variance"]
     assert shares.columns == ["first order\nfew", "first order\nspread"]
@@ -186,15 +175,13 @@ def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
     assert "penetration_depth: shares of its logarithm's variance" in shown
 
 
-def test_figures_are_shown_in_the_units_of_the_study(
-    tree: xr.DataTree, tables: dict[str, OutputTable]
-) -> None:
+def test_figures_are_shown_in_the_units_of_the_study(tree, tables):
     mean = float(tree["statistics/few/penetration_depth"]["mean"].sel(bound="estimate"))
     shown = cell(tables["penetration_depth [cm]"], "mean", "few")
     assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
 
 
-def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path: Path) -> None:
+def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path):
     (tmp_path / "share.py").write_text("def f(x): return {'y': x}")
     study = """
         seed = 1
@@ -221,7 +208,7 @@ def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path: Path
     assert abs(float(cell(table, "skewness", "a").split()[0].replace("−", "-"))) < 1
 
 
-def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, OutputTable]) -> None:
+def test_lost_runs_are_counted_and_their_probability_reported(tables):
     table = tables["penetration_depth [cm]"]
     assert "inadmissible" in cell(table, "lost", "few")
     assert "±" in cell(table, "P(inadmissible)", "few") or "…" in cell(
@@ -230,7 +217,7 @@ def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, Outp
     assert any("conditional on admissible inputs" in note for note in table.notes)
 
 
-def test_a_figure_without_an_interval_says_why(tables: dict[str, OutputTable]) -> None:
+def test_a_figure_without_an_interval_says_why(tables):
     table = tables["penetration_depth [cm]"]
     assert "±" not in cell(table, "sd", "few")
     assert any("heavy tail" in note for note in table.notes)
@@ -238,26 +225,26 @@ def test_a_figure_without_an_interval_says_why(tables: dict[str, OutputTable]) -
 
 
 def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(
-    tables: dict[str, OutputTable],
-) -> None:
+    tables,
+):
     table = tables["penetration_depth [cm]"]
     assert "at most" in cell(table, "not exceeded, 90 %", "few")
     assert "at most" not in cell(table, "not exceeded, 99.99 %", "few")
     assert any("at least 29956 runs" in note for note in table.notes)
 
 
-def test_a_wider_interval_than_need_be_says_so(tables: dict[str, OutputTable]) -> None:
+def test_a_wider_interval_than_need_be_says_so(tables):
     table = tables["penetration_depth [cm]"]
     assert any("conservative" in note for note in table.notes)
 
 
-def test_kinds_have_shares_and_no_mean(tables: dict[str, OutputTable]) -> None:
+def test_kinds_have_shares_and_no_mean(tables):
     labels = [label for label, _ in tables["termination"].rows]
     assert labels[-3:] == ["share v = u", "share u = 0", "share rigid"]
     assert "mean" not in labels
 
 
-def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
+def test_what_was_lost_is_reported_with_its_reasons(tree):
     found = list(failed_runs(tree, "few"))
     counted = archive_json(tree)["designs"]["few"]
     assert sum(loss.runs for loss in found) == counted["status"]["inadmissible"]
@@ -266,7 +253,7 @@ def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
     assert not has_failed_design(tree)
 
 
-def test_reasons_with_other_numbers_are_one_with_an_example(tree: xr.DataTree) -> None:
+def test_reasons_with_other_numbers_are_one_with_an_example(tree):
     runs = tree["runs/few"].to_dataset(inherit=False)
     numbers = [f"radius {n}.5 is too small" for n in range(runs.sizes["lost_run"])]
     changed = tree.copy()
@@ -278,8 +265,8 @@ def test_reasons_with_other_numbers_are_one_with_an_example(tree: xr.DataTree) -
     assert entry["runs"] == len(numbers) > 3
 
 
-def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
-    found: dict[str, Any] = json.loads(json.dumps(archive_json(tree), allow_nan=False))
+def test_json_holds_every_figure_in_si_units(tree):
+    found = json.loads(json.dumps(archive_json(tree), allow_nan=False))
     few = found["designs"]["few"]
     assert few["runs"] == 250
     assert few["status"]["ok"] + few["status"]["inadmissible"] == 250
@@ -304,8 +291,8 @@ def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
 
 
 def test_json_holds_every_measure_that_lies_along_the_inputs(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     text = """
         [designs.lhs]
         kind = "latin-hypercube"
@@ -324,7 +311,7 @@ def test_json_holds_every_measure_that_lies_along_the_inputs(
     assert {"shapley", "log_shapley"} <= names
 
 
-def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., ValidatedStudy]) -> None:
+def test_a_fixed_input_may_be_called_a_coefficient(study_of):
     text = """
         [designs.lhs]
         kind = "latin-hypercube"
@@ -340,7 +327,7 @@ def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Valid
     assert list(archive_json(tree)["surrogates"]["chaos"]["outputs"]) == ["y"]
 
 
-def test_a_published_number_keeps_its_digits() -> None:
+def test_a_published_number_keeps_its_digits():
     number = xr.DataArray([0.5, math.nan, math.nan], dims="bound", name="mean")
     assert shown_estimate(number, identity) == "0.5"
     assert shown_estimate(number.assign_attrs(runs=10), identity) == "0.5000"

@@ -1,22 +1,15 @@
 """Responses of and to quantities in units with an offset, whose per cent have no meaning."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
-from uqpen.charts.chart import Chart
 from uqpen.figures.page import panels
 from uqpen.report.blocks import find_charts
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.results.table import OutputTable
 
 SOURCE = """
 def cool(flow, inlet, ambient):
@@ -45,26 +38,26 @@ kind = "one-at-a-time"
 REASON = "no per cent, as the zero of degC is arbitrary"
 
 
-def study(folder: Path, unit: str, inlet: float, ambient: float, flow: float = 5) -> xr.DataTree:
+def study(folder, unit, inlet, ambient, flow=5):
     (folder / "cooler.py").write_text(SOURCE)
     text = STUDY.replace("{unit}", unit).format(inlet=inlet, ambient=ambient, flow=flow)
     return uqpen.run(uqpen.parse_study(text, folder=folder))
 
 
 @pytest.fixture(scope="module")
-def celsius(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def celsius(tmp_path_factory):
     return study(tmp_path_factory.mktemp("celsius"), "degC", 90, 30)
 
 
-def tables(tree: xr.DataTree) -> dict[str, OutputTable]:
+def tables(tree):
     return {table.title: table for table in output_tables(tree)}
 
 
-def charts(tree: xr.DataTree) -> list[Chart]:
+def charts(tree):
     return list(find_charts(sensitivity(ArchiveView(tree, ""))))
 
 
-def test_no_table_has_per_cent_of_a_temperature(celsius: xr.DataTree) -> None:
+def test_no_table_has_per_cent_of_a_temperature(celsius):
     table = tables(celsius)["duty: responses to its inputs"]
     rows = dict(table.rows)
     assert rows["flow"][0].startswith("100")
@@ -78,16 +71,16 @@ def test_no_table_has_per_cent_of_a_temperature(celsius: xr.DataTree) -> None:
     )
 
 
-def test_a_temperature_changes_by_degrees(celsius: xr.DataTree) -> None:
+def test_a_temperature_changes_by_degrees(celsius):
     table = tables(celsius)["wall: change per standard deviation of an input [degC]"]
     found = {name: float(cells[0].split()[0]) for name, cells in table.rows}
     assert found == {"flow": 0.05, "inlet": 0.5, "ambient": 3}
-    told = celsius["statistics/steps/wall/change_per_std"]
-    assert told.attrs["units"] == "K"
-    np.testing.assert_allclose(told.values[:, 0], [0.05, 0.5, 3], rtol=1e-9)
+    reported = celsius["statistics/steps/wall/change_per_std"]
+    assert reported.attrs["units"] == "K"
+    np.testing.assert_allclose(reported.values[:, 0], [0.05, 0.5, 3], rtol=1e-9)
 
 
-def test_json_says_what_a_relative_change_is_of(celsius: xr.DataTree) -> None:
+def test_json_says_what_a_relative_change_is_of(celsius):
     outputs = archive_json(celsius)["designs"]["steps"]["outputs"]
     duty, wall = (outputs[name]["sensitivity"] for name in ("duty", "wall"))
     assert "relative to the input in K, not in degC" in duty["inlet"]["response"]["note"]
@@ -96,7 +89,7 @@ def test_json_says_what_a_relative_change_is_of(celsius: xr.DataTree) -> None:
     assert wall["ambient"]["change_per_std"]["estimate"] == pytest.approx(3)
 
 
-def test_the_page_and_the_figure_leave_them_out_and_say_so(celsius: xr.DataTree) -> None:
+def test_the_page_and_the_figure_leave_them_out_and_say_so(celsius):
     response, times_uncertainty, change = charts(celsius)
     assert response.y.rows == ("flow",)
     assert f"Not shown: inlet, ambient ({REASON})." in response.notes
@@ -113,14 +106,14 @@ def test_the_page_and_the_figure_leave_them_out_and_say_so(celsius: xr.DataTree)
     assert [panel.rows for panel in drawn] == [each.y.rows for each in charts(celsius)]
 
 
-def test_a_temperature_in_kelvin_has_per_cent(tmp_path: Path) -> None:
+def test_a_temperature_in_kelvin_has_per_cent(tmp_path):
     tree = study(tmp_path, "K", 363.15, 303.15)
     assert "change_per_std" not in tree["statistics/steps/wall"]
     rows = dict(tables(tree)["duty: responses to its inputs"].rows)
     assert float(rows["inlet"][0].split()[0]) == pytest.approx(100 * 363.15 / 60, rel=1e-3)
 
 
-def test_an_earlier_archive_has_the_reason(celsius: xr.DataTree) -> None:
+def test_an_earlier_archive_has_the_reason(celsius):
     tree = celsius.copy(deep=True)
     del tree["statistics/steps/wall"]["change_per_std"]
     table = tables(tree)["wall: responses to its inputs"]
@@ -128,7 +121,7 @@ def test_an_earlier_archive_has_the_reason(celsius: xr.DataTree) -> None:
     assert table.notes == [REASON]
 
 
-def test_a_change_keeps_its_sign_where_the_nominal_value_is_negative(tmp_path: Path) -> None:
+def test_a_change_keeps_its_sign_where_the_nominal_value_is_negative(tmp_path):
     tree = study(tmp_path, "degC", 90, 30, flow=-5)
     changes = tree["statistics/steps/wall/change_per_std"].values[:, 0]
     np.testing.assert_allclose(changes, [0.05, 0.5, 3], rtol=1e-9)

@@ -1,11 +1,8 @@
 """All runs of an archive in one table, and the files of it that other programs read."""
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import json
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,21 +14,21 @@ from uqpen.core.columns import read_columns
 from uqpen.core.errors import ExportError
 from uqpen.designs import DESIGNS
 from uqpen.results.export import table_content
-from uqpen.results.runs_table import run_table_parts, runs_table
+from uqpen.results.long_table import run_table_parts, runs_table
 
 
-def file_of(table: pd.DataFrame, kind: str) -> bytes:
+def file_of(table, kind):
     return b"".join(table_content([table], kind))
 
 
-def _model(length: float, width: float) -> dict[str, object]:
+def _model(length, width):
     if width > 0.31:
         raise ValueError("it is too wide")
     return {"area": length * width, "course": length * np.array([1.0, 2.0])}
 
 
 @pytest.fixture(scope="module")
-def archive() -> uqpen.Archive:
+def archive():
     study = uqpen.Study(
         seed=1,
         model=uqpen.PythonModel(
@@ -54,7 +51,7 @@ def archive() -> uqpen.Archive:
     return uqpen.run(study)
 
 
-def test_a_row_has_a_run_in_the_units_of_the_study(archive: uqpen.Archive) -> None:
+def test_a_row_has_a_run_in_the_units_of_the_study(archive):
     table = archive.runs_to_frame()
     assert [*table] == [
         *("design", "run", "replicate", "length [cm]", "width [cm]", "area [cm2]"),
@@ -68,7 +65,7 @@ def test_a_row_has_a_run_in_the_units_of_the_study(archive: uqpen.Archive) -> No
     np.testing.assert_allclose(course, 20 * completed["length [cm]"], rtol=1e-12)
 
 
-def test_a_failed_run_has_its_reason_and_no_outputs(archive: uqpen.Archive) -> None:
+def test_a_failed_run_has_its_reason_and_no_outputs(archive):
     table = runs_table(archive)
     failed = table[table["width [cm]"] > 31]
     assert 0 < len(failed) < 25
@@ -78,7 +75,7 @@ def test_a_failed_run_has_its_reason_and_no_outputs(archive: uqpen.Archive) -> N
     assert (table[table["width [cm]"] <= 31]["reason"] == "").all()
 
 
-def test_values_in_si_units_are_those_of_the_archive(archive: uqpen.Archive) -> None:
+def test_values_in_si_units_are_those_of_the_archive(archive):
     table = runs_table(archive, si=True)
     draws = table[table["design"] == "draws"]
     runs = archive["runs/draws"].to_dataset()
@@ -86,15 +83,13 @@ def test_values_in_si_units_are_those_of_the_archive(archive: uqpen.Archive) -> 
     np.testing.assert_array_equal(draws["length [m]"], runs["length"])
 
 
-def test_replicates_stay_whole_numbers_beside_a_design_without(archive: uqpen.Archive) -> None:
+def test_replicates_stay_whole_numbers_beside_a_design_without(archive):
     replicates = runs_table(archive)["replicate"]
     assert replicates[:30].isna().all()
     assert [str(each) for each in replicates[30:].unique()] == ["0", "1"]
 
 
-def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(
-    archive: uqpen.Archive, tmp_path: Path
-) -> None:
+def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(archive, tmp_path):
     table = runs_table(archive)
     path = tmp_path / "runs.csv"
     path.write_bytes(file_of(table[["length [cm]", "width [cm]"]], "csv"))
@@ -104,8 +99,8 @@ def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(
 
 
 def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
-    archive: uqpen.Archive,
-) -> None:
+    archive,
+):
     table = runs_table(archive)
     rows = json.loads(file_of(table, "json"))
     assert len(rows) == len(table)
@@ -117,7 +112,7 @@ def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
 
 
 @pytest.mark.parametrize("kind", ["csv", "json"])
-def test_statistics_are_written_in_plain_formats(archive: uqpen.Archive, kind: str) -> None:
+def test_statistics_are_written_in_plain_formats(archive, kind):
     table = archive.to_frame()
     content = io.BytesIO(file_of(table, kind))
     read = pd.read_csv(content, keep_default_na=False) if kind == "csv" else pd.read_json(content)
@@ -125,7 +120,7 @@ def test_statistics_are_written_in_plain_formats(archive: uqpen.Archive, kind: s
     assert len(read) == len(table)
 
 
-def test_parquet_is_written_or_names_the_package_that_it_needs(archive: uqpen.Archive) -> None:
+def test_parquet_is_written_or_names_the_package_that_it_needs(archive):
     table = archive.to_frame()
     if importlib.util.find_spec("pyarrow") is None:
         with pytest.raises(ExportError, match="Parquet needs pyarrow: pip install pyarrow"):
@@ -153,7 +148,7 @@ DESIGN_TABLES = {
 
 
 @pytest.mark.parametrize("kind", DESIGN_TABLES)
-def test_the_runs_of_each_kind_of_design_are_the_same_by_parts(kind: str, tmp_path: Path) -> None:
+def test_the_runs_of_each_kind_of_design_are_the_same_by_parts(kind, tmp_path):
     (tmp_path / "points.csv").write_text("x1,x2,x3\n0.1,0.2,0.3\n-1,1,2\n", encoding="utf-8")
     text = f"""
         seed = 1
@@ -175,7 +170,7 @@ def test_the_runs_of_each_kind_of_design_are_the_same_by_parts(kind: str, tmp_pa
     assert file_of(parts, "csv") == b"".join(table_content(run_table_parts(tree), "csv"))
 
 
-def test_weights_that_are_whole_numbers_remain_real_numbers(archive: uqpen.Archive) -> None:
+def test_weights_that_are_whole_numbers_remain_real_numbers(archive):
     tree = archive.copy()
     runs = tree["runs/draws"].to_dataset()
     whole = {"weight": ("run", np.ones(runs.sizes["run"]))}
@@ -185,6 +180,6 @@ def test_weights_that_are_whole_numbers_remain_real_numbers(archive: uqpen.Archi
     assert table["replicate"].dtype == "Int64"
 
 
-def test_each_kind_of_design_is_among_them() -> None:
+def test_each_kind_of_design_is_among_them():
     of_several_models, of_a_file = "multifidelity", "data"
     assert DESIGN_TABLES.keys() | {of_several_models, of_a_file} == DESIGNS.keys()

@@ -1,11 +1,6 @@
 """Statistics of all sources side by side, beside the runs that each took."""
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +13,6 @@ from uqpen.core.catalogue import REQUESTED
 from uqpen.report.page import report_page
 from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [outputs.y]
@@ -44,11 +36,11 @@ runs = 100
 
 
 @pytest.fixture(scope="module")
-def tree(module_study_of: MakeStudy) -> xr.DataTree:
+def tree(module_study_of):
     return uqpen.run(module_study_of("a + b**2", DESIGNS, a=(0, 1), b=(0, 1)))
 
 
-def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
+def test_each_source_stands_with_its_runs(tree):
     statistics = SourceStatistics(tree)
     assert statistics.sources == ["mc", "blocks", "steps", "fresh", "pce"]
     kinds = [statistics.kind(source) for source in statistics.sources]
@@ -58,7 +50,7 @@ def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
     assert spent == [400, 1024, 5, 100, 500]
 
 
-def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
+def test_a_source_has_what_it_tells_and_nothing_else(tree):
     statistics = SourceStatistics(tree)
     assert statistics.get("steps", "y", "mean") is None
     assert list(statistics.by_source("y", "mean")) == ["mc", "blocks", "fresh", "pce"]
@@ -68,7 +60,7 @@ def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
 
 
 @pytest.mark.processor
-def test_statistics_read_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_statistics_read_back_from_an_archive(tree, tmp_path):
     write(tree, tmp_path / "all.nc")
     made, read = SourceStatistics(tree), SourceStatistics(open_archive(tmp_path / "all.nc"))
     assert read.sources == made.sources
@@ -78,8 +70,8 @@ def test_statistics_read_back_from_an_archive(tree: xr.DataTree, tmp_path: Path)
 
 
 def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewer(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     text = """
     [designs.mc]
     kind = "monte-carlo"
@@ -97,7 +89,7 @@ def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewe
     assert np.isfinite(first).all()
 
 
-def test_entries_are_those_of_a_statistic_by_their_labels(tree: xr.DataTree) -> None:
+def test_entries_are_those_of_a_statistic_by_their_labels(tree):
     statistics = SourceStatistics(tree)
     for statistic in ("quantile", "exceedance", "percentile"):
         array = statistics.get("mc", "y", statistic)
@@ -109,12 +101,10 @@ def test_entries_are_those_of_a_statistic_by_their_labels(tree: xr.DataTree) -> 
     assert statistics.entries("steps", "y", "exceedance") == {}
 
 
-def test_a_page_takes_each_threshold_out_of_its_array_once(
-    study_of: MakeStudy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_takes_each_threshold_out_of_its_array_once(study_of, monkeypatch):
     taken, isel = Counter[int](), xr.DataArray.isel
 
-    def counted(self: xr.DataArray, *arguments: Any, **options: Any) -> xr.DataArray:
+    def counted(self, *arguments, **options):
         taken[number] += 1
         return isel(self, *arguments, **options)
 
@@ -162,10 +152,10 @@ order = 2
 """
 
 
-def test_each_source_has_what_a_study_asks_for_or_says_why_not(study_of: MakeStudy) -> None:
+def test_each_source_has_what_a_study_asks_for_or_says_why_not(study_of):
     tree = uqpen.run(study_of("a + b", REQUESTS, a=(0.0, 1.0), b=(0.0, 1.0)))
-    statistics, told = SourceStatistics(tree), archive_json(tree)
-    sources = {**told["designs"], **told["surrogates"]}
+    statistics, reported = SourceStatistics(tree), archive_json(tree)
+    sources = {**reported["designs"], **reported["surrogates"]}
     assert sources.keys() == {*statistics.sources}
     for source, found in sources.items():
         output = found["outputs"]["y"]

@@ -1,7 +1,5 @@
 """Colours and markers of sources: by their kind, the same on all pages of a study."""
 
-from __future__ import annotations
-
 import pytest
 import xarray as xr
 
@@ -25,7 +23,7 @@ source = "a report"
 """
 
 
-def test_a_kind_has_its_place_whatever_stands_before_it() -> None:
+def test_a_kind_has_its_place_whatever_stands_before_it():
     found = source_slots(STUDY, ["first", "second"])
     alone = source_slots('[designs.other]\nkind = "monte-carlo"', ["other"])
     assert found["second"] == alone["other"] == 0
@@ -33,29 +31,29 @@ def test_a_kind_has_its_place_whatever_stands_before_it() -> None:
     assert (found["chaos"], found["report"]) == (7, 8)
 
 
-def test_two_designs_of_a_kind_differ() -> None:
+def test_two_designs_of_a_kind_differ():
     assert len(set(source_slots(STUDY, []).values())) == 5
 
 
-def test_a_source_looks_the_same_whichever_others_are_shown() -> None:
+def test_a_source_looks_the_same_whichever_others_are_shown():
     every = source_slots(STUDY, ["first", "second", "third", "chaos", "report"])
     assert source_slots(STUDY, ["third"])["third"] == every["third"]
 
 
 @pytest.mark.parametrize("text", ["", "no TOML", "designs = 3", "[designs]\na = 1"])
-def test_a_text_that_names_no_source_leaves_no_source_without_a_place(text: str) -> None:
+def test_a_text_that_names_no_source_leaves_no_source_without_a_place(text):
     names = [f"design_{number}" for number in range(STYLES + 3)]
     found = source_slots(text, names)
     assert len({found[name] for name in names}) == STYLES
     assert set(found.values()) <= set(range(STYLES))
 
 
-def test_there_are_as_many_styles_on_the_page_as_in_figures() -> None:
+def test_there_are_as_many_styles_on_the_page_as_in_figures():
     assert len(MARKERS) == len(DASHES) == STYLES
     assert len({source_style(place).marker for place in range(STYLES)}) == STYLES
 
 
-def test_study_page_and_comparison_page_agree(archives: dict[str, xr.DataTree]) -> None:
+def test_study_page_and_comparison_page_agree(archives):
     view = ArchiveView(archives["rods"], "original")
     budgets = {"budget": [16], "runs": ("budget", [16]), "replicates": ("budget", [1])}
     root = {"study_text": view.archive.attrs["study_text"], KIND: BENCHMARK}

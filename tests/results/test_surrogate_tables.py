@@ -1,13 +1,7 @@
 """Estimates of a surrogate that real runs have corrected, and its predictions of failed runs."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import pack, statistic_names, unpack
@@ -15,7 +9,6 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.structure import find_dataset_faults
 from uqpen.archive.write import write
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.results.estimate_json import estimate_json
 from uqpen.results.json import archive_json
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.surrogate_tables import (
@@ -24,7 +17,7 @@ from uqpen.results.surrogate_tables import (
     is_corrected,
     missing_run_tables,
 )
-from uqpen.study.study import ValidatedStudy
+from uqpen.results.table import estimate_json
 
 STUDY = """
 [designs.training]
@@ -37,19 +30,19 @@ design = "training"
 
 
 @pytest.fixture(scope="module")
-def tree(module_study_of: Callable[..., ValidatedStudy]) -> xr.DataTree:
+def tree(module_study_of):
     return uqpen.run(module_study_of("np.exp(a) + b", STUDY, a=(0, 1), b=(0, 1)))
 
 
-def corrected(tree: xr.DataTree, statistic: str) -> xr.DataArray:
+def corrected(tree, statistic):
     found = SourceStatistics(tree).get("pce", "y", statistic)
     assert found is not None
     return found
 
 
 def test_an_archive_keeps_the_figure_of_the_surrogate_and_what_the_interval_is_worth(
-    tree: xr.DataTree,
-) -> None:
+    tree,
+):
     mean, quantile = corrected(tree, "mean"), corrected(tree, "quantile")
     assert is_corrected(mean)
     assert quantile.coords["surrogate_estimate"].dims == ("probability",)
@@ -64,7 +57,7 @@ def test_an_archive_keeps_the_figure_of_the_surrogate_and_what_the_interval_is_w
     assert not list(find_dataset_faults(again, CATALOGUE))
 
 
-def test_numbers_beside_an_estimate_have_its_dimensions(tree: xr.DataTree) -> None:
+def test_numbers_beside_an_estimate_have_its_dimensions(tree):
     group = pack({"quantile": corrected(tree, "quantile")})
     group["quantile_equivalent_runs"] = ((), 5.0)
     assert list(find_dataset_faults(group, CATALOGUE)) == [
@@ -72,7 +65,7 @@ def test_numbers_beside_an_estimate_have_its_dimensions(tree: xr.DataTree) -> No
     ]
 
 
-def test_the_table_has_both_figures_and_the_plain_runs(tree: xr.DataTree) -> None:
+def test_the_table_has_both_figures_and_the_plain_runs(tree):
     (table,) = correction_tables(tree, "pce")
     assert table.title == "pce: y"
     rows = dict(table.rows)
@@ -86,12 +79,12 @@ def test_the_table_has_both_figures_and_the_plain_runs(tree: xr.DataTree) -> Non
 @pytest.mark.parametrize(
     ("runs", "text"), [(14321.7, "14\u202f000"), (96.4, "96"), (3.0, "3"), (np.nan, "")]
 )
-def test_plain_runs_are_given_in_two_digits(tree: xr.DataTree, runs: float, text: str) -> None:
+def test_plain_runs_are_given_in_two_digits(tree, runs, text):
     mean = corrected(tree, "mean").assign_coords(equivalent_runs=runs)
     assert equivalent_runs_text(mean) == text
 
 
-def test_json_has_the_numbers_beside_a_corrected_estimate(tree: xr.DataTree) -> None:
+def test_json_has_the_numbers_beside_a_corrected_estimate(tree):
     mean = corrected(tree, "mean")
     found = estimate_json(mean)
     assert found["surrogate_estimate"] == float(mean.coords["surrogate_estimate"])
@@ -104,13 +97,13 @@ def test_json_has_the_numbers_beside_a_corrected_estimate(tree: xr.DataTree) -> 
 # What a surrogate predicts at the inputs of failed runs
 
 
-def corner(a: float, b: float) -> dict[str, float]:
+def corner(a, b):
     if a > 0.7:
         raise ValueError("too far")
     return {"y": a + b}
 
 
-def made(largest: float) -> xr.DataTree:
+def made(largest):
     return uqpen.run(
         uqpen.Study(
             model=corner,
@@ -123,7 +116,7 @@ def made(largest: float) -> xr.DataTree:
     )
 
 
-def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path: Path) -> None:
+def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path):
     write(made(1), tmp_path / "a.nc")
     tree = open_archive(tmp_path / "a.nc")
     (table,) = missing_run_tables(tree, "pce")
@@ -141,5 +134,5 @@ def test_predictions_at_failed_runs_are_a_statement_of_their_own(tmp_path: Path)
     assert fit["missing_runs_beyond"] == ["> 0.7", "> 1.2", "< 9"]
 
 
-def test_without_failed_runs_there_is_nothing_to_say() -> None:
+def test_without_failed_runs_there_is_nothing_to_say():
     assert not list(missing_run_tables(made(0.6), "pce"))

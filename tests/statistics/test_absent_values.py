@@ -1,12 +1,7 @@
 """Statistics of an output that some runs do not have: they are of the others, and say so."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -19,7 +14,7 @@ TIMES = np.linspace(0.0, 1.0, 11)
 FIELD = uqpen.OutputSpec("1", along={"time": {"unit": "s", "from": 0, "to": 1, "size": 11}})
 
 
-def study(design: object, **more: Any) -> uqpen.Study:
+def study(design, **more):
     return uqpen.Study(
         model=lambda x, z: {"curve": x * TIMES, "plain": z},
         inputs={"x": uqpen.Uniform(0.0, 1.0), "z": uqpen.Uniform(0.0, 1.0)},
@@ -45,16 +40,16 @@ CONDITION = "its existence (curve never exceeds 0.5 in {share:.3g} % of the comp
 
 
 @pytest.fixture(scope="module", params=DESIGNS)
-def tree(request: pytest.FixtureRequest) -> xr.DataTree:
+def tree(request):
     return uqpen.run(study(DESIGNS[request.param]))
 
 
-def sampled(tree: xr.DataTree) -> xr.Dataset:
+def sampled(tree):
     runs = tree["runs/d"].to_dataset()
     return runs.isel(run=runs["matrix"].values <= 1) if "matrix" in runs else runs
 
 
-def test_a_statistic_is_of_the_runs_with_a_value(tree: xr.DataTree) -> None:
+def test_a_statistic_is_of_the_runs_with_a_value(tree):
     runs = sampled(tree)
     exists = runs["x"].values > 0.5
     crossing = runs["crossing"].values
@@ -68,7 +63,7 @@ def test_a_statistic_is_of_the_runs_with_a_value(tree: xr.DataTree) -> None:
     assert exceedance[1] < 2 * (0.625 - 0.5) < exceedance[2]
 
 
-def test_it_says_what_it_is_conditional_on(tree: xr.DataTree) -> None:
+def test_it_says_what_it_is_conditional_on(tree):
     runs = sampled(tree)
     absent = int((runs["x"] <= 0.5).sum())
     share = 100 * absent / runs.sizes["run"]
@@ -80,14 +75,14 @@ def test_it_says_what_it_is_conditional_on(tree: xr.DataTree) -> None:
     assert "conditional_on" not in tree["statistics/d/plain/mean"].attrs
 
 
-def test_its_companion_counts_all_runs(tree: xr.DataTree) -> None:
+def test_its_companion_counts_all_runs(tree):
     share = tree["statistics/d/crossing_occurs/share"]
     assert share["category"].values.tolist() == ["occurs", "absent"]
     assert (share.values[:, 1] < 0.5).all()
     assert (share.values[:, 2] > 0.5).all()
 
 
-def test_tables_and_json_say_it(tree: xr.DataTree) -> None:
+def test_tables_and_json_say_it(tree):
     runs = sampled(tree)
     absent = int((runs["x"] <= 0.5).sum())
     table = next(each for each in output_tables(tree) if each.title.startswith("crossing ["))
@@ -101,7 +96,7 @@ def test_tables_and_json_say_it(tree: xr.DataTree) -> None:
     assert "runs_absent" not in content["plain"]
 
 
-def test_indices_of_blocks_are_of_those_with_values() -> None:
+def test_indices_of_blocks_are_of_those_with_values():
     tree = uqpen.run(study(DESIGNS["pick-freeze"]))
     first = tree["statistics/d/crossing/first_order"]
     assert first.attrs["estimand"].endswith("; blocks with a run without a value are left out")
@@ -118,14 +113,14 @@ def test_indices_of_blocks_are_of_those_with_values() -> None:
     ],
     ids=["effects", "nodes"],
 )
-def test_what_a_design_lacks_is_no_failure(design: object, statistic: str, said: str) -> None:
+def test_what_a_design_lacks_is_no_failure(design, statistic, said):
     array = SourceStatistics(uqpen.run(study(design))).get("d", "crossing", statistic)
     assert array is not None
     assert said in interval_text(array if array.ndim == 1 else array[0], "note")
     assert "its existence" in array.attrs["conditional_on"]
 
 
-def test_a_surrogate_is_refused_with_the_reason() -> None:
+def test_a_surrogate_is_refused_with_the_reason():
     surrogate = uqpen.PolynomialChaos(design="d", order=2)
     tree = uqpen.run(study(DESIGNS["independent"], surrogates={"pce": surrogate}))
     reason = tree["surrogates/pce/crossing"].attrs["not_fitted"]
@@ -133,7 +128,7 @@ def test_a_surrogate_is_refused_with_the_reason() -> None:
     assert reason == f"some runs have no value of it (curve never exceeds 0.5 in {absent})"
 
 
-def test_an_event_of_several_outputs_is_of_the_runs_that_have_all() -> None:
+def test_an_event_of_several_outputs_is_of_the_runs_that_have_all():
     events = {"both": ["crossing < 0.8 s", "plain < 0.5"], "one": ["plain < 0.5"]}
     tree = uqpen.run(study(DESIGNS["independent"], joint_probabilities=events))
     runs, found = tree["runs/d"].to_dataset(), SourceStatistics(tree).joint_probability("d")
@@ -147,7 +142,7 @@ def test_an_event_of_several_outputs_is_of_the_runs_that_have_all() -> None:
     assert "value" not in notes[1]
 
 
-def test_a_claim_is_of_the_runs_with_a_value() -> None:
+def test_a_claim_is_of_the_runs_with_a_value():
     # Given x > 0.5, the crossing is after 0.8 in a quarter of the runs; of all, in an eighth.
     claim = "P(crossing > 0.8 s) > 0.15"
     tree = uqpen.run(study(uqpen.MonteCarlo(at_most=5000, accept=claim)))
@@ -158,7 +153,7 @@ def test_a_claim_is_of_the_runs_with_a_value() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("threshold", [0.5, 2.0])
-def test_a_report_is_written_even_if_no_run_has_a_value(threshold: float) -> None:
+def test_a_report_is_written_even_if_no_run_has_a_value(threshold):
     made = uqpen.Study(
         model=lambda x: {"curve": x * TIMES},
         inputs={"x": uqpen.Uniform(0.0, 1.0)},
@@ -182,7 +177,7 @@ def test_a_report_is_written_even_if_no_run_has_a_value(threshold: float) -> Non
         (0.6, "the run at the nominal point gave no value"),
     ],
 )
-def test_a_response_without_a_value_is_no_failed_run(threshold: float, note: str) -> None:
+def test_a_response_without_a_value_is_no_failed_run(threshold, note):
     made = uqpen.Study(
         model=lambda x: {"curve": x * (1 + TIMES)},
         inputs={"x": uqpen.Uniform(0.0, 0.5 + 1e-9)},

@@ -1,13 +1,9 @@
 """Acceptance limits of probabilities, and whether the runs meet them."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import estimate_array
@@ -18,14 +14,12 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.threshold import AcceptanceLimits
-from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import output_rows
 
-MakeStudy = Callable[..., ValidatedStudy]
 NAN = float("nan")
 
 
-def probability(lower: float, upper: float, **limits: float) -> xr.DataArray:
+def probability(lower, upper, **limits):
     texts = dict.fromkeys(("interval", "interval_label", "note"), "")
     values = [(lower + upper) / 2, lower, upper]
     own = {f"threshold_{name}": limit for name, limit in limits.items()}
@@ -47,20 +41,18 @@ def probability(lower: float, upper: float, **limits: float) -> xr.DataArray:
         ((0.0, 0.0), {"at_most": 0.0}, AcceptanceVerdict.MET),
     ],
 )
-def test_the_verdict_is_that_of_the_whole_interval(
-    bounds: tuple[float, float], limits: dict[str, float], verdict: AcceptanceVerdict
-) -> None:
+def test_the_verdict_is_that_of_the_whole_interval(bounds, limits, verdict):
     found = Acceptance.from_array(probability(*bounds, **limits))
     assert found is not None
     assert found.verdict is verdict
 
 
-def test_without_limits_there_is_no_verdict() -> None:
+def test_without_limits_there_is_no_verdict():
     assert Acceptance.from_array(probability(0.1, 0.2)) is None
     assert Acceptance.from_array(probability(0.1, 0.2, at_most=NAN)) is None
 
 
-def test_limits_are_told_in_per_cent() -> None:
+def test_limits_are_reported_in_per_cent():
     for limits, text in (
         ({"at_most": 0.2}, "at most 20 %"),
         ({"at_least": 0.999}, "at least 99.9 %"),
@@ -71,7 +63,7 @@ def test_limits_are_told_in_per_cent() -> None:
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     study = uqpen.Study(
         uqpen.PythonModel(lambda a, b: {"y": a + b}, {"a": "m", "b": "m"}, {"y": "m"}, True),
         {"a": uqpen.Uniform("0 m", "1 m"), "b": uqpen.Uniform("0 m", "1 m")},
@@ -90,7 +82,7 @@ def tree() -> xr.DataTree:
     return uqpen.run(study)
 
 
-def test_the_archive_keeps_the_limits(tree: xr.DataTree) -> None:
+def test_the_archive_keeps_the_limits(tree):
     assert list(find_faults(tree)) == []
     statistics = tree["statistics/mc/y"]
     np.testing.assert_array_equal(statistics["threshold_at_most"], [0.5, 0.4, np.nan])
@@ -98,21 +90,24 @@ def test_the_archive_keeps_the_limits(tree: xr.DataTree) -> None:
     np.testing.assert_array_equal(statistics["lower_threshold_at_least"], [0.95])
 
 
-def test_tables_and_json_have_the_verdicts(tree: xr.DataTree) -> None:
+def test_tables_and_json_have_the_verdicts(tree):
     rows = dict(row for table in output_tables(tree) for row in table.rows)
     assert rows["accepted: at most 50 %"][0] == "not decided"
     assert rows["accepted: at most 40 %"] == ["met", "met", "met"]
     assert rows["accepted: at least 95 %"][0] == "not met"
-    told = json.loads(json.dumps(archive_json(tree)))["designs"]["mc"]["outputs"]["y"]
-    assert (told["exceedance"]["1.5 m"]["at_most"], told["exceedance"]["1.5 m"]["verdict"]) == (
+    reported = json.loads(json.dumps(archive_json(tree)))["designs"]["mc"]["outputs"]["y"]
+    assert (
+        reported["exceedance"]["1.5 m"]["at_most"],
+        reported["exceedance"]["1.5 m"]["verdict"],
+    ) == (
         0.4,
         "met",
     )
-    assert "verdict" not in told["exceedance"]["1.9 m"]
-    assert told["below"]["1.5 m"]["verdict"] == "not met"
+    assert "verdict" not in reported["exceedance"]["1.9 m"]
+    assert reported["below"]["1.5 m"]["verdict"] == "not met"
 
 
-def test_the_page_says_whether_they_are_met(tree: xr.DataTree) -> None:
+def test_the_page_says_whether_they_are_met(tree):
     page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
     assert (
         "These runs do not decide whether the limit of the study, at most 50 %, is met: the "
@@ -121,7 +116,7 @@ def test_the_page_says_whether_they_are_met(tree: xr.DataTree) -> None:
     assert "The limit of the study, at most 40 %, is met: the whole interval lies within" in page
 
 
-def test_the_study_states_them_in_its_text_and_its_summary(study_of: MakeStudy) -> None:
+def test_the_study_states_them_in_its_text_and_its_summary(study_of):
     text = '[outputs.y]\nexceeds = { "0.5" = { at_most = "5 %" }, "2" = {} }'
     study = study_of("a", text, a=(0, 1))
     assert dict(output_rows(study))["y"].endswith("P(> 0.5), at most 0.05; P(> 2)")
@@ -147,9 +142,7 @@ def test_the_study_states_them_in_its_text_and_its_summary(study_of: MakeStudy) 
         ('{ "0.5" = {}, " 0.5" = {} }', "exceeds. 0.5", "a second time", "each threshold once"),
     ],
 )
-def test_a_mistake_is_told_with_its_place(
-    study_of: MakeStudy, written: str, place: str, found: str, expected: str
-) -> None:
+def test_a_mistake_is_reported_with_its_place(study_of, written, place, found, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("a", f"[outputs.y]\nexceeds = {written}", a=(0, 1))
     for part in (place, found, expected, "study.toml:12"):

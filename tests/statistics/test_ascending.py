@@ -1,9 +1,5 @@
 """Distribution functions and quantiles ascend, and bounds contain their estimates."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqpen
-from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP
 from uqpen.core.model import Output
@@ -19,7 +14,6 @@ from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
-from uqpen.statistics.sample import Sample
 
 PROBABILITIES = ("exceedance", "below", "share", "cdf", "cdf_band", "reached", "probability")
 # By statistic, the coordinate along which its estimates ascend (1) or descend (-1).
@@ -46,7 +40,7 @@ FAR_OUT = {"hold": [0.5, 0.8, 0.9], "expected_shortfall": [0.5, 0.8], "return_pe
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 
 
-def _model(x: float, z: float) -> dict[str, object]:
+def _model(x, z):
     """A jump, a heavy side, equal values, and failures in a corner."""
     if x > 0.93 and z > 0:
         raise ValueError("beyond what it can do")
@@ -54,7 +48,7 @@ def _model(x: float, z: float) -> dict[str, object]:
     return {"y": y, "steps": np.round(y), "curve": y * TIMES + z * TIMES**2}
 
 
-def _mixed() -> xr.DataTree:
+def _mixed():
     """An archive with designs of each kind of interval, and a surrogate of two of them."""
     field = {"time": {"unit": "s", "from": 0, "to": 1, "size": len(TIMES)}}
     study = uqpen.Study(
@@ -82,14 +76,14 @@ def _mixed() -> xr.DataTree:
     scope="module", params=[pytest.param("mixed", marks=pytest.mark.slow), "rods", "beam"]
 )
 def archive(
-    request: pytest.FixtureRequest,
-    archives: dict[str, xr.DataTree],
-    made_once: Callable[..., xr.DataTree],
-) -> xr.DataTree:
+    request,
+    archives,
+    made_once,
+):
     return made_once("mixed", _mixed) if request.param == "mixed" else archives[request.param]
 
 
-def estimates(tree: xr.DataTree) -> Iterator[tuple[str, bool, xr.DataArray]]:
+def estimates(tree):
     """Yield path, whether the source is a surrogate, and the array of each statistic."""
     for group in (node for node in tree.subtree if node.name == STATISTICS_GROUP):
         for source in group.children.values():
@@ -100,7 +94,7 @@ def estimates(tree: xr.DataTree) -> Iterator[tuple[str, bool, xr.DataArray]]:
                         yield f"{node.path}/{name}", is_surrogate, array
 
 
-def columns(array: xr.DataArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def columns(array):
     """Return estimate, lower and upper bound; without one of a value, it is infinite."""
     if BOUND not in array.dims:
         return (np.asarray(array.values),) * 3
@@ -112,14 +106,14 @@ def columns(array: xr.DataArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     )
 
 
-def in_order(array: xr.DataArray, coordinate: str, sign: int) -> xr.DataArray:
+def in_order(array, coordinate, sign):
     """Return an array in the order in which its estimates ascend."""
     (dimension,) = array.coords[coordinate].dims
     order = np.argsort(sign * array.coords[coordinate].values, kind="stable")
     return array.isel({dimension: order}).transpose(dimension, ...)
 
 
-def test_bounds_contain_their_estimate(archive: xr.DataTree) -> None:
+def test_bounds_contain_their_estimate(archive):
     for path, _, array in estimates(archive):
         value, lower, upper = columns(array)
         is_known = ~np.isnan(value)
@@ -127,7 +121,7 @@ def test_bounds_contain_their_estimate(archive: xr.DataTree) -> None:
         assert (value <= upper)[is_known].all(), path
 
 
-def test_probabilities_are_from_0_to_1(archive: xr.DataTree) -> None:
+def test_probabilities_are_from_0_to_1(archive):
     for path, _, array in estimates(archive):
         if path.rpartition("/")[2] in PROBABILITIES:
             known = array.values[~np.isnan(array.values)]
@@ -135,7 +129,7 @@ def test_probabilities_are_from_0_to_1(archive: xr.DataTree) -> None:
             assert (known <= 1).all(), path
 
 
-def test_what_ought_to_ascend_does(archive: xr.DataTree) -> None:
+def test_what_ought_to_ascend_does(archive):
     for path, is_surrogate, array in estimates(archive):
         name = path.rpartition("/")[2]
         if name not in ALONG:
@@ -147,7 +141,7 @@ def test_what_ought_to_ascend_does(archive: xr.DataTree) -> None:
             assert ((one <= other) | np.isnan(one) | np.isnan(other)).all(), path
 
 
-def test_all_probabilities_of_a_surrogate_are_of_one_function(archive: xr.DataTree) -> None:
+def test_all_probabilities_of_a_surrogate_are_of_one_function(archive):
     for path, is_surrogate, array in estimates(archive):
         if not (is_surrogate and path.endswith("/exceedance")) or "rank" in array.dims:
             continue
@@ -166,9 +160,7 @@ def test_all_probabilities_of_a_surrogate_are_of_one_function(archive: xr.DataTr
 
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.sampled_from([1, 4, 20]), st.booleans(), st.booleans())
-def test_bounds_of_distribution_functions_ascend(
-    seed: int, replicates: int, is_rounded: bool, is_weighted: bool
-) -> None:
+def test_bounds_of_distribution_functions_ascend(seed, replicates, is_rounded, is_weighted):
     rng = np.random.default_rng(seed)
     values = rng.standard_t(2, 80)
     weights = rng.lognormal(sigma=2, size=80) if is_weighted else None
@@ -181,7 +173,7 @@ def test_bounds_of_distribution_functions_ascend(
         assert (value <= upper).all()
 
 
-def _sample(values: FloatArray, replicates: int, weights: FloatArray | None) -> Sample:
+def _sample(values, replicates, weights):
     """Return draws, with weights if there are any, or else points of some hypercubes."""
     is_stratified = replicates > 1 and weights is None
     along = {"replicate": np.arange(len(values)) % replicates} if is_stratified else {}
@@ -200,8 +192,8 @@ def _sample(values: FloatArray, replicates: int, weights: FloatArray | None) -> 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30))
 def test_the_nearest_ascending_function_is_no_farther_from_one_that_ascends(
-    values: list[float],
-) -> None:
+    values,
+):
     given_values = np.array(values)
     found, other = ascending(given_values), np.sort(given_values)
     assert (found[:-1] <= found[1:]).all()

@@ -1,15 +1,11 @@
 """Bands over all places of a field, and ranked curves."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, LEFT_OUT, NOTE
 from uqpen.core.model import Dimension, Output
@@ -25,7 +21,7 @@ from uqpen.statistics.sample import Sample
 Values = npt.NDArray[np.float64]
 
 
-def field(values: npt.ArrayLike, replicates: int = 0, *, may_end: bool = False) -> FieldSample:
+def field(values, replicates=0, *, may_end=False):
     curves = np.array(values, dtype=np.float64)
     runs = np.arange(len(curves))
     places = tuple(np.arange(curves.shape[1]) / 100)
@@ -41,21 +37,20 @@ def field(values: npt.ArrayLike, replicates: int = 0, *, may_end: bool = False) 
     return FieldSample(sample, Output("v", "m/s", dims=(dimension,), may_end=may_end))
 
 
-def quantity(sample: FieldSample, contents: tuple[float, ...] = ()) -> QuantityOfInterest:
+def quantity(sample, contents=()):
     return QuantityOfInterest(sample.output, "m/s", tolerance_interval_contents=contents)
 
 
-def only(arrays: Iterator[tuple[str, xr.DataArray]]) -> xr.DataArray:
+def only(arrays):
     ((_, array),) = arrays
     return array
 
 
-def smooth_curves(seed: int, runs: int, places: int = 20) -> Values:
+def smooth_curves(seed, runs, places=20):
     """Sums of a few waves with random heights: their true mean is 0 everywhere."""
     heights = np.random.default_rng(seed).normal(size=(runs, 4))
     waves = np.linspace(0, 1, places) * np.pi * np.arange(1, 5)[:, None]
-    found: Values = heights @ np.cos(waves)
-    return found
+    return heights @ np.cos(waves)
 
 
 ONE = field(smooth_curves(1, 100))
@@ -63,7 +58,7 @@ ONE = field(smooth_curves(1, 100))
 
 class TestSimultaneousBands:
     @pytest.mark.parametrize("replicates", [0, 10])
-    def test_contain_the_interval_at_each_place(self, replicates: int) -> None:
+    def test_contain_the_interval_at_each_place(self, replicates):
         sample = field(smooth_curves(1, 200), replicates)
         request = quantity(sample)
         pairs = [
@@ -79,21 +74,21 @@ class TestSimultaneousBands:
             assert not (band.sel(bound="upper") < pointwise.sel(bound="upper")).any()
             assert (np.asarray(band.attrs["pointwise_level"]) > 0.95).all()
 
-    def test_of_one_place_is_its_interval_but_for_the_simulation(self) -> None:
+    def test_of_one_place_is_its_interval_but_for_the_simulation(self):
         level = simultaneous_level(field(smooth_curves(1, 200, 1)).runs, [smooth_curves(1, 200, 1)])
         assert level == pytest.approx(0.95, abs=0.02)
 
-    def test_of_equal_places_is_as_of_one(self) -> None:
+    def test_of_equal_places_is_as_of_one(self):
         curve = smooth_curves(2, 200, 1)
         sample = field(curve).runs
         assert simultaneous_level(sample, [curve] * 3) == simultaneous_level(sample, [curve])
 
-    def test_of_independent_places_is_that_of_their_product(self) -> None:
+    def test_of_independent_places_is_that_of_their_product(self):
         runs = np.random.default_rng(3).normal(size=(1000, 30))
         level = simultaneous_level(field(runs).runs, [runs - runs.mean(axis=0)])
         assert level == pytest.approx(0.95 ** (1 / 30), abs=8e-4)  # 1.5 % of 999 draws, over 30
 
-    def test_do_not_depend_on_the_scale_of_a_place(self) -> None:
+    def test_do_not_depend_on_the_scale_of_a_place(self):
         curves = smooth_curves(4, 100)
         scale = np.geomspace(1e-6, 1e6, 20)
         bands = [
@@ -101,7 +96,7 @@ class TestSimultaneousBands:
         ]
         assert bands[1].values / scale[:, None] == pytest.approx(bands[0].values, rel=1e-9)
 
-    def test_hardly_depend_on_the_order_of_the_runs(self) -> None:
+    def test_hardly_depend_on_the_order_of_the_runs(self):
         curves = smooth_curves(5, 400)
         levels = [
             only(mean_band(each, quantity(each))).attrs["pointwise_level"]
@@ -110,7 +105,7 @@ class TestSimultaneousBands:
         assert levels[0] == pytest.approx(levels[1], abs=4e-3)  # two simulations of 999 draws
 
     @pytest.mark.parametrize("replicates", [0, 10])
-    def test_cover_the_whole_curve(self, replicates: int) -> None:
+    def test_cover_the_whole_curve(self, replicates):
         """In 95 % of seeds, with a tolerance of three standard errors of such a count."""
         covered = 0
         for seed in range(40):
@@ -120,7 +115,7 @@ class TestSimultaneousBands:
         assert covered >= 40 * 0.95 - 3 * 1.4
 
 
-def pulses(seed: int, runs: int) -> tuple[Values, Values]:
+def pulses(seed, runs):
     """Travelling pulses of height 1 at 61 places from 0 to 6, and their true mean."""
     time = np.linspace(0, 6, 61)
     centre = 3 + 0.6 * np.random.default_rng(seed).normal(size=(runs, 1))
@@ -131,7 +126,7 @@ def pulses(seed: int, runs: int) -> tuple[Values, Values]:
 
 
 class TestPlacesThatFewRunsDecide:
-    def test_are_left_out_of_the_band_of_the_mean_which_covers_elsewhere(self) -> None:
+    def test_are_left_out_of_the_band_of_the_mean_which_covers_elsewhere(self):
         """In 95 % of seeds, with a tolerance of three standard errors of such a count."""
         covered = 0
         for seed in range(40):
@@ -142,7 +137,7 @@ class TestPlacesThatFewRunsDecide:
             covered += not ((mean < lower) | (mean > upper)).any()
         assert covered >= 40 * 0.95 - 3 * 1.4
 
-    def test_are_named_with_the_reason(self) -> None:
+    def test_are_named_with_the_reason(self):
         sample = field(pulses(1, 400)[0])
         band = only(mean_band(sample, quantity(sample)))
         reason = "fewer than 10 effective runs decide the mean at this place"
@@ -150,14 +145,14 @@ class TestPlacesThatFewRunsDecide:
         assert str(band.coords[NOTE].values[0]) == reason
         assert str(band.coords[INTERVAL_LABEL].values[0]) == "none"
 
-    def test_many_stretches_of_them_are_named_by_their_ends(self) -> None:
+    def test_many_stretches_of_them_are_named_by_their_ends(self):
         curves = smooth_curves(1, 100)
         curves[:, 2:14:2] = 7.0
         sample = field(curves)
         left_out = only(mean_band(sample, quantity(sample))).attrs[LEFT_OUT]
         assert left_out.endswith("does not vary, depth between 2 and 12 cm")
 
-    def test_are_those_beside_jumps_where_strata_hide_jumps_that_no_run_has_met(self) -> None:
+    def test_are_those_beside_jumps_where_strata_hide_jumps_that_no_run_has_met(self):
         """The scatter of 10 hypercubes misses steps that come in one of 500 runs."""
         time = np.linspace(0, 6, 61)
         normal = np.random.default_rng(1).normal(size=(200, 2))
@@ -178,13 +173,13 @@ class TestPlacesThatFewRunsDecide:
         assert covered["independent steps"] > 30
         assert covered["smooth"] == 61
 
-    def test_have_bands_of_quantiles(self) -> None:
+    def test_have_bands_of_quantiles(self):
         sample = field(pulses(1, 400)[0])
         band = only(quantile_band(sample, quantity(sample)))
         assert LEFT_OUT not in band.attrs
         assert np.isfinite(band.values[..., 1:]).all()
 
-    def test_of_curves_that_are_nearly_all_zero_are_all_places(self) -> None:
+    def test_of_curves_that_are_nearly_all_zero_are_all_places(self):
         curves = np.zeros((100, 20))
         curves[:4] = smooth_curves(1, 4)
         sample = field(curves)
@@ -193,7 +188,7 @@ class TestPlacesThatFewRunsDecide:
         assert band.attrs[LEFT_OUT].startswith("20 of 20 places: fewer than 10 effective runs")
 
     @pytest.mark.parametrize("seed", range(5))
-    def test_have_a_tolerance_band_as_high_as_elsewhere(self, seed: int) -> None:
+    def test_have_a_tolerance_band_as_high_as_elsewhere(self, seed):
         """The highest of 500 such bands is 14 times as high as a pulse; once it was 10¹²."""
         sample = field(pulses(seed, 100)[0])
         band = only(tolerance_band(sample, quantity(sample))).isel(band_content=0)
@@ -206,7 +201,7 @@ class TestPlacesThatFewRunsDecide:
 
 
 class TestPlacesLeftOut:
-    def test_are_those_without_scatter_and_those_reached_by_few(self) -> None:
+    def test_are_those_without_scatter_and_those_reached_by_few(self):
         curves = smooth_curves(1, 100)
         curves[:, 0] = 7.0
         curves[19:, 18:] = np.nan
@@ -242,7 +237,7 @@ class TestPlacesLeftOut:
             ),
         ],
     )
-    def test_are_all_for_a_reason_of_the_design(self, sample: FieldSample, reason: str) -> None:
+    def test_are_all_for_a_reason_of_the_design(self, sample, reason):
         for analysis in (mean_band, quantile_band):
             band = only(analysis(sample, quantity(sample)))
             assert np.isnan(band.sel(bound=["lower", "upper"])).all()
@@ -251,7 +246,7 @@ class TestPlacesLeftOut:
 
 
 class TestToleranceBand:
-    def test_holds_the_highest_score_of_the_runs_that_did_not_make_it(self) -> None:
+    def test_holds_the_highest_score_of_the_runs_that_did_not_make_it(self):
         curves = smooth_curves(1, 89)
         band = only(tolerance_band(sample := field(curves), quantity(sample)))
         low, median, high = np.quantile(
@@ -266,7 +261,7 @@ class TestToleranceBand:
         assert band.values[:, 0, 2] == pytest.approx(median + multiple * (high - median))
         assert band.coords[INTERVAL_LABEL].values[0, 0] == "discrete"
 
-    def test_says_how_many_runs_it_needs(self) -> None:
+    def test_says_how_many_runs_it_needs(self):
         sample = field(smooth_curves(1, 88))
         request = quantity(sample, (0.5, 0.99))
         band = only(tolerance_band(sample, request))
@@ -275,7 +270,7 @@ class TestToleranceBand:
         assert np.isfinite(band.sel(band_content=0.5)).all()
         assert band.coords[NOTE].values[0, 1] == "a tolerance band needs at least 89 runs"
 
-    def test_takes_replicates_whole(self) -> None:
+    def test_takes_replicates_whole(self):
         curves = smooth_curves(1, 200)
         band = only(tolerance_band(sample := field(curves, 10), quantity(sample)))
         middle = curves.reshape(10, 20, -1)[::3].reshape(80, -1)
@@ -283,19 +278,19 @@ class TestToleranceBand:
         assert band.coords[INTERVAL_LABEL].values[0, 0] == "conservative"
 
     @pytest.mark.parametrize("runs", [100, 1000])
-    def test_of_positive_curves_is_positive(self, runs: int) -> None:
+    def test_of_positive_curves_is_positive(self, runs):
         curves = np.exp(smooth_curves(1, runs))
         band = only(tolerance_band(sample := field(curves), quantity(sample)))
         assert (band.values > 0).all()
 
-    def test_of_skewed_curves_follows_their_range(self) -> None:
+    def test_of_skewed_curves_follows_their_range(self):
         curves = np.exp(smooth_curves(1, 1000) / 2)
         band = only(tolerance_band(sample := field(curves), quantity(sample)))
         _, lower, upper = band.values[:, 0].T
         assert (lower > curves.min(axis=0) / 3).all()
         assert (upper < curves.max(axis=0) * 1.5).all()
 
-    def test_of_curves_that_cross_zero_grows_with_their_unit(self) -> None:
+    def test_of_curves_that_cross_zero_grows_with_their_unit(self):
         curves = smooth_curves(1, 200)
         one, thousand = (
             only(tolerance_band(each, quantity(each)))
@@ -303,7 +298,7 @@ class TestToleranceBand:
         )
         assert thousand.values == pytest.approx(1e3 * one.values)
 
-    def test_of_curves_that_end_is_hardly_wider_than_their_range(self) -> None:
+    def test_of_curves_that_end_is_hardly_wider_than_their_range(self):
         """Where few runs are left, too, as long as the band has the place."""
         curves = 10 + smooth_curves(1, 300)
         ends = np.random.default_rng(2).integers(5, 25, 300)
@@ -316,14 +311,14 @@ class TestToleranceBand:
         widths = (upper - lower) / (np.nanmax(curves, axis=0) - np.nanmin(curves, axis=0))
         assert (widths[has_band] < 2).all()
 
-    def test_has_ends_where_nearly_all_values_coincide(self) -> None:
+    def test_has_ends_where_nearly_all_values_coincide(self):
         curves = smooth_curves(1, 300)
         curves[1:, 3] = 0.0
         curves[0, 3] = 1.0
         band = only(tolerance_band(sample := field(curves), quantity(sample)))
         assert np.isfinite(band.values).all()
 
-    def test_holds_a_curve_as_far_as_it_goes(self) -> None:
+    def test_holds_a_curve_as_far_as_it_goes(self):
         curves = smooth_curves(1, 300)
         curves[1, 10:] = 1e6
         ended = curves.copy()
@@ -336,7 +331,7 @@ class TestToleranceBand:
         assert abs(width[0]) < abs(width[1])
 
 
-def depth_by_definition(curves: Values, among: int) -> float:
+def depth_by_definition(curves, among):
     """The mean share of a curve's places that a pair of curves encloses, over all pairs."""
     shares = [
         np.mean(
@@ -349,13 +344,13 @@ def depth_by_definition(curves: Values, among: int) -> float:
 
 class TestRankedCurves:
     @pytest.mark.parametrize("count", [2, 3, 4, 5])
-    def test_depth_is_that_of_the_definition(self, count: int) -> None:
+    def test_depth_is_that_of_the_definition(self, count):
         # Small whole numbers have many ties.
         curves = np.random.default_rng(count).integers(0, 4, (count, 6)).astype(float)
         expected = [depth_by_definition(curves, among) for among in range(count)]
         assert band_depth(field(curves)) == pytest.approx(expected)
 
-    def test_depth_of_curves_that_end_is_by_the_shares_that_reach_their_places(self) -> None:
+    def test_depth_of_curves_that_end_is_by_the_shares_that_reach_their_places(self):
         curves = np.array([[0.0, 0.0], [1.0, np.nan], [2.0, 1.0], [3.0, 2.0]])
         first = [depth_by_definition(curves[:, :1], among) for among in range(4)]
         second = [depth_by_definition(curves[[0, 2, 3], 1:], among) for among in range(3)]
@@ -363,7 +358,7 @@ class TestRankedCurves:
         depth = band_depth(field(curves, may_end=True))
         assert depth[[1, 2]] == pytest.approx([first[1], expected])
 
-    def test_fields_of_two_dimensions_are_ranked_by_all_their_places(self) -> None:
+    def test_fields_of_two_dimensions_are_ranked_by_all_their_places(self):
         curves = smooth_curves(1, 30)
         flat = field(curves)
         dims = tuple(Dimension(n, "m", values=tuple(range(s))) for n, s in (("x", 4), ("y", 5)))
@@ -373,7 +368,7 @@ class TestRankedCurves:
         assert band_depth(plane) == pytest.approx(band_depth(flat))
         assert dict(ranked_curves(plane, quantity(plane)))["envelope"].dims == ("x", "y", "bound")
 
-    def test_median_region_and_outlying_curve(self) -> None:
+    def test_median_region_and_outlying_curve(self):
         curves = np.linspace(-1, 1, 21)[:, None] + np.zeros(8)
         curves[4, 5] = 40.0
         sample = field(curves)
@@ -387,7 +382,7 @@ class TestRankedCurves:
         assert found["band_depth"]["curve"].values.tolist() == list(range(100, 121))
         assert set(found["envelope"].coords[INTERVAL].values) == {"none"}
 
-    def test_a_curve_is_not_outlying_as_it_goes_on_where_others_end(self) -> None:
+    def test_a_curve_is_not_outlying_as_it_goes_on_where_others_end(self):
         curves = np.linspace(-1, 1, 21)[:, None] + np.zeros(8)
         curves[:-1, 4:] = np.nan
         curves[-1, 4:] = 50.0
@@ -397,7 +392,7 @@ class TestRankedCurves:
         assert np.isnan(found["central_region"].values[4:, 1:]).all()
 
 
-def test_bands_take_the_level_of_the_study() -> None:
+def test_bands_take_the_level_of_the_study():
     sample = field(smooth_curves(1, 200))
     wide = replace(sample, runs=replace(sample.runs, level=0.99))
     bands = [only(mean_band(each, quantity(each))) for each in (sample, wide)]

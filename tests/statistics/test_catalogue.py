@@ -1,9 +1,6 @@
 """The catalogue of statistics: what analyses yield is in it, and is packed without a loss."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -23,15 +20,12 @@ from uqpen.core.catalogue import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
-from uqpen.core.statistic import Shown, Statistic, UnitRule, derived
+from uqpen.core.statistic import Shown, UnitRule, derived
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., ValidatedStudy]
-
-# In metres, so that values of the output and plain numbers are told apart.
+# In metres, so that values of the output and plain numbers are distinguished.
 LENGTH = QuantityOfInterest(
     Output("y", "m"),
     "m",
@@ -64,7 +58,7 @@ kind = "one-at-a-time"
 
 
 @pytest.mark.parametrize("statistic", CATALOGUE.values(), ids=lambda each: each.name)
-def test_a_record_names_what_there_is(statistic: Statistic) -> None:
+def test_a_record_names_what_there_is(statistic):
     for reference in filter(None, (*statistic.by.values(), statistic.asked.declared_by)):
         assert callable(resolve(reference))
     assert bool(statistic.group) or not statistic.by, "what is estimated can be left out"
@@ -78,7 +72,7 @@ def test_a_record_names_what_there_is(statistic: Statistic) -> None:
 @pytest.mark.parametrize(
     "statistic", [each for each in CATALOGUE.values() if each.of], ids=lambda each: each.name
 )
-def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic: Statistic) -> None:
+def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic):
     of = CATALOGUE[statistic.of]
     assert statistic.name == statistic.prefix + of.name
     assert of.title in statistic.title
@@ -87,7 +81,7 @@ def test_a_statistic_that_follows_from_another_is_of_the_same_entries(statistic:
     assert not statistic.asked.key
 
 
-def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_its_own() -> None:
+def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_its_own():
     every = (*CATALOGUE.values(), *JOINT_STATISTICS.values())
     of_inputs = [each for each in every if of_input(each)]
     assert [each.name for each in of_inputs if not each.measure.label] == []
@@ -99,11 +93,11 @@ def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_it
             assert each.measure.share or "{input}" in each.measure.sentence, each.name
 
 
-def of_input(statistic: Statistic) -> bool:
+def of_input(statistic):
     return not {"input", "pair"}.isdisjoint(statistic.dims)
 
 
-def test_a_derived_record_differs_only_as_stated() -> None:
+def test_a_derived_record_differs_only_as_stated():
     shown = Shown("error of the {entry}")
     error = derived(
         CATALOGUE["quantile"], "error_", "error of the {title}", ("budget",), shown=shown
@@ -118,14 +112,14 @@ def test_a_derived_record_differs_only_as_stated() -> None:
     assert error.unit is UnitRule.VALUE
 
 
-def has_dims_of(array: xr.DataArray, entry: Statistic) -> bool:
+def has_dims_of(array, entry):
     return array.dims == (*entry.dims, *(("bound",) if entry.has_bounds else ()))
 
 
 @pytest.mark.slow
 def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims_and_unit(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     tree = uqpen.run(study_of(LOSSY, DESIGNS, a=(0, 1), b=(0, 1)))
     seen = set()
     for design in ("mc", "blocks", "grid", "paths", "steps"):
@@ -141,8 +135,8 @@ def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims
 
 
 def test_every_statistic_of_failures_is_in_the_catalogue_with_these_dims(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     tree = uqpen.run(study_of(LOSSY, DESIGNS, a=(0, 1), b=(0, 1)))
     found = analyze_failures(tree["runs/mc"].to_dataset())
     assert set(found) == set(FAILURE_STATISTICS)
@@ -150,7 +144,7 @@ def test_every_statistic_of_failures_is_in_the_catalogue_with_these_dims(
         assert has_dims_of(array, FAILURE_STATISTICS[name]), name
 
 
-def test_counts_of_runs_are_those_of_each_statistic(study_of: MakeStudy) -> None:
+def test_counts_of_runs_are_those_of_each_statistic(study_of):
     # Of blocks, A and B are a sample; the others serve the indices alone.
     text = '[designs.blocks]\nkind = "saltelli"\nbase = 64\n'
     tree = uqpen.run(study_of(LOSSY, text, a=(0, 1), b=(0, 1)))
@@ -173,7 +167,7 @@ TEXTS = st.sampled_from(["", "none", "nominal", "Student t", "a note; another", 
 
 
 @st.composite
-def estimate_arrays(draw: st.DrawFn) -> xr.DataArray:
+def estimate_arrays(draw):
     sizes = draw(st.lists(st.integers(1, 4), max_size=2))
     dims = dict(zip(("threshold", "input"), sizes, strict=False))
     size = int(np.prod(list(dims.values()), dtype=int))
@@ -185,7 +179,7 @@ def estimate_arrays(draw: st.DrawFn) -> xr.DataArray:
 
 @pytest.mark.slow
 @given(array=estimate_arrays())
-def test_what_is_packed_is_unpacked_the_same(array: xr.DataArray) -> None:
+def test_what_is_packed_is_unpacked_the_same(array):
     packed = pack({"mean": array})
     assert statistic_names(packed) == ["mean"]
     unpacked = unpack(packed, "mean")
@@ -197,16 +191,16 @@ def test_what_is_packed_is_unpacked_the_same(array: xr.DataArray) -> None:
         assert unpacked.coords[name].values.tolist() == array.coords[name].values.tolist()
 
 
-def test_what_a_dataset_does_not_have_is_none() -> None:
+def test_what_a_dataset_does_not_have_is_none():
     assert unpack(xr.Dataset(), "mean") is None
 
 
-def test_the_tables_of_the_documentation_are_those_of_the_records() -> None:
+def test_the_tables_of_the_documentation_are_those_of_the_records():
     text = PAGE.read_text(encoding="utf-8")
     assert with_tables(text) == text, "python tests/catalogue_tables.py writes them"
 
 
-def test_the_documentation_has_each_key_by_which_a_study_asks() -> None:
+def test_the_documentation_has_each_key_by_which_a_study_asks():
     page = (PAGE.parent / "study_file.md").read_text(encoding="utf-8")
     keys = re.findall(r"^\| `(\w+) = ", page, re.MULTILINE)
     assert {each.asked.key for each in REQUESTED} <= {*keys}

@@ -1,9 +1,5 @@
 """The confidence level of a study: every interval has it, and everything that shows one says so."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -17,9 +13,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.study.identity import level_attribute
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = {
     "mc": uqpen.MonteCarlo(runs=400),
@@ -30,11 +23,11 @@ DESIGNS = {
 }
 
 
-def model(a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+def model(a, b):
     return {"y": np.where(a > 0.95, np.nan, a + 2 * b + a * b)}
 
 
-def study(**changes: object) -> uqpen.Study:
+def study(**changes):
     return uqpen.Study(
         uqpen.PythonModel(model, {"a": "1", "b": "1"}, {"y": "m"}, vectorized=True),
         {"a": uqpen.Uniform(0, 1), "b": uqpen.Uniform(0, 1)},
@@ -54,16 +47,16 @@ def study(**changes: object) -> uqpen.Study:
 
 
 @pytest.fixture(scope="module")
-def usual() -> xr.DataTree:
+def usual():
     return uqpen.run(study())
 
 
 @pytest.fixture(scope="module")
-def narrow() -> xr.DataTree:
+def narrow():
     return uqpen.run(study(confidence_level=0.8))
 
 
-def arrays(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataArray]]:
+def arrays(tree):
     """Every array of estimates of an archive, with its path."""
     for node in tree.subtree:
         for name, array in node.to_dataset(inherit=False).data_vars.items():
@@ -71,7 +64,7 @@ def arrays(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataArray]]:
                 yield f"{node.path}/{name}", array
 
 
-def test_every_interval_states_the_level(narrow: xr.DataTree) -> None:
+def test_every_interval_states_the_level(narrow):
     with_bounds = {
         path: array for path, array in arrays(narrow) if np.isfinite(array.values[..., 1:]).any()
     }
@@ -81,9 +74,7 @@ def test_every_interval_states_the_level(narrow: xr.DataTree) -> None:
     )
 
 
-def test_every_interval_is_narrower_at_a_lower_level(
-    usual: xr.DataTree, narrow: xr.DataTree
-) -> None:
+def test_every_interval_is_narrower_at_a_lower_level(usual, narrow):
     others = dict(arrays(narrow))
     for path, wide in arrays(usual):
         if "convergence" in path:
@@ -102,7 +93,7 @@ def test_every_interval_is_narrower_at_a_lower_level(
             assert not is_same, path
 
 
-def test_the_intervals_are_those_of_the_formulas(narrow: xr.DataTree) -> None:
+def test_the_intervals_are_those_of_the_formulas(narrow):
     statistics, runs = narrow["statistics/mc/y"], narrow["runs/mc"]
     values = np.sort(runs["y"].values[np.isfinite(runs["y"].values)])
     n, failed = len(values), int(np.isnan(runs["y"].values).sum())
@@ -124,14 +115,14 @@ def test_the_intervals_are_those_of_the_formulas(narrow: xr.DataTree) -> None:
     assert statistics["content_runs_needed"].values.tolist() == [16]
 
 
-def test_no_point_moves_and_no_run(usual: xr.DataTree, narrow: xr.DataTree) -> None:
+def test_no_point_moves_and_no_run(usual, narrow):
     for design in DESIGNS:
         xr.testing.assert_identical(
             usual[f"runs/{design}"].to_dataset(), narrow[f"runs/{design}"].to_dataset()
         )
 
 
-def test_everything_that_shows_an_interval_names_the_level(narrow: xr.DataTree) -> None:
+def test_everything_that_shows_an_interval_names_the_level(narrow):
     assert list(find_faults(narrow)) == []
     assert narrow.attrs["confidence_level"] == 0.8
     assert archive_json(narrow)["confidence_level"] == 0.8
@@ -148,7 +139,7 @@ def test_everything_that_shows_an_interval_names_the_level(narrow: xr.DataTree) 
     assert "95 % confidence" not in page
 
 
-def test_the_usual_level_is_stated_nowhere_but_at_intervals(usual: xr.DataTree) -> None:
+def test_the_usual_level_is_stated_nowhere_but_at_intervals(usual):
     assert "confidence_level" not in usual.attrs
     assert "confidence_level" not in archive_json(usual)
     assert "confidence_level" not in study().to_toml()
@@ -158,12 +149,12 @@ def test_the_usual_level_is_stated_nowhere_but_at_intervals(usual: xr.DataTree) 
     assert level_attribute(stated) == {}
 
 
-def test_it_stands_in_the_text_of_the_study() -> None:
+def test_it_stands_in_the_text_of_the_study():
     assert "confidence_level = 0.8\n" in study(confidence_level=0.8).to_toml()
 
 
 @pytest.mark.parametrize("level", ["0.4", "1", "90", '"90 %"'])
-def test_a_wrong_level_is_refused_with_its_line(study_of: MakeStudy, level: str) -> None:
+def test_a_wrong_level_is_refused_with_its_line(study_of, level):
     text = study_of("a", a=(0, 1)).text
     with pytest.raises(uqpen.StudyError) as caught:
         uqpen.Study.of(uqpen.parse_study(f"confidence_level = {level}\n{text}"))

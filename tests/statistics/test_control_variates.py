@@ -1,26 +1,23 @@
 """Statistics of a model whose stand-ins have run many more points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from uqpen.core.arrays import FloatArray
 from uqpen.statistics.control_variates import GroupRuns, MatchedThresholds, linear_estimate
 
 BOTH, ONLY_STAND_IN = np.array([True, True]), np.array([False, True])
 
 
-def groups(common: FloatArray, further: FloatArray) -> tuple[GroupRuns, GroupRuns]:
+def groups(common, further):
     """Runs of a model and its stand-in, and further ones of the stand-in."""
     alone = np.stack([np.zeros_like(further), further])
     return GroupRuns(BOTH, common), GroupRuns(ONLY_STAND_IN, alone)
 
 
-def noisy(seed: int, noise: float, runs: int = 60) -> tuple[GroupRuns, GroupRuns]:
+def noisy(seed, noise, runs=60):
     """A standard normal model, and a stand-in that follows it with a noise."""
     rng = np.random.default_rng(seed)
     x, e = rng.standard_normal((2, runs))
@@ -28,7 +25,7 @@ def noisy(seed: int, noise: float, runs: int = 60) -> tuple[GroupRuns, GroupRuns
     return groups(np.stack([x, 3 - x + noise * e]), 3 - y + noise * d)
 
 
-def test_a_stand_in_that_tells_all_gives_the_mean_of_all_points() -> None:
+def test_a_stand_in_that_tells_all_gives_the_mean_of_all_points():
     rng = np.random.default_rng(1)
     x, further = rng.random(50), rng.random(5000)
     found = linear_estimate(groups(np.stack([1 + 2 * x, x]), further))
@@ -37,21 +34,21 @@ def test_a_stand_in_that_tells_all_gives_the_mean_of_all_points() -> None:
     assert found.error == pytest.approx(2 * everywhere.std() / np.sqrt(5050), rel=0.05)
 
 
-def test_a_stand_in_that_tells_nothing_costs_little() -> None:
+def test_a_stand_in_that_tells_nothing_costs_little():
     rng = np.random.default_rng(2)
     x, e = rng.standard_normal((2, 100))
     found = linear_estimate(groups(np.stack([x, e]), rng.standard_normal(4000)))
     assert found.error == pytest.approx(x.std(ddof=1) / 10, rel=0.05)
 
 
-def test_a_constant_stand_in_leaves_the_plain_mean() -> None:
+def test_a_constant_stand_in_leaves_the_plain_mean():
     x = np.random.default_rng(3).standard_normal(100)
     found = linear_estimate(groups(np.stack([x, np.full(100, 7.0)]), np.full(1000, 7.0)))
     assert found.value == pytest.approx(x.mean())
 
 
 @pytest.mark.parametrize("noise", [0.1, 3.0])
-def test_intervals_of_mean_quantile_and_probability_cover(noise: float) -> None:
+def test_intervals_of_mean_quantile_and_probability_cover(noise):
     covers = np.zeros(3)
     seeds = 200
     for seed in range(seeds):
@@ -73,7 +70,7 @@ def test_intervals_of_mean_quantile_and_probability_cover(noise: float) -> None:
     assert (covers >= 180).all(), covers
 
 
-def test_a_close_stand_in_makes_quantiles_and_probabilities_narrower() -> None:
+def test_a_close_stand_in_makes_quantiles_and_probabilities_narrower():
     widths = []
     for noise in (0.02, 5.0):
         thresholds = MatchedThresholds.of(noisy(4, noise, runs=200), 0.95)
@@ -85,7 +82,7 @@ def test_a_close_stand_in_makes_quantiles_and_probabilities_narrower() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=3, max_size=40))
-def test_runs_that_disagree_are_counted_as_by_hand(pairs: list[tuple[int, int]]) -> None:
+def test_runs_that_disagree_are_counted_as_by_hand(pairs):
     """At each common value, that a run lies up to it, and the stand-in up to its own."""
     model, stand_in = np.array(sorted(pairs), dtype=float).T
     made = MatchedThresholds(model, stand_in, np.sort(stand_in), 0.95)
@@ -103,7 +100,7 @@ def test_runs_that_disagree_are_counted_as_by_hand(pairs: list[tuple[int, int]])
         assert found.upper[2 * k] == pytest.approx(float(expected.upper))
 
 
-def test_the_sign_of_a_stand_in_does_not_matter() -> None:
+def test_the_sign_of_a_stand_in_does_not_matter():
     made = noisy(5, 0.2)
     flip = np.array([[1.0], [-1.0]])
     turned = [GroupRuns(each.models, flip * each.values) for each in made]

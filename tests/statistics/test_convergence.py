@@ -1,13 +1,12 @@
 """Estimates from growing parts of a design's runs."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import INTERVAL_TEXTS, interval_text
@@ -30,29 +29,20 @@ KIND = QuantityOfInterest(
     Output("kind", "1", "", "", (Category("a", "A"), Category("b", "B"))), "1"
 )
 
-STUDY = """
-seed = 4
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = { uniform = { lower = -3, upper = 3 } }
-[outputs.y]
-exceeds = [8]
-[designs.independent]
-kind = "monte-carlo"
-runs = 330
-[designs.replicated]
-kind = "latin-hypercube"
-runs = 300
-[designs.blocks]
-kind = "saltelli"
-base = 64
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=4,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
+    outputs={"y": {"exceeds": [8]}},
+    designs={
+        "independent": {"kind": "monte-carlo", "runs": 330},
+        "replicated": {"kind": "latin-hypercube", "runs": 300},
+        "blocks": {"kind": "saltelli", "base": 64},
+    },
+)
 
 
-def runs_of(sampling: Sampling, count: int, replicate: np.ndarray | None = None) -> xr.Dataset:
+def runs_of(sampling, count, replicate=None):
     generator = np.random.default_rng(7)
     coordinates = {} if replicate is None else {REPLICATE: ("run", replicate)}
     return xr.Dataset(
@@ -67,16 +57,13 @@ def runs_of(sampling: Sampling, count: int, replicate: np.ndarray | None = None)
     )
 
 
-Statistics = dict[str, xr.DataArray]
-
-
-def convergence(runs: xr.Dataset, quantities: list[QuantityOfInterest]) -> dict[str, Statistics]:
+def convergence(runs, quantities):
     """What follows the runs so far, by output and by the statistic that it is of."""
     found = analyze(runs, quantities, only=("convergence",))
-    return {output: followed(told) for output, told in found.items()}
+    return {output: followed(reported) for output, reported in found.items()}
 
 
-def followed(statistics: Statistics) -> Statistics:
+def followed(statistics):
     return {
         name.removeprefix("convergence_"): array
         for name, array in statistics.items()
@@ -84,12 +71,12 @@ def followed(statistics: Statistics) -> Statistics:
     }
 
 
-def sizes(runs: xr.Dataset) -> list[int]:
-    told = convergence(runs, [Y])["y"]
-    return [int(size) for size in told["mean"]["runs_so_far"].values] if told else []
+def sizes(runs):
+    reported = convergence(runs, [Y])["y"]
+    return [int(size) for size in reported["mean"]["runs_so_far"].values] if reported else []
 
 
-def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
+def assert_same(last, whole):
     """Figures are the same to the bit, and so is what they say of themselves."""
     assert last.values.tobytes() == whole.values.tobytes()
     entries = [(last, whole)] if whole.ndim == 1 else list(zip(last, whole, strict=True))
@@ -101,7 +88,7 @@ def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
 
 @pytest.mark.processor
 @pytest.mark.slow
-def test_the_last_part_is_what_the_archive_tells() -> None:
+def test_the_last_part_is_what_the_archive_tells():
     tree = uqpen.run(uqpen.parse_study(STUDY))
     for design in ("independent", "replicated", "blocks"):
         archived = SourceStatistics(tree).statistics(design, "y")
@@ -113,7 +100,7 @@ def test_the_last_part_is_what_the_archive_tells() -> None:
 
 
 @pytest.mark.slow
-def test_it_is_in_no_table_unless_it_is_asked_for() -> None:
+def test_it_is_in_no_table_unless_it_is_asked_for():
     tree = uqpen.run(uqpen.parse_study(STUDY))
     detailed = {"percentile", "convergence_mean", "convergence_quantile", "convergence_exceedance"}
     assert not detailed & set(long_table(tree)["statistic"])
@@ -121,7 +108,7 @@ def test_it_is_in_no_table_unless_it_is_asked_for() -> None:
     assert not any(name in json.dumps(archive_json(tree)) for name in detailed)
 
 
-def test_percentiles_are_quantiles_with_their_intervals() -> None:
+def test_percentiles_are_quantiles_with_their_intervals():
     asked = replace(Y, quantiles=(0.05, 0.5, 0.99))
     for runs in (
         runs_of(Sampling.INDEPENDENT, 130),
@@ -132,7 +119,7 @@ def test_percentiles_are_quantiles_with_their_intervals() -> None:
         assert found["percentile"]["percent"].values.tolist() == [1, 5, 10, 25, 50, 75, 90, 95, 99]
 
 
-def test_the_first_draws_are_a_smaller_sample() -> None:
+def test_the_first_draws_are_a_smaller_sample():
     runs = runs_of(Sampling.INDEPENDENT, 130)
     runs["status"][3] = Status.FAILED
     answers = convergence(runs, [Y, KIND])
@@ -146,7 +133,7 @@ def test_the_first_draws_are_a_smaller_sample() -> None:
     assert answers["y"]["exceedance"]["threshold"].values.tolist() == ["1 m", "2 m"]
 
 
-def test_replicates_are_taken_whole_wherever_their_runs_stand() -> None:
+def test_replicates_are_taken_whole_wherever_their_runs_stand():
     mixed = np.random.default_rng(2).permutation(np.repeat(np.arange(4), 60))
     runs = runs_of(Sampling.STRATIFIED, 240, mixed)
     answers = convergence(runs, [Y])
@@ -166,15 +153,13 @@ def test_replicates_are_taken_whole_wherever_their_runs_stand() -> None:
         (Sampling.STRATIFIED, 240_000, 10, [48_000, 96_000, 192_000, 240_000]),
     ],
 )
-def test_parts_grow_in_round_steps(
-    sampling: Sampling, count: int, replicates: int, expected: list[int]
-) -> None:
+def test_parts_grow_in_round_steps(sampling, count, replicates, expected):
     replicate = np.repeat(np.arange(replicates), count // replicates) if replicates else None
     expected = expected if expected[-1] == count else [*expected, count]
     assert sizes(runs_of(sampling, count, replicate)) == expected
 
 
-def test_there_are_sixteen_parts_at_the_most() -> None:
+def test_there_are_sixteen_parts_at_the_most():
     assert len(sizes(runs_of(Sampling.STRATIFIED, 1000, np.repeat(np.arange(500), 2)))) == 16
 
 
@@ -203,16 +188,14 @@ def test_there_are_sixteen_parts_at_the_most() -> None:
         (Sampling.QUADRATURE, 24, 0, "its points are not a sample of the input distribution"),
     ],
 )
-def test_what_cannot_be_divided_says_why(
-    sampling: Sampling, count: int, replicates: int, reason: str
-) -> None:
+def test_what_cannot_be_divided_says_why(sampling, count, replicates, reason):
     replicate = np.repeat(np.arange(replicates), count // replicates) if replicates else None
     runs = runs_of(sampling, count, replicate)
     assert reason_without_parts(runs) == reason
     assert convergence(runs, [Y]) == {"y": {}}
 
 
-def test_runs_that_were_all_lost_have_no_figures() -> None:
+def test_runs_that_were_all_lost_have_no_figures():
     runs = runs_of(Sampling.INDEPENDENT, 60)
     runs["status"][:30] = Status.CRASHED
     means = convergence(runs, [Y])["y"]["mean"]

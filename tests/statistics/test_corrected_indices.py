@@ -1,37 +1,28 @@
 """Corrected indices where no term of the surrogate gives them: exact answers of simple models."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
-import pytest
-import xarray as xr
 from corrected_surrogates import NORMAL, STREAM, corrected_by, made
 
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.corrected_statistics import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 
-MakeStudy = Callable[..., ValidatedStudy]
-
 LINEAR = PolynomialChaos(design="training", order=1)
 
 
-def corrected(study: ValidatedStudy, surrogate: PolynomialChaos = LINEAR) -> OutputStatistics:
+def corrected(study, surrogate=LINEAR):
     """Return the statistics of y by a surrogate, corrected by a hundred runs."""
     return corrected_by(study, surrogate, made(study, MonteCarlo(runs=100)))
 
 
-def check_index(found: xr.DataArray, true: list[float], width: float) -> None:
+def check_index(found, true, width):
     """Check that an index has narrow intervals that hold the true values."""
     _, lower, upper = found.values.reshape(-1, 3).T
     assert (lower <= true).all()
@@ -41,8 +32,8 @@ def check_index(found: xr.DataArray, true: list[float], width: float) -> None:
 
 
 def test_of_dependent_inputs_a_first_order_index_includes_correlation(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
     dependence = f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\n{pair}\n'
     found = corrected(study_of("a + b", dependence, a=NORMAL, b=NORMAL))
@@ -53,7 +44,7 @@ def test_of_dependent_inputs_a_first_order_index_includes_correlation(
     assert (found["total_order"]["note"] == "the random inputs depend on each other").all()
 
 
-def test_a_discrete_input_may_depend_on_another(study_of: MakeStudy) -> None:
+def test_a_discrete_input_may_depend_on_another(study_of):
     pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
     dependence = f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\n{pair}\n'
     coin = "{ discrete = { values = [0, 1], weights = [1, 1] } }"
@@ -62,7 +53,7 @@ def test_a_discrete_input_may_depend_on_another(study_of: MakeStudy) -> None:
     check_index(found["first_order"], [0.25 * 2 / math.pi, 1.0], 0.1)
 
 
-def test_inadmissible_draws_leave_indices_given_admissible(study_of: MakeStudy) -> None:
+def test_inadmissible_draws_leave_indices_given_admissible(study_of):
     keep = '[constraints]\nkeep = ["a + b < 1"]'
     found = corrected(study_of("a + b", keep, a=(0, 1), b=(0, 1)))
     # Of a density 2 on the triangle: Var y = 1/18, Var E[y|a] = 1/72, E Var(y|b) = 1/24.
@@ -71,7 +62,7 @@ def test_inadmissible_draws_leave_indices_given_admissible(study_of: MakeStudy) 
     assert "conditional on admissible inputs" in found["first_order"].attrs["estimand"]
 
 
-def test_of_a_logarithm_both_sets_of_indices_have_intervals(study_of: MakeStudy) -> None:
+def test_of_a_logarithm_both_sets_of_indices_have_intervals(study_of):
     study = study_of("np.exp((a + b) / 2)", a=(0, 1), b=(0, 1))
     found = corrected(study, PolynomialChaos(design="t", order=1, transform={"y": "log"}))
     for order in ("log_first_order", "log_total_order"):
@@ -82,7 +73,7 @@ def test_of_a_logarithm_both_sets_of_indices_have_intervals(study_of: MakeStudy)
     check_index(found["total_order"], [of_one * square / of_both] * 2, 0.1)
 
 
-def test_an_event_has_indices_that_allow_for_disagreements_not_met(study_of: MakeStudy) -> None:
+def test_an_event_has_indices_that_allow_for_disagreements_not_met(study_of):
     found = corrected(study_of("a + b", "[outputs.y]\nexceeds = [1, 1.9]", a=(0, 1), b=(0, 1)))
     first, total = (found[f"exceedance_{order}_order"] for order in ("first", "total"))
     # Given a, the event has the probability a; not one of the runs is on the wrong side.
@@ -92,12 +83,10 @@ def test_an_event_has_indices_that_allow_for_disagreements_not_met(study_of: Mak
     assert (first["note"][1] == "fewer than ten runs lie on one side").all()
 
 
-def test_the_work_for_thresholds_grows_with_their_number(
-    study_of: MakeStudy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_work_for_thresholds_grows_with_their_number(study_of, monkeypatch):
     estimates, made_ones = Counter[int](), Estimate.without_bounds
 
-    def counted(value: float, *reasons: str) -> Estimate:
+    def counted(value, *reasons):
         estimates[len(limits)] += 1
         return made_ones(value, *reasons)
 
@@ -109,7 +98,7 @@ def test_the_work_for_thresholds_grows_with_their_number(
     assert estimates[40] - estimates[10] <= 30 * 2 * 2 * 3
 
 
-def test_no_threshold_keeps_draws_of_its_own(study_of: MakeStudy) -> None:
+def test_no_threshold_keeps_draws_of_its_own(study_of):
     study = study_of("a + b", "[outputs.y]\nexceeds = [0.8, 1, 1.2]", a=(0, 1), b=(0, 1))
     model, training = study.models[""].model, made(study, MonteCarlo(runs=100))
     fitted = LINEAR.fit("pce", training, model, study.joint, STREAM)
@@ -122,7 +111,7 @@ def test_no_threshold_keeps_draws_of_its_own(study_of: MakeStudy) -> None:
         np.testing.assert_array_equal(event.runs.draws, runs.draws > limit)
 
 
-def test_a_surrogate_without_terms_has_intervals_of_indices(study_of: MakeStudy) -> None:
+def test_a_surrogate_without_terms_has_intervals_of_indices(study_of):
     study = study_of("a + b", a=(0, 1), b=(0, 1))
     process = GaussianProcess(design="training")
     found = corrected_by(study, process, made(study, MonteCarlo(runs=30)))
@@ -130,7 +119,7 @@ def test_a_surrogate_without_terms_has_intervals_of_indices(study_of: MakeStudy)
     check_index(found["total_order"], [0.5, 0.5], 0.15)
 
 
-def test_a_useless_surrogate_claims_nothing_of_an_index(study_of: MakeStudy) -> None:
+def test_a_useless_surrogate_claims_nothing_of_an_index(study_of):
     keep = '[constraints]\nkeep = ["a + b < 1.8"]'
     found = corrected(study_of("np.sign(np.sin(31 * a))", keep, a=(0, 1), b=(0, 1)))
     lower, upper = found["first_order"].values[0, 1:]

@@ -1,27 +1,21 @@
 """Corrected estimates of surrogates: what real runs add to a surrogate's figures."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 from corrected_surrogates import NORMAL, STREAM, corrected_by, made
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
-from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
-from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import bonett_price, clopper_pearson
 from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
@@ -35,15 +29,10 @@ from uqpen.statistics.surrogate.correction_runs import (
     CorrectionRuns,
     missing_run_predictions,
 )
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
-MakeStudy = Callable[..., ValidatedStudy]
 
-
-def runs_of(
-    seed: int = 0, runs: int = 40, error: float = 0.3, missing: int = 0, slope: float = 1.0
-) -> CorrectionRuns:
+def runs_of(seed=0, runs=40, error=0.3, missing=0, slope=1.0):
     """Runs of a normal output with predictions that err, in two folds."""
     rng = np.random.default_rng(seed)
     truth, predicted = rng.normal(size=(2, runs))
@@ -58,20 +47,18 @@ def runs_of(
     )
 
 
-def in_one_fold(runs: CorrectionRuns) -> CorrectionRuns:
+def in_one_fold(runs):
     """The same runs in a single fold: no other one decides that it does without its fit."""
     fold, missing = np.zeros_like(runs.fold), np.zeros_like(runs.missing_fold)
     return replace(runs, fold=fold, missing_fold=missing, draws=runs.draws[:1])
 
 
-def corrected(
-    study: ValidatedStudy, training: xr.Dataset, check: xr.Dataset | None = None, order: int = 2
-) -> OutputStatistics:
+def corrected(study, training, check=None, order=2):
     """Return the corrected statistics of a polynomial chaos."""
     return corrected_by(study, PolynomialChaos(design="training", order=order), training, check)
 
 
-def test_bonett_and_price_is_its_formula() -> None:
+def test_bonett_and_price_is_its_formula():
     centre, half = bonett_price(np.array(7), np.array(2), 48, 0.95)
     assert centre == pytest.approx(8 / 50 - 3 / 50)
     expected = stats.norm.ppf(0.975) * math.sqrt((11 / 50 - (5 / 50) ** 2) / 50)
@@ -79,7 +66,7 @@ def test_bonett_and_price_is_its_formula() -> None:
 
 
 @pytest.mark.parametrize("expected", [(0.5, 0.5), (3, 0.1), (6, 6), (0.1, 8)])
-def test_few_disagreements_keep_the_coverage(expected: tuple[float, float]) -> None:
+def test_few_disagreements_keep_the_coverage(expected):
     runs = 60
     one, other = np.array(expected) / runs
     gained, dropped = np.meshgrid(np.arange(41), np.arange(41))
@@ -93,7 +80,7 @@ def test_few_disagreements_keep_the_coverage(expected: tuple[float, float]) -> N
     assert (chances * covers).sum() >= 0.93
 
 
-def test_a_useless_surrogate_leaves_the_plain_mean() -> None:
+def test_a_useless_surrogate_leaves_the_plain_mean():
     runs = replace(runs_of(), predictions=np.zeros(40), draws=np.zeros((2, 64)))
     found = corrected_mean(runs, runs.values, runs.predictions, runs.draws)
     assert found.weight == 0
@@ -101,7 +88,7 @@ def test_a_useless_surrogate_leaves_the_plain_mean() -> None:
     assert found.error == pytest.approx(runs.values.std(ddof=1) / math.sqrt(40))
 
 
-def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> None:
+def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values():
     rng = np.random.default_rng(2)
     values, draws = rng.normal(size=50), rng.normal(size=4096)
     exact = np.array([[0.0, 1.0]])
@@ -120,7 +107,7 @@ def test_an_exact_surrogate_has_the_error_of_its_draws_and_of_rare_values() -> N
 
 
 @pytest.mark.parametrize("shape", [-1.0, 0.0, 0.3])
-def test_a_gap_is_that_up_to_the_largest_value_that_the_tail_lets_expect(shape: float) -> None:
+def test_a_gap_is_that_up_to_the_largest_value_that_the_tail_lets_expect(shape):
     tail = stats.genpareto(shape)
     # Fifty values above the threshold 0 at their plotting positions: the largest is a typical one.
     above = tail.ppf((np.arange(50) + 0.5) / 50)
@@ -131,14 +118,14 @@ def test_a_gap_is_that_up_to_the_largest_value_that_the_tail_lets_expect(shape: 
 
 
 @given(st.integers(0, 10**6), st.integers(3, 400))
-def test_a_gap_has_at_least_the_range_of_the_furthest_tenth(seed: int, size: int) -> None:
+def test_a_gap_has_at_least_the_range_of_the_furthest_tenth(seed, size):
     values = np.random.default_rng(seed).standard_t(3, size)
     furthest = np.sort(values)[-1 - min(max(2, size // 10), size - 1) :]
     assert size * spacing(values) >= np.ptp(furthest) * (1 - 1e-12)
 
 
 @given(st.integers(0, 10**6), st.sampled_from([-3.0, 0.5, 40.0]), st.sampled_from([-7.0, 0.0, 9.0]))
-def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> None:
+def test_moments_follow_the_unit(seed, factor, offset):
     runs = runs_of(seed, missing=2)
     other = replace(
         runs,
@@ -155,12 +142,10 @@ def test_moments_follow_the_unit(seed: int, factor: float, offset: float) -> Non
 
 
 @given(st.integers(0, 10**6), st.floats(-1, 1))
-def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
-    seed: int, limit: float
-) -> None:
+def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(seed, limit):
     runs = in_one_fold(runs_of(seed, missing=3))
 
-    def of(runs: CorrectionRuns) -> tuple[float, float, float]:
+    def of(runs):
         found = CorrectedCdf(runs).above(np.array([limit]))
         return float(found.value[0]), float(found.lower[0]), float(found.upper[0])
 
@@ -182,7 +167,7 @@ def test_the_interval_of_a_probability_has_every_outcome_of_the_missing_runs(
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0.1, 0.5, 0.8]))
-def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: float) -> None:
+def test_a_quantiles_interval_inverts_that_of_the_probability(seed, p):
     cdf = CorrectedCdf(in_one_fold(runs_of(seed, runs=60)))
     value, lower, upper = (float(each[0]) for each in cdf.quantile(np.array([p])))
     assert lower <= value <= upper
@@ -204,15 +189,15 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed: int, p: floa
     st.booleans(),
 )
 def test_quantiles_ascend_and_are_of_the_distribution_function(
-    seed: int,
-    size: int,
-    folds: int,
-    error: float,
-    slope: float,
-    missing: int,
-    is_rounded: bool,
-    is_weighted: bool,
-) -> None:
+    seed,
+    size,
+    folds,
+    error,
+    slope,
+    missing,
+    is_rounded,
+    is_weighted,
+):
     rng = np.random.default_rng(seed)
     runs = runs_of(seed, max(size, 2 * folds), error, missing, slope)
     runs = replace(
@@ -258,7 +243,7 @@ def test_quantiles_ascend_and_are_of_the_distribution_function(
     assert ((value <= limits[:, None]) == is_reached)[known].all()
 
 
-def test_requests_do_not_change_each_other() -> None:
+def test_requests_do_not_change_each_other():
     cdf = CorrectedCdf(runs_of(3, slope=0.5, error=0.8))
     p, limits = np.linspace(0, 1, 21), np.linspace(-2, 2, 21)
     for number in (0, 7, 20):
@@ -270,7 +255,7 @@ def test_requests_do_not_change_each_other() -> None:
         assert alone_at.upper[0] == together.upper[number]
 
 
-def test_a_high_quantile_has_an_interval_as_wide_as_a_low_one() -> None:
+def test_a_high_quantile_has_an_interval_as_wide_as_a_low_one():
     # Some folds do without their fit, and predict that a value is rare, whichever it is.
     widths = []
     for seed in range(40):
@@ -282,7 +267,7 @@ def test_a_high_quantile_has_an_interval_as_wide_as_a_low_one() -> None:
     assert high == pytest.approx(low, rel=0.07)
 
 
-def test_a_fit_that_errs_too_much_is_left_out_by_the_other_folds() -> None:
+def test_a_fit_that_errs_too_much_is_left_out_by_the_other_folds():
     # Predictions of pure noise: the interval is that of the runs alone.
     runs = runs_of(runs=200, slope=0.0, error=1.0)
     found = CorrectedCdf(runs).above(np.zeros(1))
@@ -297,7 +282,7 @@ def test_a_fit_that_errs_too_much_is_left_out_by_the_other_folds() -> None:
 
 
 @given(st.integers(0, 10**6), st.floats(-1, 1))
-def test_a_run_does_not_decide_whether_its_own_fit_is_used(seed: int, value: float) -> None:
+def test_a_run_does_not_decide_whether_its_own_fit_is_used(seed, value):
     runs = runs_of(seed, runs=60, slope=0.5, error=0.8)
     other = replace(runs, values=np.where(runs.fold == 0, value, runs.values))
     levels = np.array([0.1, 0.5, 0.8])
@@ -305,19 +290,19 @@ def test_a_run_does_not_decide_whether_its_own_fit_is_used(seed: int, value: flo
     assert (one == changed).all()
 
 
-def _fit_of_first_fold(runs: CorrectionRuns, levels: FloatArray) -> BoolArray:
+def _fit_of_first_fold(runs, levels):
     """Return whether the first fold uses its fit for quantiles."""
     choices = CorrectedCdf(runs).choices
     return choices.choice.uses_fit[0, np.searchsorted(choices.ends, levels)]
 
 
-def test_a_quantile_beyond_the_runs_has_no_bound() -> None:
+def test_a_quantile_beyond_the_runs_has_no_bound():
     value, lower, upper = CorrectedCdf(runs_of()).quantile(np.array([0.999]))
     assert np.isfinite([value, lower]).all()
     assert np.isnan(upper).all()
 
 
-def test_an_exactly_linear_model_has_intervals_of_everything(study_of: MakeStudy) -> None:
+def test_an_exactly_linear_model_has_intervals_of_everything(study_of):
     study = study_of("3 * a + 4 * b", "[outputs.y]\nexceeds = [5]", a=NORMAL, b=NORMAL)
     found = corrected(study, made(study, MonteCarlo(runs=100)), order=1)
     true = {"mean": 0.0, "std": 5.0, "exceedance": 1 - stats.norm.cdf(1)}
@@ -344,7 +329,7 @@ def test_an_exactly_linear_model_has_intervals_of_everything(study_of: MakeStudy
     assert labels["shapley"] == labels["cdf_band"] == {"none"}
 
 
-def test_a_bad_surrogate_costs_width_not_truth(study_of: MakeStudy) -> None:
+def test_a_bad_surrogate_costs_width_not_truth(study_of):
     study = study_of("np.sign(np.sin(31 * a))", a=(0, 1), b=(0, 1))
     found = corrected(study, made(study, MonteCarlo(runs=100)))
     equivalent = float(found["mean"].coords["equivalent_runs"])
@@ -353,19 +338,21 @@ def test_a_bad_surrogate_costs_width_not_truth(study_of: MakeStudy) -> None:
     assert float(found["first_order"][0, 2]) == 1.0
 
 
-def test_a_bad_surrogate_has_no_wider_interval_than_the_runs_alone(study_of: MakeStudy) -> None:
+def test_a_bad_surrogate_has_no_wider_interval_than_the_runs_alone(study_of):
     study = study_of(
         "np.sign(np.sin(31 * a)) + a", "[outputs.y]\nexceeds = [1]", a=(0, 1), b=(0, 1)
     )
     found = corrected(study, made(study, MonteCarlo(runs=200)))
-    told = set()
+    reported = set()
     for name in ("mean", "std", "half_spread", "quantile", "exceedance"):
         equivalent = found[name].coords["equivalent_runs"].values.ravel()
         notes = found[name].coords["note"].values.ravel()
         contradicts = np.array(["does not hold this estimate" in str(note) for note in notes])
         assert (equivalent[np.isfinite(equivalent) & ~contradicts] >= 200 - 1e-6).all(), name
-        told |= {name for note in notes if "the interval is that of the runs alone" in str(note)}
-    assert {"std", "half_spread"} <= told
+        reported |= {
+            name for note in notes if "the interval is that of the runs alone" in str(note)
+        }
+    assert {"std", "half_spread"} <= reported
     assert (np.diff(found["quantile"].values[:, 0]) >= 0).all()
 
 
@@ -375,7 +362,7 @@ class TestNarrower:
     FOUND = Estimate(1.0, 0.0, 2.0, "corrected", "conservative", "a tail")
     PLAIN = Estimate(1.2, 0.6, 1.8, "plain", "nominal", "a tail")
 
-    def test_takes_the_narrower_interval_and_keeps_the_estimate(self) -> None:
+    def test_takes_the_narrower_interval_and_keeps_the_estimate(self):
         found = narrower(self.FOUND, self.PLAIN, runs_of(), is_index=False)
         assert found.bounds.tolist() == [1.0, 0.6, 1.8]
         assert (found.method, found.label) == ("plain", "nominal")
@@ -384,23 +371,23 @@ class TestNarrower:
             "narrower"
         )
 
-    def test_keeps_an_interval_that_is_no_wider(self) -> None:
+    def test_keeps_an_interval_that_is_no_wider(self):
         same = replace(self.PLAIN, lower=0.0, upper=2.0)
         assert narrower(self.FOUND, same, runs_of(), is_index=False) is self.FOUND
 
-    def test_takes_one_with_both_ends_for_one_without(self) -> None:
+    def test_takes_one_with_both_ends_for_one_without(self):
         open_end = replace(self.FOUND, upper=math.nan, note="no upper bound")
         found = narrower(open_end, self.PLAIN, runs_of(), is_index=False)
         assert found.bounds.tolist() == [1.0, 0.6, 1.8]
         assert "no upper bound" not in found.note
 
-    def test_keeps_a_wider_one_where_the_other_does_not_hold_the_estimate(self) -> None:
+    def test_keeps_a_wider_one_where_the_other_does_not_hold_the_estimate(self):
         elsewhere = replace(self.PLAIN, lower=1.1)
         found = narrower(self.FOUND, elsewhere, runs_of(), is_index=False)
         assert found.bounds.tolist() == self.FOUND.bounds.tolist()
         assert "narrower interval, which does not hold this estimate" in found.note
 
-    def test_takes_the_other_without_a_look_at_widths_for_a_useless_surrogate(self) -> None:
+    def test_takes_the_other_without_a_look_at_widths_for_a_useless_surrogate(self):
         wide = replace(self.PLAIN, lower=-5.0, upper=5.0)
         useless = runs_of(slope=-1.0)
         assert useless.q2 < 0
@@ -408,7 +395,7 @@ class TestNarrower:
         assert found.bounds.tolist() == [1.0, -5.0, 5.0]
         assert narrower(self.FOUND, wide, useless, is_index=True) is self.FOUND
 
-    def test_keeps_an_index_if_the_surrogate_explains_less_than_half(self) -> None:
+    def test_keeps_an_index_if_the_surrogate_explains_less_than_half(self):
         poor = runs_of(error=0.6)
         assert 0 < poor.q2 < 0.5
         found = narrower(self.FOUND, self.PLAIN, poor, is_index=True)
@@ -419,17 +406,17 @@ class TestNarrower:
     @pytest.mark.parametrize(
         "plain", [replace(PLAIN, label="none"), replace(PLAIN, upper=math.nan)]
     )
-    def test_needs_an_interval_of_the_runs_alone(self, plain: Estimate) -> None:
+    def test_needs_an_interval_of_the_runs_alone(self, plain):
         assert narrower(self.FOUND, plain, runs_of(), is_index=False) is self.FOUND
 
-    def test_leaves_a_refusal_and_what_corrects_missing_runs(self) -> None:
+    def test_leaves_a_refusal_and_what_corrects_missing_runs(self):
         refused = Estimate.without_bounds(1.0, "a heavy tail")
         assert narrower(refused, self.PLAIN, runs_of(), is_index=False) is refused
         assert narrower(self.FOUND, self.PLAIN, runs_of(missing=1), is_index=False) is self.FOUND
 
 
 @pytest.mark.parametrize("missing", [0, 3])
-def test_errors_of_both_ends_of_the_half_spread_add_up(missing: int) -> None:
+def test_errors_of_both_ends_of_the_half_spread_add_up(missing):
     """As those of independent ends do; what missing runs may do adds up as it is."""
     cdf = CorrectedCdf(runs_of(3, 200, missing=missing))
     (low, high), (low_least, high_least), (low_most, high_most) = cdf.quantile(
@@ -442,7 +429,7 @@ def test_errors_of_both_ends_of_the_half_spread_add_up(missing: int) -> None:
     assert upper - value == pytest.approx(combined(low - low_least, high_most - high) / 2)
 
 
-def test_failed_runs_widen_and_are_told(study_of: MakeStudy) -> None:
+def test_failed_runs_widen_and_are_reported(study_of):
     study = study_of("a + b", "[outputs.y]\nexceeds = [1.3]", a=(0, 1), b=(0, 1))
     runs = made(study, MonteCarlo(runs=200))
     is_missing = (runs["a"].values > 0.7) & (runs["b"].values > 0.7)
@@ -463,7 +450,7 @@ def test_failed_runs_widen_and_are_told(study_of: MakeStudy) -> None:
     assert predicted.exceedance == {"1.3": 1.0}
 
 
-def test_only_check_runs_correct_a_fit_to_a_rule(study_of: MakeStudy) -> None:
+def test_only_check_runs_correct_a_fit_to_a_rule(study_of):
     study = study_of("a ** 2 + b", a=(0, 1), b=(0, 1))
     rule, check = made(study, Quadrature(order=4)), made(study, MonteCarlo(runs=80))
     alone = corrected(study, rule)
@@ -475,7 +462,7 @@ def test_only_check_runs_correct_a_fit_to_a_rule(study_of: MakeStudy) -> None:
     assert lower < 5 / 6 < upper
 
 
-def test_check_runs_that_do_not_vary_leave_no_spread(study_of: MakeStudy) -> None:
+def test_check_runs_that_do_not_vary_leave_no_spread(study_of):
     limit = "[outputs.y]\nexceeds = [0.5]"
     study = study_of("np.where(a > 0.97, 1.0, 0.0)", limit, a=(0, 1), b=(0, 1))
     rule, check = made(study, Quadrature(order=20)), made(study, MonteCarlo(runs=12))
@@ -486,13 +473,13 @@ def test_check_runs_that_do_not_vary_leave_no_spread(study_of: MakeStudy) -> Non
     assert lower <= 0.03 <= upper
 
 
-def _labels(statistics: Mapping[str, xr.DataArray]) -> list[str]:
+def _labels(statistics):
     arrays = [each for each in statistics.values() if "interval_label" in each.coords]
     return [str(label) for each in arrays for label in np.ravel(each["interval_label"].values)]
 
 
 @given(st.integers(0, 10**6))
-def test_equal_weights_are_none(seed: int) -> None:
+def test_equal_weights_are_none(seed):
     runs = runs_of(seed, missing=2)
     weighted = replace(runs, weights=np.ones(runs.size), missing_weights=np.ones(runs.missing))
     for one, other in zip(*(_moments(each) for each in (runs, weighted)), strict=True):
@@ -501,11 +488,11 @@ def test_equal_weights_are_none(seed: int) -> None:
     assert bonett_price(3, 2, 40, 0.95, squares=5) == (centre, pytest.approx(half))
 
 
-def _moments(runs: CorrectionRuns) -> tuple[float, ...]:
+def _moments(runs):
     return (*CorrectedMoments(runs).mean().bounds, *CorrectedMoments(runs).std().bounds)
 
 
-def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
+def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh():
     runs = runs_of(7)
     # Predictions below all runs: what lies above is of the runs alone.
     below = runs.values.min() - 1
@@ -516,7 +503,7 @@ def test_heavy_weights_widen_an_interval_and_scale_what_they_weigh() -> None:
     )
     happens = runs.values > 0.5
 
-    def probability(weights: FloatArray) -> Estimate:
+    def probability(weights):
         weighted = replace(runs, weights=weights, missing_weights=weights[:0])
         return CorrectedCdf(weighted).above(np.array([0.5]))
 

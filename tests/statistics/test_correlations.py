@@ -1,15 +1,11 @@
 """Correlations: exact answers inside their intervals, on every design."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -33,7 +29,7 @@ NAMES = ("x1", "x2", "x3")
 WEIGHTS = np.array([1.0, 2.0, 0.5])
 
 
-def sample(seed: int, plan: str = "independent", runs: int = RUNS) -> Sample:
+def sample(seed, plan="independent", runs=RUNS):
     """The sum, and as much noise as the first input has, over standard normal inputs."""
     generator = np.random.default_rng(seed)
     draws = generator.random((runs, 3))
@@ -56,11 +52,11 @@ def sample(seed: int, plan: str = "independent", runs: int = RUNS) -> Sample:
     )
 
 
-def told(array: xr.DataArray, what: str) -> list[Any]:
+def reported(array, what):
     return list(array.coords[what].values.tolist())
 
 
-def exact() -> dict[str, FloatArray]:
+def exact():
     pearson = WEIGHTS / math.sqrt(WEIGHTS @ WEIGHTS + 1)
     partial = WEIGHTS / np.sqrt(WEIGHTS**2 + 1)
     return {
@@ -71,7 +67,7 @@ def exact() -> dict[str, FloatArray]:
     }
 
 
-def rank_partial(correlation: FloatArray) -> FloatArray:
+def rank_partial(correlation):
     """Of independent inputs: what the others explain of the ranks is the sum of squares."""
     others = correlation @ correlation - correlation**2
     return correlation / np.sqrt(1 - others)
@@ -79,7 +75,7 @@ def rank_partial(correlation: FloatArray) -> FloatArray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plan", ["independent", "replicated", "single"])
-def test_intervals_cover(plan: str) -> None:
+def test_intervals_cover(plan):
     covering = {name: np.zeros(3) for name in exact()}
     for seed in range(SEEDS):
         answers = dict(correlations(sample(seed, plan), QUESTION))
@@ -89,7 +85,7 @@ def test_intervals_cover(plan: str) -> None:
     assert {name for name, count in covering.items() if count.min() < FEWEST_COVERING} == set()
 
 
-def test_estimates_are_those_of_scipy() -> None:
+def test_estimates_are_those_of_scipy():
     drawn = sample(1)
     tied = replace(
         drawn,
@@ -108,7 +104,7 @@ def test_estimates_are_those_of_scipy() -> None:
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), power=st.sampled_from([1, 3, 5]))
 @settings(max_examples=20)
-def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int) -> None:
+def test_rank_correlations_keep_under_monotone_transforms(seed, power):
     drawn = sample(seed, runs=60)
     other = replace(
         drawn,
@@ -124,7 +120,7 @@ def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int)
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
 @settings(max_examples=20)
-def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: int) -> None:
+def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed, shift):
     drawn = sample(seed, runs=250)
     order = np.random.default_rng(seed).permutation(drawn.size)
     other = replace(
@@ -149,13 +145,13 @@ def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: 
         ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),
     ],
 )
-def test_what_has_no_correlation_says_why(change: dict[str, Any], reason: str) -> None:
+def test_what_has_no_correlation_says_why(change, reason):
     for _, array in correlations(replace(sample(0), **change), QUESTION):
         assert np.isnan(array.values).all()
-        assert told(array, "note") == [reason] * 3
+        assert reported(array, "note") == [reason] * 3
 
 
-def test_an_output_that_is_an_input_has_no_interval() -> None:
+def test_an_output_that_is_an_input_has_no_interval():
     drawn = sample(0)
     answers = dict(correlations(replace(drawn, values=2 * drawn.points[:, 0]), QUESTION))
     assert answers["pearson"].values[0, 0] == pytest.approx(1.0)
@@ -163,22 +159,22 @@ def test_an_output_that_is_an_input_has_no_interval() -> None:
     assert np.isnan(answers["partial"].values).all()
 
 
-def test_one_input_has_partial_correlations_equal_to_simple_ones() -> None:
+def test_one_input_has_partial_correlations_equal_to_simple_ones():
     drawn = sample(0)
     alone = replace(drawn, columns=InputColumns.from_matrix(("x1",), drawn.points[:, :1]))
     answers = dict(correlations(alone, QUESTION))
     assert np.array_equal(answers["partial"].values, answers["pearson"].values)
 
 
-def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals() -> None:
+def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals():
     heavy = replace(sample(0), values=np.exp(3 * sample(0).values))
     for drawn in (heavy, sample(0, runs=100)):
         answers = dict(correlations(drawn, QUESTION))
         assert np.isnan(answers["pearson"].values[:, 1:]).all()
-        assert "rank correlations" in told(answers["pearson"], "note")[0]
+        assert "rank correlations" in reported(answers["pearson"], "note")[0]
         assert not np.isnan(answers["spearman"].values).any()
 
 
-def test_kinds_have_no_correlations() -> None:
+def test_kinds_have_no_correlations():
     kinds = Output("y", "1", categories=(Category("low", "low"), Category("high", "high")))
     assert dict(correlations(sample(0), QuantityOfInterest(kinds, "1"))) == {}

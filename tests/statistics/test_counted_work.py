@@ -1,12 +1,9 @@
 """Work of the statistics, counted: it follows from inputs, outputs and runs, not from the clock."""
 
-from __future__ import annotations
-
 import tracemalloc
 import weakref
 from collections import Counter
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,20 +15,17 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics import ordering, run_samples
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.local_regression import RegressionBins
 
 INPUTS, OUTPUTS = ("a", "b", "c"), ("y", "z")
 QUANTITIES = [QuantityOfInterest(Output(name, "m"), "m") for name in OUTPUTS]
 
 
-def runs_of(size: int, *, failed: int = 0) -> xr.Dataset:
+def runs_of(size, *, failed=0):
     generator = np.random.default_rng(size)
     points = {name: generator.random(size) for name in INPUTS}
     y = points["a"] + points["b"] * points["c"]
-    columns: dict[str, Any] = {
-        name: ("run", values, {"role": "input"}) for name, values in points.items()
-    }
+    columns = {name: ("run", values, {"role": "input"}) for name, values in points.items()}
     columns |= {"y": ("run", y), "z": ("run", np.exp(y))}
     status = np.where(np.arange(size) < failed, 2, 0).astype(np.int8)
     attributes = {"sampling": str(Sampling.INDEPENDENT)}
@@ -39,18 +33,18 @@ def runs_of(size: int, *, failed: int = 0) -> xr.Dataset:
 
 
 @pytest.mark.parametrize("failed", [0, 30])
-def test_each_column_is_ordered_once(failed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_column_is_ordered_once(failed, monkeypatch):
     counted = Counter[str]()
     ascending_order, unique = ordering.ascending_order, np.unique
 
-    def ordered(values: Any) -> Any:
+    def ordered(values):
         counted["ordered"] += 1
         return ascending_order(values)
 
     runs = runs_of(700, failed=failed)
     columns = [runs[name].values[failed:] for name in (*INPUTS, *OUTPUTS)]
 
-    def searched(values: Any, **options: Any) -> Any:
+    def searched(values, **options):
         is_column = any(np.array_equal(np.sort(values), np.sort(each)) for each in columns)
         counted["searched for distinct values"] += is_column
         return unique(values, **options)
@@ -62,7 +56,7 @@ def test_each_column_is_ordered_once(failed: int, monkeypatch: pytest.MonkeyPatc
     assert counted["searched for distinct values"] == 0
 
 
-def peak_in_columns(runs: xr.Dataset) -> float:
+def peak_in_columns(runs):
     """The peak of allocations of an analysis, in columns of floats."""
     tracemalloc.start()
     try:
@@ -72,13 +66,13 @@ def peak_in_columns(runs: xr.Dataset) -> float:
         tracemalloc.stop()
 
 
-def test_memory_of_an_analysis_is_a_few_columns() -> None:
+def test_memory_of_an_analysis_is_a_few_columns():
     analyze(runs_of(200), QUANTITIES)  # imports
     # Measured: 40.5 columns of floats, for 3 inputs and 2 outputs.
     assert peak_in_columns(runs_of(65_536)) < 45
 
 
-def test_memory_of_an_analysis_does_not_grow_with_its_thresholds() -> None:
+def test_memory_of_an_analysis_does_not_grow_with_its_thresholds():
     runs, peaks = runs_of(8192), []
     for number in (2, 2, 60):  # the first imports
         limits = tuple(Threshold(f"{at} m", at) for at in np.linspace(0.2, 1.2, number).tolist())
@@ -91,13 +85,13 @@ def test_memory_of_an_analysis_does_not_grow_with_its_thresholds() -> None:
 
 
 def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    taken: list[weakref.ref[Any]] = []
+    monkeypatch,
+):
+    taken = []
     alive = []
     with_variable = run_samples._with_variable
 
-    def found(whole: Sample, runs: Any, name: str) -> Sample:
+    def found(whole, runs, name):
         alive.append(sum(each() is not None for each in taken))
         sample = with_variable(whole, runs, name)
         taken.append(weakref.ref(sample.values))
@@ -108,11 +102,11 @@ def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
     assert alive == [0, 0]
 
 
-def test_bins_are_made_once_for_all_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bins_are_made_once_for_all_outputs(monkeypatch):
     counted = Counter[int]()
     from_sample = RegressionBins.from_sample
 
-    def made(sample: Any, column: int, *, halved: bool = False) -> RegressionBins:
+    def made(sample, column, *, halved=False):
         counted[column] += not halved
         return from_sample(sample, column, halved=halved)
 
@@ -121,11 +115,11 @@ def test_bins_are_made_once_for_all_outputs(monkeypatch: pytest.MonkeyPatch) -> 
     assert counted == dict.fromkeys(range(len(INPUTS)), 1)
 
 
-def test_growing_parts_make_one_array_of_each_statistic(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_growing_parts_make_one_array_of_each_statistic(monkeypatch):
     made = Counter[str]()
     array = estimates.estimate_array
 
-    def counted(*values: Any, **described: Any) -> xr.DataArray:
+    def counted(*values, **described):
         made[described["long_name"]] += 1
         return array(*values, **described)
 

@@ -7,7 +7,7 @@ functions; the limits here only find a formula that has gone wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
@@ -23,7 +22,6 @@ from uqpen.core.labels import SAMPLING
 from uqpen.core.model import Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.saltelli import Saltelli
@@ -51,7 +49,7 @@ FloatArray = npt.NDArray[np.float64]
 SEEDS = 40
 RUNS = 1000
 
-DESIGNS: dict[str, Design] = {
+DESIGNS = {
     "monte-carlo": MonteCarlo(runs=RUNS),
     "replicated": LatinHypercube(runs=RUNS, replicates=10),
     "single": LatinHypercube(runs=RUNS, replicates=1),
@@ -86,7 +84,7 @@ class Problem:
     first_order: tuple[float, ...] = ()
     total_order: tuple[float, ...] = ()
 
-    def evaluator(self) -> Evaluator:
+    def evaluator(self):
         unit_of = dict.fromkeys((*self.inputs, "y"), "1")
         variables = tuple(Input(name, "1") for name in self.inputs)
         model = PythonFunction(
@@ -99,7 +97,7 @@ class Problem:
         )
         return Evaluator(model, self.constraints)
 
-    def runs(self, design: Design, seed: int) -> xr.Dataset:
+    def runs(self, design, seed):
         evaluator = self.evaluator()
         variables = evaluator.model.inputs
         joint = JointDistribution(
@@ -109,7 +107,7 @@ class Problem:
         points = next(design.rounds(joint, Stream(seed)))
         return evaluate(evaluator, points, {}).assign_attrs({SAMPLING: str(design.sampling)})
 
-    def sample(self, design: Design, seed: int) -> Sample:
+    def sample(self, design, seed):
         return sample_of(self.runs(design, seed), "y")
 
 
@@ -129,12 +127,12 @@ GIVEN_ONE = (2 - EDGE) ** 3 / 3
 SMOOTH = 4 / 45 / STEP_VARIANCE
 
 
-def step_cdf(y: FloatArray) -> FloatArray:
+def step_cdf(y):
     low, high = (np.sqrt(np.clip(y - rise, 0, 1)) for rise in (0.0, 3.0))
     return np.asarray((1 - JUMP) * low + JUMP * high)
 
 
-def step_quantile(p: float) -> float:
+def step_quantile(p):
     return (p / (1 - JUMP)) ** 2 if p <= 1 - JUMP else 3 + ((p - 1 + JUMP) / JUMP) ** 2
 
 
@@ -193,7 +191,7 @@ class Seen(NamedTuple):
     error: float
 
 
-def seen(answer: xr.DataArray, truth: float) -> Seen:
+def seen(answer, truth):
     estimate, lower, upper = (float(part) for part in answer.values)
     # A one-sided bound has no lower one.
     covers = truth <= upper and not lower > truth
@@ -201,7 +199,7 @@ def seen(answer: xr.DataArray, truth: float) -> Seen:
     return Seen(interval_text(answer, "interval_label"), covers, half, estimate - truth)
 
 
-def intervals(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
+def intervals(problem, drawn):
     """Every interval of one seed's runs against the truth."""
     of = dict(sample_moments(drawn, QUESTION))
     yield "mean", seen(of["mean"], problem.mean)
@@ -234,7 +232,7 @@ def intervals(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
         yield f"first order of x{position + 1}", seen(answers[position], index)
 
 
-def distribution_function(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
+def distribution_function(problem, drawn):
     answers = dict(cdf(drawn, QUESTION))
     values, band, pointwise = (answers[name] for name in ("cdf_value", "cdf_band", "cdf"))
     exact = problem.cdf(values.values)
@@ -254,8 +252,8 @@ def distribution_function(problem: Problem, drawn: Sample) -> Iterator[tuple[str
 
 
 @cache
-def over_seeds(problem: str, design: str) -> dict[str, list[Seen]]:
-    found: dict[str, list[Seen]] = {}
+def over_seeds(problem, design):
+    found = {}
     for seed in range(SEEDS):
         drawn = PROBLEMS[problem].sample(DESIGNS[design], seed)
         for statistic, interval in intervals(PROBLEMS[problem], drawn):
@@ -264,7 +262,7 @@ def over_seeds(problem: str, design: str) -> dict[str, list[Seen]]:
 
 
 @pytest.mark.parametrize(("problem", "design"), CASES)
-def test_intervals_cover_as_often_as_they_say(problem: str, design: str) -> None:
+def test_intervals_cover_as_often_as_they_say(problem, design):
     found = over_seeds(problem, design)
     assert "std" in found
     covering = {
@@ -274,7 +272,7 @@ def test_intervals_cover_as_often_as_they_say(problem: str, design: str) -> None
 
 
 @pytest.mark.parametrize(("problem", "design"), CASES)
-def test_nominal_intervals_are_no_wider_than_the_error_asks_for(problem: str, design: str) -> None:
+def test_nominal_intervals_are_no_wider_than_the_error_asks_for(problem, design):
     ratio = {}
     for statistic, seeds in over_seeds(problem, design).items():
         if statistic == "band" or {interval.label for interval in seeds} != {"nominal"}:
@@ -287,7 +285,7 @@ def test_nominal_intervals_are_no_wider_than_the_error_asks_for(problem: str, de
     assert {name: wider for name, wider in ratio.items() if wider > most[name]} == {}
 
 
-def test_sobol_indices_from_blocks_cover_as_often_as_they_say() -> None:
+def test_sobol_indices_from_blocks_cover_as_often_as_they_say():
     step = PROBLEMS["step"]
     exact = {"first_order": step.first_order, "total_order": step.total_order}
     covering = {name: np.zeros(len(step.inputs)) for name in exact}
@@ -299,7 +297,7 @@ def test_sobol_indices_from_blocks_cover_as_often_as_they_say() -> None:
     assert min(seeds.min() for seeds in covering.values()) >= FEWEST_COVERING
 
 
-def test_an_independent_band_misses_somewhere_in_as_many_seeds_as_it_says() -> None:
+def test_an_independent_band_misses_somewhere_in_as_many_seeds_as_it_says():
     # The band is the one nominal interval with a width of its own: were it too wide, only its
     # coverage would show it. That none of 100 seeds misses has a probability of 0.6 %.
     step = PROBLEMS["step"]
@@ -310,9 +308,7 @@ def test_an_independent_band_misses_somewhere_in_as_many_seeds_as_it_says() -> N
 
 @pytest.mark.parametrize("sampling", [Sampling.INDEPENDENT, Sampling.STRATIFIED])
 @pytest.mark.parametrize(("p", "asked"), [(0.045, 0.95), (0.048, 0.95), (0.155, 0.84)])
-def test_quantiles_of_lumps_of_probability_are_covered(
-    sampling: Sampling, p: float, asked: float
-) -> None:
+def test_quantiles_of_lumps_of_probability_are_covered(sampling, p, asked):
     # The output is 1 with a probability just below that of lying above the quantile, which is 0.
     runs, covered = 1000, 0
     for seed in range(SEEDS):
@@ -334,7 +330,7 @@ def test_quantiles_of_lumps_of_probability_are_covered(
     assert covered >= FEWEST_COVERING
 
 
-def test_strata_that_leave_no_scatter_tell_no_error() -> None:
+def test_strata_that_leave_no_scatter_tell_no_error():
     problem = Problem(
         lambda x1: 1.0 * (x1 > 0.501), ("x1",), 0.499, 0.5, cdf=np.asarray, quantile=float
     )

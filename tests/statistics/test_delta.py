@@ -1,15 +1,11 @@
 """Delta: exact answers, and what it does not depend on."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -28,7 +24,7 @@ NAMES = ("x1", "x2", "x3")
 WEIGHTS = np.array([1.0, 2.0, 0.5])
 
 
-def sample(seed: int, runs: int) -> Sample:
+def sample(seed, runs):
     """A sum of normal inputs."""
     points = np.random.default_rng(seed).standard_normal((runs, 3))
     everything = np.arange(runs)
@@ -42,11 +38,11 @@ def sample(seed: int, runs: int) -> Sample:
     )
 
 
-def of(drawn: Sample) -> xr.DataArray:
+def of(drawn):
     return dict(delta(drawn, QUESTION))["delta"]
 
 
-def exact(weight: float) -> float:
+def exact(weight):
     """Mean distance of the output's normal law from that given the input, by quadrature."""
     variance = float(WEIGHTS @ WEIGHTS)
     y = np.linspace(-14, 14, 4001)
@@ -58,14 +54,14 @@ def exact(weight: float) -> float:
 
 
 @pytest.mark.parametrize(("runs", "tolerance"), [(1000, 0.06), (10_000, 0.03)])
-def test_estimates_are_near_the_truth(runs: int, tolerance: float) -> None:
+def test_estimates_are_near_the_truth(runs, tolerance):
     # Classes of an input are wide, and kernels smooth: over twenty seeds the mean was off by up to
     # 0.04 and 0.02, and it scattered by 0.013 and 0.005.
     found = of(sample(0, runs)).values[:, 0]
     assert found == pytest.approx([exact(weight) for weight in WEIGHTS], abs=tolerance)
 
 
-def test_no_influence_is_about_zero_and_all_of_it_about_one() -> None:
+def test_no_influence_is_about_zero_and_all_of_it_about_one():
     drawn = sample(0, 10_000)
     # Knowing one of 22 classes is not quite knowing the input.
     found = of(replace(drawn, values=drawn.points[:, 0] ** 3)).values[:, 0]
@@ -76,7 +72,7 @@ def test_no_influence_is_about_zero_and_all_of_it_about_one() -> None:
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=20)
-def test_only_ranks_matter(seed: int) -> None:
+def test_only_ranks_matter(seed):
     drawn = sample(seed, 100)
     other = replace(
         drawn,
@@ -89,7 +85,7 @@ def test_only_ranks_matter(seed: int) -> None:
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=20)
-def test_order_of_runs_does_not_matter(seed: int) -> None:
+def test_order_of_runs_does_not_matter(seed):
     drawn = sample(seed, 100)
     order = np.random.default_rng(seed).permutation(drawn.size)
     other = replace(
@@ -100,7 +96,7 @@ def test_order_of_runs_does_not_matter(seed: int) -> None:
     assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
 
 
-def test_levels_of_an_input_are_classes() -> None:
+def test_levels_of_an_input_are_classes():
     drawn = sample(0, 2000)
     levels = replace(
         drawn,
@@ -123,7 +119,7 @@ def test_levels_of_an_input_are_classes() -> None:
         ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),
     ],
 )
-def test_what_it_cannot_tell_it_says_why(change: dict[str, Any], reason: str) -> None:
+def test_what_it_cannot_tell_it_says_why(change, reason):
     array = of(replace(sample(0, 100), **change))
     assert np.isnan(array.values[:, 1:]).all()
     assert list(array.coords["note"].values) == [reason] * 3

@@ -1,15 +1,11 @@
 """Sensitivities of the probabilities of events to the distributions of the inputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-import xarray as xr
 from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import (
     Beta,
     Discrete,
@@ -31,21 +27,20 @@ NODES = np.linspace(-8.2, 8.2, 400_001)
 SHARES = np.exp(-(NODES**2) / 2) / np.exp(-(NODES**2) / 2).sum()
 
 
-def derivatives(distribution: Distribution, limit: float) -> np.ndarray:
+def derivatives(distribution, limit):
     """Return the derivatives of P(X > limit), times the standard deviation, by the scores."""
     scores = InputScores.of(distribution)
     assert scores is not None
     below, above = special.ndtr(NODES), special.ndtr(-NODES)
     values = np.where(NODES < 0, distribution.ppf(below), distribution.isf(above))
-    found: np.ndarray = (scores(values) * (values > limit) * SHARES).sum(axis=1)
-    return found
+    return (scores(values) * (values > limit) * SHARES).sum(axis=1)
 
 
 @pytest.mark.parametrize("family", [Normal, Lognormal, Gamma, Gumbel])
-def test_scores_are_those_of_the_distributions_own_family(family: type) -> None:
+def test_scores_are_those_of_the_distributions_own_family(family):
     mean, std, limit, step = 3.0, 0.5, 4.2, 1e-4
 
-    def probability(mean: float, std: float) -> float:
+    def probability(mean, std):
         return float(family(mean, std).sf(np.array(limit)))
 
     by_mean = probability(mean + step, std) - probability(mean - step, std)
@@ -55,14 +50,14 @@ def test_scores_are_those_of_the_distributions_own_family(family: type) -> None:
     assert derivatives(family(mean, std), limit) == pytest.approx(exact, rel=1e-4)
 
 
-def test_scores_of_a_weibull_distribution_follow_its_two_parameters() -> None:
+def test_scores_of_a_weibull_distribution_follow_its_two_parameters():
     shape, scale, limit, step = 2.0, 3.0, 5.0, 1e-4
 
-    def moments(shape: float, scale: float) -> np.ndarray:
+    def moments(shape, scale):
         first, second = special.gamma(1 + 1 / shape), special.gamma(1 + 2 / shape)
         return np.array([scale * first, scale * np.sqrt(second - first**2)])
 
-    def probability(shape: float, scale: float) -> float:
+    def probability(shape, scale):
         return float(Weibull(shape, scale).sf(np.array(limit)))
 
     steps = (np.array([step, 0]), np.array([0, step]))
@@ -84,7 +79,7 @@ def test_scores_of_a_weibull_distribution_follow_its_two_parameters() -> None:
     ],
     ids=lambda each: type(each).__name__,
 )
-def test_each_score_moves_one_moment_alone(distribution: Distribution) -> None:
+def test_each_score_moves_one_moment_alone(distribution):
     scores = InputScores.of(distribution)
     assert scores is not None
     rng = np.random.default_rng(1)
@@ -98,18 +93,18 @@ def test_each_score_moves_one_moment_alone(distribution: Distribution) -> None:
     )
 
 
-def test_two_values_have_no_mean_that_moves_alone() -> None:
+def test_two_values_have_no_mean_that_moves_alone():
     assert InputScores.of(Discrete((1.0, 2.0))) is None
 
 
-def model(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
+def model(a, b, c):
     y = a + 2 * b
     return {"y": np.where((c > 0.5) & (y > 7.5), np.nan, y), "z": a + 2 * b}
 
 
-def study(*, fails: bool = False, **changes: object) -> uqpen.Study:
+def study(*, fails=False, **changes):
     output = "y" if fails else "z"
-    settings: dict[str, object] = {
+    settings = {
         "inputs": {
             "a": uqpen.Normal("1 m", "0.5 m"),
             "b": uqpen.Normal("2 m", "0.4 m"),
@@ -134,7 +129,7 @@ def study(*, fails: bool = False, **changes: object) -> uqpen.Study:
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study())
 
 
@@ -148,7 +143,7 @@ PROBABILITY = special.ndtr(-BETA)
 
 
 @pytest.mark.parametrize("design", ["mc", "lhs", "subset"])
-def test_intervals_contain_the_exact_derivatives(tree: xr.DataTree, design: str) -> None:
+def test_intervals_contain_the_exact_derivatives(tree, design):
     found = tree[f"joint_probabilities/{design}"]
     exact = {
         "mean_sensitivity": MEANS,
@@ -165,27 +160,27 @@ def test_intervals_contain_the_exact_derivatives(tree: xr.DataTree, design: str)
     assert (found["sensitivity_effective_runs"].values[0, :2, 0] > 5).all()
 
 
-def test_first_order_indices_of_the_event_stand_beside_for_a_sample(tree: xr.DataTree) -> None:
+def test_first_order_indices_of_the_event_stand_beside_for_a_sample(tree):
     indices = tree["joint_probabilities/mc"]["event_first_order"]
     assert indices.dims == ("sensitivity_event", "input", "bound")
     assert indices.values[0, 1, 0] > indices.values[0, 2, 0]
     assert "event_first_order" not in tree["joint_probabilities/subset"]
 
 
-def test_an_input_of_two_values_is_refused_with_the_reason(tree: xr.DataTree) -> None:
-    told = archive_json(tree)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
-    refused = told["mean_sensitivity"]["c"]
+def test_an_input_of_two_values_is_refused_with_the_reason(tree):
+    reported = archive_json(tree)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
+    refused = reported["mean_sensitivity"]["c"]
     assert refused["estimate"] is None
     assert refused["note"] == (
         "its distribution has no mean that can move without its standard deviation"
     )
 
 
-def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None:
+def test_archive_tables_json_and_the_long_table_agree(tree):
     assert list(find_faults(tree)) == []
     array = tree["joint_probabilities/subset"]["mean_elasticity"]
-    told = archive_json(tree)["designs"]["subset"]["joint_probabilities"]["deep"]
-    assert told["sensitivities"]["mean_elasticity"]["b"]["estimate"] == float(array[0, 1, 0])
+    reported = archive_json(tree)["designs"]["subset"]["joint_probabilities"]["deep"]
+    assert reported["sensitivities"]["mean_elasticity"]["b"]["estimate"] == float(array[0, 1, 0])
     assert (
         "sensitivities" not in archive_json(tree)["designs"]["mc"]["joint_probabilities"]["other"]
     )
@@ -195,12 +190,12 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
     assert frame["estimate"].tolist()[:2] == array.values[0, :2, 0].tolist()
 
 
-def test_nothing_is_computed_that_is_not_requested() -> None:
+def test_nothing_is_computed_that_is_not_requested():
     found = uqpen.run(study(joint_probabilities={"deep": ["z > 7 m"]}))
     assert [each for each in found["joint_probabilities/mc"].data_vars if "sens" in each] == []
 
 
-def test_failed_runs_widen_intervals_to_every_outcome() -> None:
+def test_failed_runs_widen_intervals_to_every_outcome():
     found = uqpen.run(study(fails=True))
     for design in ("mc", "subset"):
         array = found[f"joint_probabilities/{design}"]["mean_sensitivity"]
@@ -211,18 +206,18 @@ def test_failed_runs_widen_intervals_to_every_outcome() -> None:
     assert "for any outcome of the missing runs" in packed["mean_sensitivity"]["a"]["interval"]
 
 
-def test_dependent_inputs_are_refused_with_the_reason() -> None:
+def test_dependent_inputs_are_refused_with_the_reason():
     found = uqpen.run(
         study(
             designs={"mc": uqpen.MonteCarlo(runs=200)},
             dependence={"copula": "gumbel", "inputs": ["a", "b"], "theta": 2.0},
         )
     )
-    told = archive_json(found)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
-    assert "depend on each other" in told["mean_sensitivity"]["a"]["note"]
+    reported = archive_json(found)["designs"]["mc"]["joint_probabilities"]["deep"]["sensitivities"]
+    assert "depend on each other" in reported["mean_sensitivity"]["a"]["note"]
 
 
-def test_a_part_of_many_runs_says_so() -> None:
+def test_a_part_of_many_runs_says_so():
     made = study(designs={"mc": uqpen.MonteCarlo(runs=4000)})
     runs = uqpen.run(made)["runs/mc"].to_dataset()
     found = event_sensitivities(runs, made.joint_events, made.joint, 0.95, in_memory=3000)
@@ -244,7 +239,7 @@ def test_a_part_of_many_runs_says_so() -> None:
         ({"all": ["z > 7 m"], "given": {"all": ["z > 6 m"], "x": 1}}, "deep.given.x", "all or any"),
     ],
 )
-def test_a_mistake_is_reported_with_its_place(event: object, place: str, expected: str) -> None:
+def test_a_mistake_is_reported_with_its_place(event, place, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study(joint_probabilities={"deep": event})
     assert f"joint_probabilities.{place}" in str(caught.value)

@@ -1,7 +1,5 @@
 """Where the lost runs lie: probabilities that are counted right, with intervals that cover."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,7 +10,7 @@ from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.run_samples import sample_of
 
 
-def told(x: np.ndarray, status: np.ndarray, **attributes: str) -> dict[str, xr.DataArray]:
+def reported(x, status, **attributes):
     runs = xr.Dataset(
         {"x": ("run", x, {"role": "input"}), "status": ("run", status.astype(np.int8))},
         {"run": np.arange(len(x))},
@@ -21,12 +19,12 @@ def told(x: np.ndarray, status: np.ndarray, **attributes: str) -> dict[str, xr.D
     return dict(failure_analysis(sample_of(runs, "status")))
 
 
-def test_the_probability_is_the_share_of_pairs() -> None:
+def test_the_probability_is_the_share_of_pairs():
     generator = np.random.default_rng(1)
     x = generator.integers(0, 20, 90).astype(float)  # with many ties
     status = np.where(generator.random(90) < x / 40, Status.FAILED, Status.OK)
     status[:5] = Status.INADMISSIBLE
-    answer = told(x, status)
+    answer = reported(x, status)
     lost, others = x[status == Status.FAILED], x[status == Status.OK]
     pairs = (lost[:, None] > others) + (lost[:, None] == others) / 2
     assert answer["larger"][0].item(0) == pytest.approx(pairs.mean(), rel=1e-12)
@@ -35,17 +33,17 @@ def test_the_probability_is_the_share_of_pairs() -> None:
     assert answer["larger"]["input"].values.tolist() == ["x"]
 
 
-def test_failures_at_both_ends_are_further_out() -> None:
+def test_failures_at_both_ends_are_further_out():
     x = np.random.default_rng(2).normal(size=500)
-    answer = told(x, np.where(np.abs(x) > 1.8, Status.TIMED_OUT, Status.OK))
+    answer = reported(x, np.where(np.abs(x) > 1.8, Status.TIMED_OUT, Status.OK))
     assert answer["further_out"][0].item(0) > 0.99
     assert abs(answer["larger"][0].item(0) - 0.5) < 0.2
 
 
-def test_where_no_run_was_lost_there_is_nothing_to_tell() -> None:
+def test_where_no_run_was_lost_there_is_nothing_to_tell():
     x = np.arange(20.0)
-    assert told(x, np.zeros(20)) == {}
-    assert told(x, np.where(x > 10, Status.INADMISSIBLE, Status.OK)) == {}
+    assert reported(x, np.zeros(20)) == {}
+    assert reported(x, np.where(x > 10, Status.INADMISSIBLE, Status.OK)) == {}
 
 
 @pytest.mark.parametrize(
@@ -57,16 +55,16 @@ def test_where_no_run_was_lost_there_is_nothing_to_tell() -> None:
         (100, "no run completed"),
     ],
 )
-def test_a_probability_without_bounds_says_why(lost: int, reason: str) -> None:
+def test_a_probability_without_bounds_says_why(lost, reason):
     x = np.arange(100.0)
-    answer = told(x, np.where(x < lost, Status.CRASHED, Status.OK))
+    answer = reported(x, np.where(x < lost, Status.CRASHED, Status.OK))
     assert answer["larger"]["note"].values.tolist() == [reason]
     assert np.isnan(answer["larger"].values[0, 1:]).all()
 
 
-def test_points_that_are_no_draws_have_no_bounds() -> None:
+def test_points_that_are_no_draws_have_no_bounds():
     x = np.random.default_rng(3).random(100)
-    answer = told(x, np.where(x + 0.1 > 0.9, 2, 0), sampling=str(Sampling.TRAJECTORIES))
+    answer = reported(x, np.where(x + 0.1 > 0.9, 2, 0), sampling=str(Sampling.TRAJECTORIES))
     assert answer["larger"]["note"].values.tolist() == [
         "the points are not a sample of the input distribution"
     ]
@@ -74,7 +72,7 @@ def test_points_that_are_no_draws_have_no_bounds() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("runs", [100, 400])
-def test_the_interval_covers_as_often_as_it_says(runs: int) -> None:
+def test_the_interval_covers_as_often_as_it_says(runs):
     # Lost with probability (0.1 + 0.4 x); of a uniform x, both densities are straight lines.
     t = (np.arange(20_000) + 0.5) / 20_000
     loses = 0.1 + 0.4 * t
@@ -85,7 +83,7 @@ def test_the_interval_covers_as_often_as_it_says(runs: int) -> None:
     for _ in range(300):
         x = generator.random(runs)
         status = np.where(generator.random(runs) < 0.1 + 0.4 * x, Status.FAILED, Status.OK)
-        _, lower, upper = told(x, status)["larger"].values[0]
+        _, lower, upper = reported(x, status)["larger"].values[0]
         held.append(lower <= truth <= upper)
     # 300 seeds of an interval that covers 95 % give 91.7 to 98.3 % ninety-nine times in a hundred.
     assert 0.917 < np.mean(held) < 0.983

@@ -1,7 +1,5 @@
 """Sensitivity along a field: at each place as of a scalar output, and of the field as a whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import campbell
@@ -13,17 +11,16 @@ from uqpen.archive.estimates import INTERVAL_TEXTS
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
-from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.one_at_a_time import Morris, OneAtATime
 from uqpen.designs.saltelli import Saltelli
 from uqpen.statistics import texts
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 GENERALIZED = "generalized_"
-DESIGNS: dict[str, Design] = {
+DESIGNS = {
     "monte carlo": MonteCarlo(runs=400),
     "replicates": LatinHypercube(runs=400, replicates=10),
     "one set": LatinHypercube(runs=400, replicates=1),
@@ -33,27 +30,27 @@ DESIGNS: dict[str, Design] = {
 }
 
 
-def curve(*angles: float, may_end: bool = False) -> Output:
+def curve(*angles, may_end=False):
     dims = (Dimension("theta", "1", values=angles),)
     return replace(campbell.CURVE, dims=dims, may_end=may_end)
 
 
-def with_values(runs: xr.Dataset, output: Output, values: np.ndarray) -> xr.Dataset:
+def with_values(runs, output, values):
     bare = runs.drop_dims("theta", errors="ignore")
     return bare.assign({output.name: ((RUN, *(each.name for each in output.dims)), values)})
 
 
-def sensitivity(runs: xr.Dataset, output: Output) -> OutputStatistics:
+def sensitivity(runs, output):
     return analyze(runs, [QuantityOfInterest(output, "1")], only=["sensitivity"])[output.name]
 
 
 @pytest.fixture(scope="module", params=DESIGNS)
-def runs(request: pytest.FixtureRequest) -> xr.Dataset:
+def runs(request):
     return campbell.runs_of(DESIGNS[request.param], seed=3)
 
 
 @pytest.mark.parametrize("ends", [False, True])
-def test_a_place_has_the_numbers_and_texts_of_a_scalar_output(runs: xr.Dataset, ends: bool) -> None:
+def test_a_place_has_the_numbers_and_texts_of_a_scalar_output(runs, ends):
     places = [0, 90, 120, 180]
     values = runs["y"].values[:, places]
     if ends:
@@ -77,7 +74,7 @@ def test_a_place_has_the_numbers_and_texts_of_a_scalar_output(runs: xr.Dataset, 
 
 
 @pytest.mark.parametrize("name", ["monte carlo", "replicates", "one set", "blocks"])
-def test_a_field_of_one_variable_has_its_indices_as_a_whole(name: str) -> None:
+def test_a_field_of_one_variable_has_its_indices_as_a_whole(name):
     runs = campbell.runs_of(DESIGNS[name], seed=4)
     one = runs["y"].values[:, [120]]
     single = curve(30.0)
@@ -97,7 +94,7 @@ def test_a_field_of_one_variable_has_its_indices_as_a_whole(name: str) -> None:
             assert set(found[order]["note"].values[1]) == {texts.CONSTANT_OUTPUT}
 
 
-def test_the_whole_is_the_mean_of_the_places_by_their_variance_and_the_grid() -> None:
+def test_the_whole_is_the_mean_of_the_places_by_their_variance_and_the_grid():
     # Independent inputs, each alone at its places: shares are those of the areas.
     rng = np.random.default_rng(1)
     x = rng.normal(size=(3000, 2))
@@ -114,7 +111,7 @@ def test_the_whole_is_the_mean_of_the_places_by_their_variance_and_the_grid() ->
     assert (parts / parts.sum() < whole.values[:, 2]).all()
 
 
-def test_few_blocks_that_reach_a_place_give_no_index_there() -> None:
+def test_few_blocks_that_reach_a_place_give_no_index_there():
     runs = campbell.runs_of(DESIGNS["blocks"], seed=5)
     values = runs["y"].values[:, [0, 90, 180]].copy()
     values[:400, 2] = np.nan
@@ -131,7 +128,7 @@ def test_few_blocks_that_reach_a_place_give_no_index_there() -> None:
 
 
 @pytest.mark.parametrize("name", ["monte carlo", "blocks"])
-def test_campbells_curve_has_its_known_indices(name: str) -> None:
+def test_campbells_curve_has_its_known_indices(name):
     exact, inside = campbell.exact(), []
     larger = {"monte carlo": MonteCarlo(runs=2000), "blocks": Saltelli(base=512)}[name]
     runs = campbell.runs_of(larger, seed=6)

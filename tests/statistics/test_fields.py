@@ -1,7 +1,5 @@
 """Statistics of fields: at each place those of a scalar output, of the runs that exist there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -14,7 +12,6 @@ from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import analyze
 from uqpen.statistics.model_form import model_differences
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 CURVE = Output("curve", "1", dims=(Dimension("time", "s", values=(0.0, 1.0, 2.0)),))
@@ -22,7 +19,7 @@ QUANTITIES = [QuantityOfInterest(output, "1") for output in (CURVE, Output("y", 
 
 
 @pytest.fixture(scope="module")
-def runs() -> xr.Dataset:
+def runs():
     outputs = (CURVE, Output("y", "1"))
     model = PythonFunction(
         lambda x: {"curve": [x, 2 * x, 3 * x], "y": x},
@@ -37,7 +34,7 @@ def runs() -> xr.Dataset:
     return made.assign_attrs(sampling=str(Sampling.INDEPENDENT))
 
 
-def test_a_statistic_has_the_dimensions_of_its_field_first(runs: xr.Dataset) -> None:
+def test_a_statistic_has_the_dimensions_of_its_field_first(runs):
     found = analyze.analyze(runs, QUANTITIES)
     assert list(found["curve"])[:3] == ["mean", "std", "quantile"]
     assert found["curve"]["mean"].dims == ("time", "bound")
@@ -48,10 +45,10 @@ def test_a_statistic_has_the_dimensions_of_its_field_first(runs: xr.Dataset) -> 
     assert {"mean", "quantile", "cdf", "first_order"} <= found["y"].keys()
 
 
-def test_user_defined_analyses_take_scalars_only(runs: xr.Dataset) -> None:
+def test_user_defined_analyses_take_scalars_only(runs):
     seen = []
 
-    def note(sample: Sample, quantity: QuantityOfInterest) -> list[tuple[str, xr.DataArray]]:
+    def note(sample, quantity):
         seen.append(quantity.output.name)
         return []
 
@@ -61,7 +58,7 @@ def test_user_defined_analyses_take_scalars_only(runs: xr.Dataset) -> None:
     assert seen == ["y"]
 
 
-def test_differences_of_models_are_at_each_place(runs: xr.Dataset) -> None:
+def test_differences_of_models_are_at_each_place(runs):
     other = runs.assign(curve=runs["curve"] + runs["time"] * runs["x"])
     found = model_differences(runs, other, QUANTITIES)
     assert list(found["curve"])[:3] == ["mean", "std", "quantile"]

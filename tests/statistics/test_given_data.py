@@ -1,17 +1,12 @@
 """First-order indices from any sample: exact answers inside their intervals, on every design."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -19,7 +14,6 @@ from scipy import stats
 from uqpen.core.model import Category, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -38,7 +32,7 @@ OUTPUT = Output("y", "m")
 QUESTION = QuantityOfInterest(OUTPUT, "m")
 NAMES = ("x1", "x2", "x3")
 
-DESIGNS: dict[str, Design] = {
+DESIGNS = {
     "monte-carlo": MonteCarlo(runs=500),
     "hypercubes": LatinHypercube(runs=500),
     "single": LatinHypercube(runs=500, replicates=1),
@@ -51,23 +45,23 @@ SEEDS = 30
 FEWEST_COVERING = int(stats.binom.ppf(1e-5, SEEDS, 0.93))
 
 
-def ishigami(x: FloatArray) -> FloatArray:
+def ishigami(x):
     angle = math.pi * (2 * x - 1)
-    y: FloatArray = np.sin(angle[:, 0]) * (1 + 0.1 * angle[:, 2] ** 4)
+    y = np.sin(angle[:, 0]) * (1 + 0.1 * angle[:, 2] ** 4)
     return y + 7 * np.sin(angle[:, 1]) ** 2
 
 
-def additive(x: FloatArray) -> FloatArray:
+def additive(x):
     return np.asarray(stats.norm.ppf(x) @ np.array([1.0, 2.0, 0.5]))
 
 
-def jump(x: FloatArray) -> FloatArray:
+def jump(x):
     return 3.0 * (x[:, 0] > 0.713) + x[:, 1]
 
 
 _JUMP = 9 * 0.713 * 0.287
 
-PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]] = {
+PROBLEMS = {
     "ishigami": (ishigami, (0.31390519114781146, 0.4424111447900409, 0.0)),
     "additive": (additive, (1 / 5.25, 4 / 5.25, 0.25 / 5.25)),
     "jump": (jump, (_JUMP / (_JUMP + 1 / 12), 1 / 12 / (_JUMP + 1 / 12), 0.0)),
@@ -75,7 +69,7 @@ PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]
 
 
 @cache
-def drawn(design: Design, seed: int) -> Sample:
+def drawn(design, seed):
     """A sample of uniform inputs, its values zero."""
     variables = tuple(Input(name, "1") for name in NAMES)
     joint = JointDistribution(
@@ -95,24 +89,22 @@ def drawn(design: Design, seed: int) -> Sample:
     )
 
 
-def of(function: Callable[[FloatArray], FloatArray], sample: Sample) -> Sample:
+def of(function, sample):
     return replace(sample, values=function(sample.points)[sample.used])
 
 
-def indices(
-    sample: Sample, quantity: QuantityOfInterest = QUESTION, kind: str = ""
-) -> xr.DataArray:
+def indices(sample, quantity=QUESTION, kind=""):
     return dict(first_order(sample, quantity))[f"{kind}first_order"]
 
 
-def told(array: xr.DataArray, what: str) -> list[Any]:
+def reported(array, what):
     return list(array.coords[what].values.tolist())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize("problem", PROBLEMS)
-def test_intervals_cover(problem: str, design: str) -> None:
+def test_intervals_cover(problem, design):
     function, exact = PROBLEMS[problem]
     covering = np.zeros(len(exact))
     for seed in range(SEEDS):
@@ -122,7 +114,7 @@ def test_intervals_cover(problem: str, design: str) -> None:
 
 
 @pytest.mark.parametrize("design", DESIGNS)
-def test_estimates_are_unbiased(design: str) -> None:
+def test_estimates_are_unbiased(design):
     function, exact = PROBLEMS["ishigami"]
     found = np.array(
         [indices(of(function, drawn(DESIGNS[design], seed))).values[:, 0] for seed in range(30)]
@@ -133,7 +125,7 @@ def test_estimates_are_unbiased(design: str) -> None:
     assert np.abs(found.mean(axis=0) - exact).max() < 4 * error.max()
 
 
-def test_an_input_that_decides_all_has_an_index_of_one() -> None:
+def test_an_input_that_decides_all_has_an_index_of_one():
     array = indices(of(lambda x: x[:, 0] ** 2, drawn(DESIGNS["sobol"], 0)))
     # Points lie at random within a bin, of which there are 32, and the lines go by their ranks.
     assert array.values[0, 0] == pytest.approx(1.0, abs=1e-3)
@@ -142,7 +134,7 @@ def test_an_input_that_decides_all_has_an_index_of_one() -> None:
 
 @given(seed=st.integers(0, 1000), power=st.integers(1, 5), shift=st.integers(-5, 5))
 @settings(max_examples=10)
-def test_the_scale_of_an_input_does_not_matter(seed: int, power: int, shift: int) -> None:
+def test_the_scale_of_an_input_does_not_matter(seed, power, shift):
     sample = of(ishigami, drawn(MonteCarlo(runs=200), seed))
     other = replace(
         sample,
@@ -153,7 +145,7 @@ def test_the_scale_of_an_input_does_not_matter(seed: int, power: int, shift: int
 
 @given(seed=st.integers(0, 1000), factor=st.floats(-1e3, 1e3).filter(lambda x: abs(x) > 1e-3))
 @settings(max_examples=10)
-def test_the_unit_of_the_output_does_not_matter(seed: int, factor: float) -> None:
+def test_the_unit_of_the_output_does_not_matter(seed, factor):
     sample = of(ishigami, drawn(MonteCarlo(runs=200), seed))
     other = replace(sample, values=factor * (sample.values + 7.0))
     # Adding a constant rounds the values.
@@ -161,7 +153,7 @@ def test_the_unit_of_the_output_does_not_matter(seed: int, factor: float) -> Non
 
 
 @pytest.mark.parametrize("design", ["monte-carlo", "sobol"])
-def test_the_order_of_runs_does_not_matter(design: str) -> None:
+def test_the_order_of_runs_does_not_matter(design):
     sample = of(ishigami, drawn(DESIGNS[design], 3))
     order = np.random.default_rng(0).permutation(sample.size)
     other = replace(
@@ -173,14 +165,14 @@ def test_the_order_of_runs_does_not_matter(design: str) -> None:
     assert indices(other).values == pytest.approx(indices(sample).values, abs=1e-12)
 
 
-def test_bins_of_replicates_have_one_run_of_each() -> None:
+def test_bins_of_replicates_have_one_run_of_each():
     sample = drawn(DESIGNS["sobol"], 1)
     bins = RegressionBins.from_sample(sample, 1)
     pairs = np.unique(np.stack([bins.label, sample.replicates]), axis=1)
     assert pairs.shape[1] == sample.size
 
 
-def test_lost_runs_leave_full_bins() -> None:
+def test_lost_runs_leave_full_bins():
     covering = np.zeros(3)
     for seed in range(SEEDS):
         whole = drawn(DESIGNS["sobol"], seed)
@@ -193,7 +185,7 @@ def test_lost_runs_leave_full_bins() -> None:
     assert covering.min() >= FEWEST_COVERING
 
 
-def test_equal_values_of_an_input_are_no_neighbours_in_others() -> None:
+def test_equal_values_of_an_input_are_no_neighbours_in_others():
     # A table that runs through the first input within the levels of the second.
     first, second = np.tile(np.linspace(0, 1, 200), 5), np.repeat(np.arange(5.0), 200)
     points = np.column_stack([first, second, np.random.default_rng(0).random(1000)])
@@ -205,10 +197,10 @@ def test_equal_values_of_an_input_are_no_neighbours_in_others() -> None:
     array = indices(of(lambda x: x[:, 0], sample))
     assert abs(array.values[1, 0]) < 0.1
     # What has no known origin has no interval.
-    assert set(told(array, "interval_label")) == {"none"}
+    assert set(reported(array, "interval_label")) == {"none"}
 
 
-def test_levels_of_an_input_are_not_mixed() -> None:
+def test_levels_of_an_input_are_not_mixed():
     sample = drawn(MonteCarlo(runs=1000), 0)
     points = np.column_stack([sample.points[:, 0] * 5 // 1, sample.points])
     sample = replace(sample, columns=InputColumns.from_matrix(("level", *NAMES), points))
@@ -229,35 +221,35 @@ def test_levels_of_an_input_are_not_mixed() -> None:
         ({"used": np.arange(0), "values": np.empty(0)}, "0 runs are too few"),
     ],
 )
-def test_what_has_no_index_says_why(change: dict[str, Any], reason: str) -> None:
+def test_what_has_no_index_says_why(change, reason):
     sample = of(ishigami, drawn(DESIGNS["monte-carlo"], 0))
     array = indices(replace(sample, **change))
     assert np.isnan(array.values).all()
-    assert told(array, "note") == [reason] * 3
+    assert reported(array, "note") == [reason] * 3
 
 
-def test_points_moved_apart_have_no_interval_without_replicates() -> None:
+def test_points_moved_apart_have_no_interval_without_replicates():
     single = replace(of(ishigami, drawn(DESIGNS["single"], 0)), optimized_by="random-cd")
     assert np.isnan(indices(single).values[:, 1:]).all()
     replicated = replace(of(ishigami, drawn(DESIGNS["hypercubes"], 0)), optimized_by="random-cd")
     assert not np.isnan(indices(replicated).values).any()
 
 
-def test_few_runs_and_heavy_tails_are_warned_of() -> None:
+def test_few_runs_and_heavy_tails_are_warned_of():
     few = indices(of(additive, drawn(MonteCarlo(runs=100), 0)))
-    assert set(told(few, "note")) == {"only 100 runs: the coverage may be below nominal"}
+    assert set(reported(few, "note")) == {"only 100 runs: the coverage may be below nominal"}
     heavy = indices(of(lambda x: 1 / x[:, 0], drawn(MonteCarlo(runs=1000), 0)))
-    assert all("heavy tail" in note for note in told(heavy, "note"))
+    assert all("heavy tail" in note for note in reported(heavy, "note"))
 
 
 @pytest.mark.parametrize(("runs", "is_doubted"), [(1000, True), (5000, False)])
-def test_a_logarithm_hides_a_tail_where_it_hangs_on_few_runs(runs: int, is_doubted: bool) -> None:
+def test_a_logarithm_hides_a_tail_where_it_hangs_on_few_runs(runs, is_doubted):
     sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(MonteCarlo(runs=runs), 0))
     notes = indices(sample, kind="log_").coords["note"].values
     assert all(("more frequent than" in note) == is_doubted for note in notes)
 
 
-def test_logarithms_and_events_have_indices_of_their_own() -> None:
+def test_logarithms_and_events_have_indices_of_their_own():
     sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(DESIGNS["sobol"], 5))
     quantity = QuantityOfInterest(
         OUTPUT, "m", thresholds=(Threshold("1 m", 1.0), Threshold("1 Mm", 1e6))
@@ -274,7 +266,7 @@ def test_logarithms_and_events_have_indices_of_their_own() -> None:
     assert np.isnan(events.values[1, :, 1:]).all()
 
 
-def test_kinds_have_indices() -> None:
+def test_kinds_have_indices():
     kinds = Output("y", "1", categories=(Category("low", "low"), Category("high", "high")))
     sample = of(lambda x: np.where(x[:, 0] > 0.5, 1.0, 0.0), drawn(DESIGNS["monte-carlo"], 0))
     array = indices(sample, QuantityOfInterest(kinds, "1"), "category_")
@@ -282,6 +274,6 @@ def test_kinds_have_indices() -> None:
     assert array.values[:, 0, 0] == pytest.approx(1.0, abs=0.02)
 
 
-def test_dependent_inputs_are_told() -> None:
+def test_dependent_inputs_are_reported():
     sample = replace(of(ishigami, drawn(DESIGNS["monte-carlo"], 0)), dependence="Gaussian copula")
     assert "includes correlation" in indices(sample).attrs["long_name"]

@@ -1,7 +1,5 @@
 """Bins of an input grow with the number of runs, so that a small index has a narrower interval."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.local_regression import RegressionBins
 
 
-def sample_of(size: int, replicates: int = 1) -> Sample:
+def sample_of(size, replicates=1):
     points = np.random.default_rng(size).random((size, 2))
     everything = np.arange(size)
     return Sample(
@@ -36,17 +34,17 @@ def sample_of(size: int, replicates: int = 1) -> Sample:
         (65_536, 16, 16),  # strata, which stay apart
     ],
 )
-def test_runs_in_a_bin(size: int, replicates: int, in_a_bin: int) -> None:
+def test_runs_in_a_bin(size, replicates, in_a_bin):
     whole = RegressionBins.from_sample(sample_of(size, replicates), 0).size
     assert np.median(whole) == pytest.approx(in_a_bin, abs=1)
     halved = RegressionBins.from_sample(sample_of(size, replicates), 0, halved=True).size
     assert np.median(halved) == pytest.approx(in_a_bin / 2, abs=1)
 
 
-def test_an_idle_input_has_a_narrower_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_input_has_a_narrower_interval(monkeypatch):
     quantity = QuantityOfInterest(Output("y", "m"), "m")
 
-    def widths() -> np.ndarray:
+    def widths():
         found = dict(first_order(sample_of(65_536), quantity))["first_order"].values
         return np.asarray(found[:, 2] - found[:, 1])
 

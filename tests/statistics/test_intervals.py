@@ -1,7 +1,5 @@
 """Formulas of intervals against exact sums, known values and other ways to the same number."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -33,7 +31,7 @@ PROBABILITIES = st.floats(0.001, 0.999)
 LEVELS = st.sampled_from([0.8, 0.9, 0.95, 0.99])
 
 
-def binomial_sum(highest: int, runs: int, p: float) -> float:
+def binomial_sum(highest, runs, p):
     """P(Binomial(runs, p) <= highest), term by term."""
     return math.fsum(
         math.comb(runs, k) * p**k * (1 - p) ** (runs - k) for k in range(min(highest, runs) + 1)
@@ -42,21 +40,19 @@ def binomial_sum(highest: int, runs: int, p: float) -> float:
 
 @pytest.mark.parametrize("freedom", [1, 2, 9, 15, 99, 9999])
 @pytest.mark.parametrize("level", [0.5, 0.9, 0.95, 0.99])
-def test_student_quantile_is_that_of_scipy(freedom: int, level: float) -> None:
+def test_student_quantile_is_that_of_scipy(freedom, level):
     expected = stats.t.ppf(0.5 + level / 2, freedom)
     # Both invert the same function, by other routines.
     assert student_quantile(freedom, level) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("freedom", [0, 0.5])
-def test_without_degrees_of_freedom_there_is_no_student_quantile(freedom: float) -> None:
+def test_without_degrees_of_freedom_there_is_no_student_quantile(freedom):
     assert math.isnan(student_quantile(freedom, 0.95))
 
 
 @pytest.mark.parametrize(("replicates", "each"), [(2, 2), (10, 10), (10, 100), (16, 512)])
-def test_ratio_error_is_the_scatter_of_replicate_means_of_equal_size(
-    replicates: int, each: int
-) -> None:
+def test_ratio_error_is_the_scatter_of_replicate_means_of_equal_size(replicates, each):
     values = np.random.default_rng(1).lognormal(size=(replicates, each))
     error, freedom = ratio_error(values.ravel(), np.repeat(np.arange(replicates), each), replicates)
     expected = values.mean(axis=1).std(ddof=1) / math.sqrt(replicates)
@@ -64,7 +60,7 @@ def test_ratio_error_is_the_scatter_of_replicate_means_of_equal_size(
     assert error == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_ratio_error_does_not_depend_on_the_order_of_runs() -> None:
+def test_ratio_error_does_not_depend_on_the_order_of_runs():
     rng = np.random.default_rng(2)
     values, replicate = rng.normal(size=90), rng.integers(0, 5, 90)
     order = rng.permutation(90)
@@ -72,7 +68,7 @@ def test_ratio_error_does_not_depend_on_the_order_of_runs() -> None:
     assert ratio_error(values[order], replicate[order], 5)[0] == pytest.approx(error, rel=ROUNDING)
 
 
-def test_ratio_error_of_unequal_replicates_tells_the_scatter_of_the_pooled_mean() -> None:
+def test_ratio_error_of_unequal_replicates_tells_the_scatter_of_the_pooled_mean():
     rng = np.random.default_rng(3)
     replicate = np.repeat(np.arange(10), [60, 80, 90, *[100] * 7])
     # Replicates that move as a whole: the pooled mean scatters by their weights.
@@ -85,11 +81,11 @@ def test_ratio_error_of_unequal_replicates_tells_the_scatter_of_the_pooled_mean(
     assert np.mean(squares) == pytest.approx(expected, rel=0.1)
 
 
-def hypercube(runs: int, dimension: int, seed: int) -> FloatArray:
+def hypercube(runs, dimension, seed):
     return qmc.LatinHypercube(dimension, rng=seed).random(runs)
 
 
-def piecewise_constant(inputs: FloatArray, bins: int, seed: int) -> FloatArray:
+def piecewise_constant(inputs, bins, seed):
     """A sum of step functions with their steps between the bins of each input."""
     heights = np.random.default_rng(seed).normal(size=(inputs.shape[1], bins))
     label = np.floor(inputs * bins).astype(int)
@@ -97,9 +93,7 @@ def piecewise_constant(inputs: FloatArray, bins: int, seed: int) -> FloatArray:
 
 
 @pytest.mark.parametrize(("runs", "dimension"), [(100, 2), (400, 3), (10_000, 4)])
-def test_additive_fit_leaves_nothing_of_an_additive_step_function(
-    runs: int, dimension: int
-) -> None:
+def test_additive_fit_leaves_nothing_of_an_additive_step_function(runs, dimension):
     bins = math.isqrt(runs)
     inputs = hypercube(runs, dimension, 4)
     influence = piecewise_constant(inputs, bins, 5)
@@ -110,7 +104,7 @@ def test_additive_fit_leaves_nothing_of_an_additive_step_function(
 
 
 @pytest.mark.parametrize(("runs", "dimension"), [(100, 2), (101, 3), (1000, 4)])
-def test_additive_fit_is_the_least_squares_fit_of_indicators(runs: int, dimension: int) -> None:
+def test_additive_fit_is_the_least_squares_fit_of_indicators(runs, dimension):
     inputs = hypercube(runs, dimension, 6)
     influence = np.exp(inputs.sum(axis=1)) + (inputs[:, 0] > inputs[:, 1])
     bins = min(math.isqrt(runs), runs // (2 * dimension))
@@ -127,7 +121,7 @@ def test_additive_fit_is_the_least_squares_fit_of_indicators(runs: int, dimensio
     assert error == pytest.approx(expected, rel=2e-4)
 
 
-def test_additive_residual_error_is_the_independent_one_where_inputs_do_not_matter() -> None:
+def test_additive_residual_error_is_the_independent_one_where_inputs_do_not_matter():
     runs, dimension = 4000, 3
     influence = np.random.default_rng(7).normal(size=runs)
     error, freedom = additive_residual_error(influence, hypercube(runs, dimension, 8))
@@ -138,7 +132,7 @@ def test_additive_residual_error_is_the_independent_one_where_inputs_do_not_matt
     assert error == pytest.approx(independent, rel=0.01)
 
 
-def test_additive_residual_error_counts_only_the_order_of_inputs() -> None:
+def test_additive_residual_error_counts_only_the_order_of_inputs():
     inputs = hypercube(500, 2, 9)
     influence = np.random.default_rng(10).normal(size=500) + inputs[:, 0] * inputs[:, 1]
     stretched = np.column_stack([np.exp(9 * inputs[:, 0]), inputs[:, 1] ** 3])
@@ -149,15 +143,15 @@ def test_additive_residual_error_counts_only_the_order_of_inputs() -> None:
 
 @pytest.mark.parametrize("shape", [(50, 0), (3, 2)])
 def test_without_room_for_a_fit_the_additive_error_is_the_independent_one(
-    shape: tuple[int, int],
-) -> None:
+    shape,
+):
     influence = np.random.default_rng(11).normal(size=shape[0])
     error, freedom = additive_residual_error(influence, np.ones(shape))
     assert freedom == shape[0] - 1
     assert error == pytest.approx(influence.std(ddof=1) / math.sqrt(shape[0]), rel=ROUNDING)
 
 
-def test_a_single_run_has_no_additive_error() -> None:
+def test_a_single_run_has_no_additive_error():
     error, freedom = additive_residual_error(np.ones(1), np.ones((1, 2)))
     assert math.isnan(error)
     assert freedom == 0
@@ -176,17 +170,13 @@ def test_a_single_run_has_no_additive_error() -> None:
         (10, 100, 0.0490, 0.1762),
     ],
 )
-def test_clopper_pearson_has_the_known_bounds(
-    events: int, runs: int, lower: float, upper: float
-) -> None:
+def test_clopper_pearson_has_the_known_bounds(events, runs, lower, upper):
     # Half of the tables' last digit.
     assert np.ravel(clopper_pearson(events, runs, 0.95)) == pytest.approx([lower, upper], abs=6e-5)
 
 
 @given(st.integers(1, 200), st.data(), LEVELS)
-def test_clopper_pearson_bounds_leave_each_tail_its_share(
-    runs: int, data: st.DataObject, level: float
-) -> None:
+def test_clopper_pearson_bounds_leave_each_tail_its_share(runs, data, level):
     events = data.draw(st.integers(0, runs))
     lower, upper = map(float, clopper_pearson(events, runs, level))
     tail = (1 - level) / 2
@@ -202,9 +192,7 @@ def test_clopper_pearson_bounds_leave_each_tail_its_share(
 
 
 @given(st.integers(1, 120), PROBABILITIES, LEVELS)
-def test_clopper_pearson_covers_at_least_as_often_as_it_says(
-    runs: int, p: float, level: float
-) -> None:
+def test_clopper_pearson_covers_at_least_as_often_as_it_says(runs, p, level):
     events = np.arange(runs + 1)
     lower, upper = clopper_pearson(events, runs, level)
     weights = [math.comb(runs, k) * p**k * (1 - p) ** (runs - k) for k in range(runs + 1)]
@@ -214,8 +202,8 @@ def test_clopper_pearson_covers_at_least_as_often_as_it_says(
 @given(st.integers(1, 300), PROBABILITIES, LEVELS)
 @settings(deadline=None)
 def test_ranks_enclose_a_quantile_at_least_as_often_as_they_say_and_no_closer_rank_would(
-    runs: int, p: float, level: float
-) -> None:
+    runs, p, level
+):
     lower, upper = map(float, order_statistic_ranks(runs, p, level))
     tail = (1 - level) / 2
     # The quantile is below the value of rank u if at most u - 1 runs lie below it, and above that
@@ -236,7 +224,7 @@ def test_ranks_enclose_a_quantile_at_least_as_often_as_they_say_and_no_closer_ra
 
 
 @given(st.integers(1, 300), PROBABILITIES)
-def test_ranks_of_a_quantile_mirror_those_of_its_complement(runs: int, p: float) -> None:
+def test_ranks_of_a_quantile_mirror_those_of_its_complement(runs, p):
     # Such p that 1 - p and 1 - (1 - p) are exact.
     p = round(p * 1024) / 1024
     if not 0 < p < 1:
@@ -252,7 +240,7 @@ def test_ranks_of_a_quantile_mirror_those_of_its_complement(runs: int, p: float)
     )
 
 
-def test_ranks_of_many_quantiles_are_those_of_each() -> None:
+def test_ranks_of_many_quantiles_are_those_of_each():
     asked = np.array([0.001, 0.05, 0.5, 0.95, 0.999])
     together = np.array(order_statistic_ranks(1000, asked, 0.95)).T
     each = [order_statistic_ranks(1000, p, 0.95) for p in asked]
@@ -261,9 +249,7 @@ def test_ranks_of_many_quantiles_are_those_of_each() -> None:
 
 @pytest.mark.parametrize("runs", [10_000, 1_000_000])
 @pytest.mark.parametrize("p", [1e-4, 0.05, 0.5, 0.99, 0.9999])
-def test_upper_rank_of_many_runs_is_one_more_than_the_binomial_quantile(
-    runs: int, p: float
-) -> None:
+def test_upper_rank_of_many_runs_is_one_more_than_the_binomial_quantile(runs, p):
     rank = stats.binom.ppf(0.95, runs, p) + 1
     expected = rank if rank <= runs else math.nan
     np.testing.assert_array_equal(upper_rank(runs, p, 0.95), expected)
@@ -272,9 +258,7 @@ def test_upper_rank_of_many_runs_is_one_more_than_the_binomial_quantile(
 @pytest.mark.parametrize(
     ("p", "needed"), [(0.95, 59), (0.99, 299), (0.999, 2995), (0.9999, 29_956)]
 )
-def test_the_largest_of_just_enough_runs_bounds_a_quantile_from_above(
-    p: float, needed: int
-) -> None:
+def test_the_largest_of_just_enough_runs_bounds_a_quantile_from_above(p, needed):
     # Wilks (1941): 1 - p^n >= 0.95.
     assert runs_needed(p, 0.95) == needed
     assert upper_rank(needed, p, 0.95) == needed
@@ -282,17 +266,17 @@ def test_the_largest_of_just_enough_runs_bounds_a_quantile_from_above(
 
 
 @given(st.floats(0.01, 0.9999))
-def test_runs_needed_are_the_fewest_with_an_upper_rank(p: float) -> None:
+def test_runs_needed_are_the_fewest_with_an_upper_rank(p):
     needed = runs_needed(p, 0.95)
     assert p**needed <= 0.05 + ROUNDING
     assert p ** (needed - 1) > 0.05 - ROUNDING
 
 
 @pytest.mark.parametrize("runs", [1, 100, 10_000])
-def test_dkw_band_at_95_percent_is_the_root_of_ln_40_over_twice_the_runs(runs: int) -> None:
+def test_dkw_band_at_95_percent_is_the_root_of_ln_40_over_twice_the_runs(runs):
     expected = math.sqrt(math.log(40) / (2 * runs))
     assert dkw_half_width(runs, 0.95) == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_without_runs_there_is_no_band() -> None:
+def test_without_runs_there_is_no_band():
     assert math.isnan(dkw_half_width(0, 0.95))

@@ -1,10 +1,7 @@
 """Probabilities of events that concern several outputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-import xarray as xr
 from scipy import special
 
 import uqpen
@@ -17,11 +14,11 @@ from uqpen.results.output_tables import output_tables
 from uqpen.statistics.joint_probability import joint_probabilities
 
 
-def model(a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+def model(a, b):
     return {"depth": np.where(a > 0.97, np.nan, a), "width": (a + b) / 2, "rest": 1 - a}
 
 
-def study(events: dict[str, object]) -> uqpen.Study:
+def study(events):
     return uqpen.Study(
         uqpen.PythonModel(
             model,
@@ -36,7 +33,7 @@ def study(events: dict[str, object]) -> uqpen.Study:
     )
 
 
-EVENTS: dict[str, object] = {
+EVENTS = {
     "safe": ["depth < 60 cm", "width < 0.5 m"],
     "unsafe": {"any": ["depth > 60 cm", "width > 0.5 m"], "at_most": "10 %"},
     # The output "rest" is the complement of "depth", so that this never occurs.
@@ -45,17 +42,17 @@ EVENTS: dict[str, object] = {
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study(EVENTS))
 
 
-def probabilities(tree: xr.DataTree, design: str = "mc") -> xr.DataArray:
+def probabilities(tree, design="mc"):
     return tree[f"joint_probabilities/{design}"]["joint_probability"]
 
 
 def test_the_interval_is_the_exact_binomial_one_for_any_outcome_of_failed_runs(
-    tree: xr.DataTree,
-) -> None:
+    tree,
+):
     runs = tree["runs/mc"]
     done = runs["status"].values == 0
     depth, width = runs["depth"].values[done], runs["width"].values[done]
@@ -71,27 +68,27 @@ def test_the_interval_is_the_exact_binomial_one_for_any_outcome_of_failed_runs(
     )
 
 
-def test_all_hold_or_any_is_exceeded_are_complements(tree: xr.DataTree) -> None:
+def test_all_hold_or_any_is_exceeded_are_complements(tree):
     for design in ("mc", "sobol"):
         found = probabilities(tree, design)
         safe, unsafe = found.sel(event="safe").values, found.sel(event="unsafe").values
         assert unsafe == pytest.approx([1 - safe[0], 1 - safe[2], 1 - safe[1]])
 
 
-CONDITIONAL: dict[str, object] = {
+CONDITIONAL = {
     "deep": {"all": ["depth > 0.6 m"], "given": ["width > 0.5 m"], "at_most": 0.9},
     "impossible": {"all": ["depth > 0.6 m"], "given": {"any": ["width > 2 m"]}},
 }
 
 
 @pytest.fixture(scope="module")
-def conditional() -> xr.DataTree:
+def conditional():
     return uqpen.run(study(CONDITIONAL))
 
 
 def test_a_conditional_probability_is_exact_given_the_number_of_its_runs(
-    conditional: xr.DataTree,
-) -> None:
+    conditional,
+):
     runs = conditional["runs/mc"]
     done = runs["status"].values == 0
     depth, width = runs["depth"].values[done], runs["width"].values[done]
@@ -111,7 +108,7 @@ def test_a_conditional_probability_is_exact_given_the_number_of_its_runs(
     assert f"of the {every} runs that meet the condition" in note
 
 
-def test_replicates_give_a_conditional_probability_as_a_ratio(conditional: xr.DataTree) -> None:
+def test_replicates_give_a_conditional_probability_as_a_ratio(conditional):
     # Above the line a + b = 1, of a < 0.97: 0.97 - 0.97 * (1 - 0.97 / 2); of it where a > 0.6.
     exact = (0.37 - (0.4**2 - 0.03**2) / 2) / (0.97 - (1 - 0.03**2) / 2)
     value, lower, upper = probabilities(conditional, "sobol").sel(event="deep").values
@@ -119,14 +116,14 @@ def test_replicates_give_a_conditional_probability_as_a_ratio(conditional: xr.Da
     assert value == pytest.approx(exact, abs=0.09)  # two standard errors of 120 runs
 
 
-def test_a_condition_that_no_run_meets_gives_no_number(conditional: xr.DataTree) -> None:
-    told = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["impossible"]
-    assert told["estimate"] is None
-    assert told["note"] == "no completed run meets the condition: width > 2 m"
-    assert told["condition"] == "depth > 0.6 m, given width > 2 m"
+def test_a_condition_that_no_run_meets_gives_no_number(conditional):
+    reported = archive_json(conditional)["designs"]["mc"]["joint_probabilities"]["impossible"]
+    assert reported["estimate"] is None
+    assert reported["note"] == "no completed run meets the condition: width > 2 m"
+    assert reported["condition"] == "depth > 0.6 m, given width > 2 m"
 
 
-def test_a_conditional_probability_by_blocks_is_the_same(conditional: xr.DataTree) -> None:
+def test_a_conditional_probability_by_blocks_is_the_same(conditional):
     runs = conditional["runs/sobol"].to_dataset()
     events = study(CONDITIONAL).joint_events
     whole, by_blocks = (
@@ -138,7 +135,7 @@ def test_a_conditional_probability_by_blocks_is_the_same(conditional: xr.DataTre
     assert by_blocks["note"].values.tolist() == whole["note"].values.tolist()
 
 
-def test_outputs_occur_together(tree: xr.DataTree) -> None:
+def test_outputs_occur_together(tree):
     never = probabilities(tree).sel(event="never").values
     assert never[:2].tolist() == [0.0, 0.0]
     # Half of the unit square below the line a + b = 1, without the corner at a > 0.6, of a < 0.97.
@@ -148,7 +145,7 @@ def test_outputs_occur_together(tree: xr.DataTree) -> None:
     )
 
 
-def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None:
+def test_archive_tables_json_and_the_long_table_agree(tree):
     assert list(find_faults(tree)) == []
     found = probabilities(tree)
     assert found["event_condition"].values.tolist() == [
@@ -156,10 +153,10 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
         "depth > 60 cm or width > 0.5 m",
         "depth > 0.7 m and rest > 0.7 m",
     ]
-    told = archive_json(tree)["designs"]["mc"]["joint_probabilities"]
-    assert told["safe"]["estimate"] == float(found[0, 0])
-    assert told["unsafe"]["condition"] == "depth > 60 cm or width > 0.5 m"
-    assert (told["unsafe"]["verdict"], told["never"]["verdict"]) == ("not met", "met")
+    reported = archive_json(tree)["designs"]["mc"]["joint_probabilities"]
+    assert reported["safe"]["estimate"] == float(found[0, 0])
+    assert reported["unsafe"]["condition"] == "depth > 60 cm or width > 0.5 m"
+    assert (reported["unsafe"]["verdict"], reported["never"]["verdict"]) == ("not met", "met")
     table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
     rows = dict(table.rows)
     assert table.columns == ["mc", "sobol"]
@@ -170,13 +167,13 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
     assert frame["event"].tolist() == ["safe", "unsafe", "never"]
 
 
-def test_the_page_has_a_sentence_of_each(tree: xr.DataTree) -> None:
+def test_the_page_has_a_sentence_of_each(tree):
     page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
     assert "head='Depth < 60 cm and width < 0.5 m', text='In " in page
     assert "The limit of the study, at most 10 %, is not met: the whole interval lies" in page
 
 
-def test_without_events_there_is_no_group() -> None:
+def test_without_events_there_is_no_group():
     made = study({})
     assert made.joint_events == ()
 
@@ -194,9 +191,7 @@ def test_without_events_there_is_no_group() -> None:
         ({"any": [3]}, "safe.any[0]", "3", 'such as "depth < 60 cm"'),
     ],
 )
-def test_a_mistake_is_told_with_its_place(
-    written: object, place: str, found: str, expected: str
-) -> None:
+def test_a_mistake_is_reported_with_its_place(written, place, found, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study({"safe": written})
     for part in (f"joint_probabilities.{place}", found, expected):

@@ -1,7 +1,5 @@
 """Samples of very many replicates."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from uqpen.core.sampling import Sampling
@@ -9,7 +7,7 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.sample import Sample
 
 
-def test_counts_of_many_replicates_come_some_at_a_time_and_are_those_of_each() -> None:
+def test_counts_of_many_replicates_come_some_at_a_time_and_are_those_of_each():
     rng = np.random.default_rng(3)
     replicates = np.sort(rng.integers(0, 2_000, 9_000))  # of any size, some of them empty
     sample = Sample(

@@ -1,12 +1,7 @@
 """Shares of model form: exact answers of models whose variances are known, and refusals."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.results.source_statistics import SourceStatistics
@@ -38,9 +33,7 @@ MONTE_CARLO = 'kind = "monte-carlo"\nruns = 4000'
 SHARES = ("model_form_share", "parameter_share", "interaction_share")
 
 
-def of_models(
-    folder: Path, first: str, second: str, design: str = MONTE_CARLO, extra: str = ""
-) -> xr.DataTree:
+def of_models(folder, first, second, design=MONTE_CARLO, extra=""):
     """The archive of two models, each a line of NumPy in x and z."""
     source = "import numpy as np\n"
     for name, line in (("first", first), ("second", second)):
@@ -49,7 +42,7 @@ def of_models(
     return uqpen.run(uqpen.parse_study(STUDY.format(design=design) + extra, folder=folder))
 
 
-def shares(tree: xr.DataTree) -> np.ndarray:
+def shares(tree):
     group = tree["model_form/sample/y"]
     return np.array([group[name].values for name in SHARES])
 
@@ -75,9 +68,7 @@ def shares(tree: xr.DataTree) -> np.ndarray:
         'kind = "sobol-sequence"\nruns = 256\nreplicates = 16',
     ],
 )
-def test_shares_are_those_of_an_analysis_of_variance(
-    tmp_path: Path, first: str, second: str, exact: tuple[float, float, float], design: str
-) -> None:
+def test_shares_are_those_of_an_analysis_of_variance(tmp_path, first, second, exact, design):
     found = shares(of_models(tmp_path, first, second, design))
     assert found[:, 0] == pytest.approx(exact, abs=0.03)  # about four errors of 4 000 draws
     assert found[:, 0].sum() == pytest.approx(1.0, abs=1e-12)
@@ -86,7 +77,7 @@ def test_shares_are_those_of_an_analysis_of_variance(
     assert (exact <= found[:, 2] + margin).all()
 
 
-def test_an_event_has_shares_of_its_own(tmp_path: Path) -> None:
+def test_an_event_has_shares_of_its_own(tmp_path):
     # P(y > 1) is 0 and 1 by the two: all of the variance of the event is model form.
     tree = of_models(tmp_path, "x", "x + 1")
     statistics = SourceStatistics.of_model_form(tree)
@@ -103,7 +94,7 @@ def test_an_event_has_shares_of_its_own(tmp_path: Path) -> None:
     ]
 
 
-def test_only_runs_that_all_models_completed_count(tmp_path: Path) -> None:
+def test_only_runs_that_all_models_completed_count(tmp_path):
     tree = of_models(tmp_path, "x", "np.where(x > 0.5, np.nan, x + 1)")
     share = tree["model_form/sample/y"]["model_form_share"]
     failed = int((tree["models/first/runs/sample"]["x"] > 0.5).sum())
@@ -113,7 +104,7 @@ def test_only_runs_that_all_models_completed_count(tmp_path: Path) -> None:
     assert share.values[0] == pytest.approx((1 / 4) / (1 / 4 + 1 / 48), abs=0.01)
 
 
-def test_a_stand_in_is_no_model_of_its_own(tmp_path: Path) -> None:
+def test_a_stand_in_is_no_model_of_its_own(tmp_path):
     of_models(tmp_path, "x", "x + 1")
     text = STUDY.format(design=MONTE_CARLO).replace(
         "[models.second]", '[models.second]\nstands_for = "first"\ncost = 0.1'
@@ -122,11 +113,11 @@ def test_a_stand_in_is_no_model_of_its_own(tmp_path: Path) -> None:
     assert "model_form" not in tree.children
 
 
-def test_a_design_that_is_no_sample_has_none(tmp_path: Path) -> None:
+def test_a_design_that_is_no_sample_has_none(tmp_path):
     assert list(of_models(tmp_path, "x", "x + 1")["model_form"].children) == ["sample"]
 
 
-def test_models_that_agree_in_everything_have_a_share_of_zero(tmp_path: Path) -> None:
+def test_models_that_agree_in_everything_have_a_share_of_zero(tmp_path):
     found = shares(of_models(tmp_path, "x", "x"))
     assert found[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert found[1] == pytest.approx([1.0, 1.0, 1.0], abs=1e-12)

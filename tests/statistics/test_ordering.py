@@ -1,7 +1,5 @@
 """Columns in ascending order, and the ranks and sums that follow from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -25,12 +23,12 @@ COLUMNS = arrays(np.float64, st.integers(0, 60), elements=NUMBERS)
 @given(COLUMNS)
 @example(np.array(NEAR_ONE * 3))
 @example(np.arange(40.0) ** 9)
-def test_the_order_is_that_of_a_stable_sort(values: FloatArray) -> None:
+def test_the_order_is_that_of_a_stable_sort(values):
     assert ascending_order(values).tolist() == np.argsort(values, kind="stable").tolist()
 
 
 @pytest.mark.parametrize("like", [3, 3_000])
-def test_values_with_like_leading_digits_are_sorted(like: int) -> None:
+def test_values_with_like_leading_digits_are_sorted(like):
     # Of 20 000 numbers words keep 37 bits of each value, which these values have in common.
     values = np.random.default_rng(1).permutation(20_000).astype(np.float64)
     values[:like] = 7 + np.random.default_rng(2).permutation(like) * 2.0**-49
@@ -38,7 +36,7 @@ def test_values_with_like_leading_digits_are_sorted(like: int) -> None:
 
 
 @given(COLUMNS)
-def test_levels_and_ranks_are_those_of_distinct_values(values: FloatArray) -> None:
+def test_levels_and_ranks_are_those_of_distinct_values(values):
     ordering = Ordering.of(values)
     distinct, level = np.unique(values, return_inverse=True)
     assert ordering.level.tolist() == level.tolist()
@@ -47,7 +45,7 @@ def test_levels_and_ranks_are_those_of_distinct_values(values: FloatArray) -> No
 
 
 @given(arrays(np.float64, st.integers(1, 40), elements=st.integers(-9, 9).map(float)))
-def test_sums_above_count_equal_values_half(values: FloatArray) -> None:
+def test_sums_above_count_equal_values_half(values):
     others = np.arange(len(values)) - 3.0
     above = values[None, :] > values[:, None]
     equal = values[None, :] == values[:, None]
@@ -56,9 +54,7 @@ def test_sums_above_count_equal_values_half(values: FloatArray) -> None:
 
 
 @given(COLUMNS, st.data())
-def test_the_order_of_some_is_a_part_of_the_order_of_all(
-    values: FloatArray, data: st.DataObject
-) -> None:
+def test_the_order_of_some_is_a_part_of_the_order_of_all(values, data):
     chosen = data.draw(arrays(np.bool_, len(values)))
     used = np.flatnonzero(chosen)
     columns = InputColumns.from_matrix(("x",), values[:, None])
@@ -67,7 +63,7 @@ def test_the_order_of_some_is_a_part_of_the_order_of_all(
     assert part.level.tolist() == np.unique(values[used], return_inverse=True)[1].tolist()
 
 
-def test_samples_of_the_same_runs_share_their_inputs() -> None:
+def test_samples_of_the_same_runs_share_their_inputs():
     columns, used = InputColumns.from_matrix(("x",), np.ones((5, 1))), np.arange(5)
     inputs = columns.at(used)
     assert columns.at(used) is inputs

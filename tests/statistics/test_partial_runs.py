@@ -1,7 +1,5 @@
 """Which of the finished runs of a design are a sample, while it runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,9 +9,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics.partial_runs import first_runs, sample_so_far
 
 
-def runs_of(
-    numbers: list[int], sampling: Sampling, replicates: list[int] | None = None
-) -> xr.Dataset:
+def runs_of(numbers, sampling, replicates=None):
     size = len(numbers)
     runs = xr.Dataset(
         {"x": (RUN, np.arange(size) / 7.0), STATUS: (RUN, np.zeros(size, dtype=np.int8))},
@@ -24,7 +20,7 @@ def runs_of(
     return runs if replicates is None else runs.assign_coords({REPLICATE: (RUN, replicates)})
 
 
-def test_runs_behind_one_that_is_not_finished_are_left_out() -> None:
+def test_runs_behind_one_that_is_not_finished_are_left_out():
     """Else runs that take long would be too rare."""
     finished = runs_of([0, 1, 2, 4, 5], Sampling.INDEPENDENT).assign(
         {"lost_run": ("lost_run", [1, 4]), "lost_reason": ("lost_run", ["a", "b"])}
@@ -35,7 +31,7 @@ def test_runs_behind_one_that_is_not_finished_are_left_out() -> None:
     assert first_runs(runs_of([1, 2], Sampling.INDEPENDENT)).sizes[RUN] == 0
 
 
-def test_independent_draws_are_a_sample_from_20_on() -> None:
+def test_independent_draws_are_a_sample_from_20_on():
     few = sample_so_far(runs_of([*range(19)], Sampling.INDEPENDENT), is_complete=False)
     assert few.runs is None
     assert few.reason == "fewer than 20 of its first runs are finished"
@@ -48,7 +44,7 @@ def test_independent_draws_are_a_sample_from_20_on() -> None:
     ("replicates", "used"),
     [([0, 0, 0], 0), ([0, 0, 0, 1, 1], 0), ([0, 0, 1, 1], 4), ([0, 0, 1, 1, 2], 4)],
 )
-def test_of_replicates_only_complete_ones_are_used(replicates: list[int], used: int) -> None:
+def test_of_replicates_only_complete_ones_are_used(replicates, used):
     runs = runs_of([*range(len(replicates))], Sampling.STRATIFIED, replicates)
     sample = sample_so_far(runs, is_complete=False)
     assert (0 if sample.runs is None else sample.runs.sizes[RUN]) == used
@@ -66,15 +62,13 @@ def test_of_replicates_only_complete_ones_are_used(replicates: list[int], used: 
         (Sampling.STRATIFIED, "no part is a stratified set"),
     ],
 )
-def test_other_designs_say_why_a_part_of_them_has_no_estimates(
-    sampling: Sampling, reason: str
-) -> None:
+def test_other_designs_say_why_a_part_of_them_has_no_estimates(sampling, reason):
     sample = sample_so_far(runs_of([*range(50)], sampling), is_complete=False)
     assert sample.runs is None
     assert reason in sample.reason
 
 
 @pytest.mark.parametrize("sampling", [Sampling.GIVEN, Sampling.STRATIFIED])
-def test_a_whole_sample_is_used_whatever_its_parts_are(sampling: Sampling) -> None:
+def test_a_whole_sample_is_used_whatever_its_parts_are(sampling):
     sample = sample_so_far(runs_of([*range(5)], sampling), is_complete=True)
     assert sample.runs is not None

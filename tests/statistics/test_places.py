@@ -1,9 +1,6 @@
 """Statistics at the places of a field: those of a scalar output, of the runs that exist there."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 
@@ -36,7 +33,7 @@ from uqpen.statistics.run_samples import sample_of
 Numbers = npt.NDArray[np.float64]
 
 # Distributions at the places: light and heavy tails, atoms, none.
-_DRAWN: list[Callable[[np.random.Generator, int], Numbers]] = [
+_DRAWN = [
     lambda random, runs: random.normal(size=runs),
     lambda random, runs: random.standard_cauchy(size=runs),
     lambda random, runs: np.full(runs, 0.3),
@@ -56,14 +53,14 @@ _DESIGNS = {
 }
 
 
-def curve(*, may_end: bool) -> QuantityOfInterest:
+def curve(*, may_end):
     time = Dimension("time", "s", values=tuple(map(float, range(len(_DRAWN)))))
     output = Output("curve", "m", dims=(time,), may_end=may_end)
     above, below = (Threshold("0.5", 0.5), Threshold("99", 99.0)), (Threshold("0.1", 0.1),)
     return QuantityOfInterest(output, "m", above, below, (0.01, 0.5, 0.9))
 
 
-def runs_of(design: str, runs: int, lost: int, seed: int, *, may_end: bool) -> xr.Dataset:
+def runs_of(design, runs, lost, seed, *, may_end):
     """Runs of a curve, with another distribution at each place."""
     random = np.random.default_rng(seed)
     values = np.stack([drawn(random, runs) for drawn in _DRAWN], axis=1)
@@ -83,9 +80,7 @@ def runs_of(design: str, runs: int, lost: int, seed: int, *, may_end: bool) -> x
     )
 
 
-def of_a_scalar(
-    runs: xr.Dataset, place: int, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def of_a_scalar(runs, place, quantity):
     """The statistics of one place, as those of a scalar output in the runs that exist there."""
     whole = replace(sample_of(runs, "curve"), level=quantity.confidence_level)
     exists = ~np.isnan(whole.values[:, place])
@@ -100,7 +95,7 @@ def of_a_scalar(
         yield "reached", share.to_array(units="1", long_name="")
 
 
-def without_numbers(text: str) -> str:
+def without_numbers(text):
     """A text of a scalar output, as it is at places."""
     text = re.sub(r"heavy tail \(.*?\)", texts.HEAVY_TAIL_AT_PLACES, text)
     text = re.sub(r"\A\d+ runs are too few", texts.TOO_FEW_RUNS_AT_PLACES, text)
@@ -117,9 +112,7 @@ def without_numbers(text: str) -> str:
     st.integers(0, 99),
     st.booleans(),
 )
-def test_each_place_has_the_statistics_of_a_scalar_output(
-    design: str, size: int, lost: int, seed: int, may_end: bool
-) -> None:
+def test_each_place_has_the_statistics_of_a_scalar_output(design, size, lost, seed, may_end):
     runs = runs_of(design, size, min(lost, size - 1), seed, may_end=may_end)
     quantity = curve(may_end=may_end)
     found = analyze(runs, [quantity], only=_AT_PLACES)["curve"]
@@ -135,9 +128,7 @@ def test_each_place_has_the_statistics_of_a_scalar_output(
 
 
 @pytest.mark.parametrize("design", _DESIGNS)
-def test_the_places_that_are_taken_together_do_not_matter(
-    design: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_places_that_are_taken_together_do_not_matter(design, monkeypatch):
     runs, quantity = runs_of(design, 300, 2, 5, may_end=True), curve(may_end=True)
     whole = analyze(runs, [quantity])["curve"]
     monkeypatch.setattr(field_sample, "_MOST_VALUES", 1)
@@ -145,7 +136,7 @@ def test_the_places_that_are_taken_together_do_not_matter(
         assert array.identical(whole[name])
 
 
-def test_statistics_of_a_curve_that_ends_are_of_the_runs_that_reach_the_place() -> None:
+def test_statistics_of_a_curve_that_ends_are_of_the_runs_that_reach_the_place():
     runs = runs_of("draws", 60, 0, 1, may_end=True)
     runs[STATUS][:4] = Status.INADMISSIBLE
     found = analyze(runs, [curve(may_end=True)])["curve"]
@@ -157,7 +148,7 @@ def test_statistics_of_a_curve_that_ends_are_of_the_runs_that_reach_the_place() 
     np.testing.assert_allclose(found["reached"].values[:, 0], shares)
 
 
-def test_a_place_that_no_run_reaches_says_so() -> None:
+def test_a_place_that_no_run_reaches_says_so():
     runs = runs_of("draws", 60, 0, 1, may_end=False)
     runs["curve"][:, -1] = np.nan
     runs["curve"][2:, -2] = np.nan
@@ -171,7 +162,7 @@ def test_a_place_that_no_run_reaches_says_so() -> None:
     assert np.isnan(mean.values[-1]).all()
 
 
-def test_estimates_are_put_along_a_dimension() -> None:
+def test_estimates_are_put_along_a_dimension():
     estimates = [Estimate(1.0, 0.0, 2.0, "a", "nominal"), Estimate.without_bounds(3.0, "why")]
     together = Estimate.stacked(estimates)
     array = together.to_array("probability", units="1", long_name="")
@@ -180,7 +171,7 @@ def test_estimates_are_put_along_a_dimension() -> None:
     assert repr(together.each()) == repr(estimates)
 
 
-def test_estimates_at_parts_of_the_places_are_joined_in_their_order() -> None:
+def test_estimates_at_parts_of_the_places_are_joined_in_their_order():
     first = Estimate.without_bounds(np.array([2.0, 0.0]), "few")
     second = Estimate.without_bounds(np.array([1.0])).with_note("late")
     joined = Estimate.joined([(np.array([2, 0]), first), (np.array([1]), second)])

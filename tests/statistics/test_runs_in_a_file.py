@@ -1,16 +1,10 @@
 """Analyses take a handle to runs, which may be those of a file."""
 
-from __future__ import annotations
-
-from collections.abc import Collection
-from pathlib import Path
-from typing import Any
-
 import netCDF4
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
@@ -19,69 +13,49 @@ from uqpen.execution import status_counts
 from uqpen.statistics import ANALYSES, INPUT_ANALYSES
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.run_samples import samples_of
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
 pytestmark = pytest.mark.processor
 
-STUDY = """
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[constraints]
-keep = ["x1 < 2.5"]
-[outputs.y]
-exceeds = [5]
-hold = [0.9]
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 600
-[designs.sobol]
-kind = "sobol-sequence"
-runs = 512
-replicates = 8
-[designs.one_hypercube]
-kind = "latin-hypercube"
-runs = 300
-replicates = 1
-[designs.pick_freeze]
-kind = "saltelli"
-base = 32
-[designs.morris]
-kind = "morris"
-trajectories = 12
-[designs.quadrature]
-kind = "quadrature"
-order = 5
-"""
+STUDY = study_text(
+    "ishigami",
+    seed=3,
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    constraints={"keep": ["x1 < 2.5"]},
+    outputs={"y": {"exceeds": [5], "hold": [0.9]}},
+    designs={
+        "monte_carlo": {"kind": "monte-carlo", "runs": 600},
+        "sobol": {"kind": "sobol-sequence", "runs": 512, "replicates": 8},
+        "one_hypercube": {"kind": "latin-hypercube", "runs": 300, "replicates": 1},
+        "pick_freeze": {"kind": "saltelli", "base": 32},
+        "morris": {"kind": "morris", "trajectories": 12},
+        "quadrature": {"kind": "quadrature", "order": 5},
+    },
+)
 DESIGNS = ["monte_carlo", "sobol", "one_hypercube", "pick_freeze", "morris", "quadrature"]
 
 
 class RunsInFile(BlockedRuns):
     """Runs of a design in an archive, read from the file part by part."""
 
-    def __init__(self, path: Path, design: str) -> None:
+    def __init__(self, path, design):
         self._file = netCDF4.Dataset(path)
         self._group = self._file["runs"][design]
-        self.columns: set[str] = set()
+        self.columns = set()
 
-    def close(self) -> None:
+    def close(self):
         self._file.close()
 
     @property
-    def size(self) -> int:
+    def size(self):
         return len(self._group.dimensions[RUN])
 
-    def read(self, start: int, stop: int) -> xr.Dataset:
+    def read(self, start, stop):
         failed = np.empty(0, dtype=np.int64)
         if FAILED_RUN in self._group.variables:
             numbers = np.asarray(self._group[FAILED_RUN][:])
             failed = np.flatnonzero((numbers >= start) & (numbers < stop))
-        places: dict[str, Any] = {RUN: slice(start, stop), FAILED_RUN: failed}
+        places = {RUN: slice(start, stop), FAILED_RUN: failed}
         variables = {}
         for name, each in self._group.variables.items():
             at = tuple(places.get(dim, slice(None)) for dim in each.dimensions)
@@ -93,30 +67,30 @@ class RunsInFile(BlockedRuns):
         attributes = {key: self._group.getncattr(key) for key in self._group.ncattrs()}
         return xr.Dataset(variables, attrs=attributes).set_coords(labels & variables.keys())
 
-    def column(self, name: str) -> npt.NDArray[Any]:
+    def column(self, name):
         self.columns.add(name)
         return np.asarray(self._group[name][:])
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     path = tmp_path_factory.mktemp("archive") / "study.nc"
     uqpen.make_archive(uqpen.parse_study(STUDY), path)
     return path
 
 
 @pytest.fixture
-def handle(archive: Path, request: pytest.FixtureRequest) -> Any:
+def handle(archive, request):
     runs = RunsInFile(archive, request.param)
     yield runs
     runs.close()
 
 
-def loaded(archive: Path, design: str) -> xr.Dataset:
+def loaded(archive, design):
     return uqpen.open_archive(archive)[f"runs/{design}"].to_dataset(inherit=False)
 
 
-def width(sample: Sample, quantity: Any) -> Any:
+def width(sample, quantity):
     """A user-defined analysis, which takes all points."""
     from uqpen.statistics.estimate import Estimate
 
@@ -126,9 +100,7 @@ def width(sample: Sample, quantity: Any) -> Any:
 
 
 @pytest.mark.parametrize(("handle", "design"), [(d, d) for d in DESIGNS], indirect=["handle"])
-def test_estimates_are_those_of_runs_in_memory_to_the_bit(
-    archive: Path, handle: RunsInFile, design: str
-) -> None:
+def test_estimates_are_those_of_runs_in_memory_to_the_bit(archive, handle, design):
     quantities = uqpen.parse_study(STUDY).quantities_of_interest
     user_defined = [UserDefinedAnalysis("width.py:width", width)]
     runs = loaded(archive, design)
@@ -145,9 +117,7 @@ def test_estimates_are_those_of_runs_in_memory_to_the_bit(
 
 
 @pytest.mark.parametrize("handle", ["monte_carlo"], indirect=True)
-def test_blocks_of_a_file_are_those_in_memory(
-    archive: Path, handle: RunsInFile, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blocks_of_a_file_are_those_in_memory(archive, handle, monkeypatch):
     monkeypatch.setattr("uqpen.core.blocks.BLOCK", 256)
     runs = LoadedDataset(loaded(archive, "monte_carlo"))
     assert handle.size == runs.size == 600
@@ -167,9 +137,7 @@ INPUTS = {"x1", "x2"}
     [(design, name) for design in ("monte_carlo", "sobol") for name in ANALYSES],
     indirect=["handle"],
 )
-def test_an_analysis_reads_no_more_than_it_declares(
-    handle: RunsInFile, only: Collection[str]
-) -> None:
+def test_an_analysis_reads_no_more_than_it_declares(handle, only):
     quantities = uqpen.parse_study(STUDY).quantities_of_interest
     analyze(handle, quantities, only=[only])
     assert handle.columns & INPUTS == (INPUTS if only in INPUT_ANALYSES else set())
@@ -177,7 +145,7 @@ def test_an_analysis_reads_no_more_than_it_declares(
 
 
 @pytest.mark.parametrize("handle", ["monte_carlo"], indirect=True)
-def test_points_are_put_together_when_they_are_needed(handle: RunsInFile) -> None:
+def test_points_are_put_together_when_they_are_needed(handle):
     one, other = samples_of(handle, ["y", "status"]).values()
     assert one.inputs == ("x1", "x2")
     assert not handle.columns & INPUTS

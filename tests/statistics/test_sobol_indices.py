@@ -1,18 +1,13 @@
 """Sobol' indices: exact answers, other people's estimators, and what becomes of lost runs."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
-from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import xarray as xr
 from SALib.analyze import sobol
 from scipy import stats
 
@@ -24,13 +19,12 @@ from uqpen.core.streams import Stream
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.python_function import PythonFunction
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.analyze import analyze
 from uqpen.statistics.intervals import ratio_error, ratio_jackknife_error
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 
@@ -42,14 +36,14 @@ OUTPUT = Output("y", "1")
 
 
 def runs_of(
-    function: Callable[..., Any],
-    distributions: Sequence[Distribution],
-    design: Saltelli,
+    function,
+    distributions,
+    design,
     *,
-    keep: str = "",
-    vectorized: bool = True,
-    seed: int = 1,
-) -> xr.Dataset:
+    keep="",
+    vectorized=True,
+    seed=1,
+):
     """The runs of a function of x1, x2 and so on."""
     names = [f"x{number + 1}" for number in range(len(distributions))]
     inputs = tuple(Input(name, "1") for name in names)
@@ -75,26 +69,24 @@ def runs_of(
     return runs.assign_attrs(sampling=str(design.sampling))
 
 
-def indices(runs: xr.Dataset, *exceeds: float) -> OutputStatistics:
+def indices(runs, *exceeds):
     thresholds = tuple(Threshold(str(value), value) for value in exceeds)
     return analyze(runs, [QuantityOfInterest(OUTPUT, "1", thresholds=thresholds)])["y"]
 
 
-def inside(array: xr.DataArray, exact: Sequence[float]) -> bool:
+def inside(array, exact):
     _, lower, upper = array.values.T
     return bool(((lower <= exact) & (exact <= upper)).all())
 
 
-def ishigami(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> FloatArray:
-    waves: FloatArray = np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
-    return waves
+def ishigami(x1, x2, x3):
+    return np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
 
 
-def sobol_g(*x: FloatArray) -> FloatArray:
+def sobol_g(*x):
     weights = (0, 1, 4.5, 9, 99, 99, 99, 99)
     factors = [(abs(4 * each - 2) + a) / (1 + a) for a, each in zip(weights, x, strict=True)]
-    product: FloatArray = np.prod(factors, axis=0)
-    return product
+    return np.prod(factors, axis=0)
 
 
 EXACT = {
@@ -120,25 +112,25 @@ EXACT = {
 
 
 @cache
-def of_known(name: str) -> OutputStatistics:
+def of_known(name):
     function, distributions, *_ = EXACT[name]
     return indices(runs_of(function, distributions, Saltelli(16 * 512, second_order=True)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXACT)
-def test_intervals_hold_the_exact_indices(name: str) -> None:
+def test_intervals_hold_the_exact_indices(name):
     _, _, first, total = EXACT[name]
     found = of_known(name)
     assert inside(found["first_order"], first)
     assert inside(found["total_order"], total)
     assert set(found["first_order"]["interval_label"].values) == {"nominal"}
-    # What takes part in a twentieth of the variance is told from what takes part in none.
+    # What takes part in a twentieth of the variance is distinguished from what takes part in none.
     _, lower, upper = found["total_order"].values.T
     assert (upper - lower < 2 * 0.05).all()
 
 
-def test_pairs_have_the_indices_of_their_interaction() -> None:
+def test_pairs_have_the_indices_of_their_interaction():
     between_1_and_3 = 0.24368366406214773
     found = of_known("ishigami")["second_order"]
     assert found["pair"].values.tolist() == ["x1, x2", "x1, x3", "x2, x3"]
@@ -146,7 +138,7 @@ def test_pairs_have_the_indices_of_their_interaction() -> None:
     assert inside(of_known("product and sum")["second_order"], (1 / 19, 0, 0))
 
 
-def test_figures_are_those_of_salib_itself() -> None:
+def test_figures_are_those_of_salib_itself():
     design = Saltelli(256, 4, second_order=True)
     runs = runs_of(ishigami, [Uniform(-math.pi, math.pi)] * 3, design)
     found = indices(runs)
@@ -166,7 +158,7 @@ def test_figures_are_those_of_salib_itself() -> None:
     np.testing.assert_allclose(ours["second_order"], pairs, atol=1e-3)
 
 
-def test_figures_are_those_of_scipy() -> None:
+def test_figures_are_those_of_scipy():
     runs = runs_of(ishigami, [Uniform(-math.pi, math.pi)] * 3, Saltelli(256, 4))
     found = indices(runs)
     A, B, *mixed = runs["y"].values.reshape(256, 5).T[:, np.newaxis]
@@ -178,7 +170,7 @@ def test_figures_are_those_of_scipy() -> None:
         np.testing.assert_allclose(ours, getattr(theirs, order), atol=1e-12)
 
 
-def test_neither_unit_nor_offset_nor_order_of_the_rows_matters() -> None:
+def test_neither_unit_nor_offset_nor_order_of_the_rows_matters():
     runs = runs_of(ishigami, [Uniform(-math.pi, math.pi)] * 3, Saltelli(256, 4), keep="x1 > -3")
     plain = indices(runs)
     # SALib by itself says zero of so small a variance.
@@ -192,7 +184,7 @@ def test_neither_unit_nor_offset_nor_order_of_the_rows_matters() -> None:
 
 
 @pytest.fixture(scope="module")
-def concrete() -> SourceStatistics:
+def concrete():
     study = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
     before, _, _ = study.partition("[designs.")
     text = f'{before}\n[designs.indices]\nkind = "saltelli"\nbase = {16 * 512}\n'
@@ -201,13 +193,13 @@ def concrete() -> SourceStatistics:
     return SourceStatistics(tree)
 
 
-def indices_of(statistics: SourceStatistics, output: str, name: str) -> xr.DataArray:
+def indices_of(statistics, output, name):
     array = statistics.get("indices", output, name)
     assert array is not None
     return array
 
 
-def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: SourceStatistics) -> None:
+def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete):
     first = indices_of(concrete, "penetration_depth", "first_order")
     total = indices_of(concrete, "penetration_depth", "total_order")
     assert first["input"].values.tolist() == [
@@ -226,7 +218,7 @@ def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: Source
     assert "heavy tail" in str(first["note"].values[0])
 
 
-def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete: SourceStatistics) -> None:
+def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete):
     # From 512 times as many blocks, whose errors are below 0.0006.
     first = indices_of(concrete, "projectile_residue", "first_order")
     total = indices_of(concrete, "projectile_residue", "total_order")
@@ -235,7 +227,7 @@ def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete: SourceSt
     assert set(total["interval_label"].values) == {"nominal"}
 
 
-def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete: SourceStatistics) -> None:
+def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete):
     log = indices_of(concrete, "penetration_depth", "log_first_order")
     assert inside(log, (0.00174, 0.18319, 0.5671, 0.2376))
     exceedance = indices_of(concrete, "penetration_depth", "exceedance_total_order")
@@ -246,7 +238,7 @@ def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete: SourceS
     assert kinds.dims == ("category", "input", "bound")
 
 
-def test_every_index_is_in_the_catalogue() -> None:
+def test_every_index_is_in_the_catalogue():
     found = indices(runs_of(sobol_g, [UNIT] * 8, Saltelli(64, 4, second_order=True)), 1.0)
     assert "exceedance_first_order" in found
     assert set(found) <= set(CATALOGUE)
@@ -256,21 +248,21 @@ TRIANGLE = Saltelli(16 * 512, second_order=True)
 
 
 @cache
-def triangle(function: Callable[..., Any]) -> OutputStatistics:
+def triangle(function):
     """Indices under the law of three uniform inputs, given that the first exceeds the second."""
     return indices(runs_of(function, [UNIT] * 3, TRIANGLE, keep="x1 > x2"))
 
 
-def of_sum(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> FloatArray:
+def of_sum(x1, x2, x3):
     return x1 + x2 + x3
 
 
-def of_first(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> FloatArray:
+def of_first(x1, x2, x3):
     return x1 + 0 * x2
 
 
 @pytest.mark.slow
-def test_redraws_give_the_indices_of_the_conditional_law() -> None:
+def test_redraws_give_the_indices_of_the_conditional_law():
     # Given x1, x2 is uniform below it: E[x1 + x2 | x1] = 3/2 x1 with a variance of 9/4 · 1/18, out
     # of 1/6 + 1/12; given x2, x1 varies by E[(1 - x2)²] / 12 = 1/24.
     found = triangle(of_sum)
@@ -282,7 +274,7 @@ def test_redraws_give_the_indices_of_the_conditional_law() -> None:
 
 
 @pytest.mark.slow
-def test_what_an_output_does_not_depend_on_may_still_tell_of_it() -> None:
+def test_what_an_output_does_not_depend_on_may_still_tell_of_it():
     found = triangle(of_first)
     # E[x1 | x2] = (1 + x2) / 2; the variances are 1/4 · 1/18 out of 1/18. Of x1 itself, x2 leaves
     # 1/24. Of x1, nothing is left once it is known.
@@ -294,12 +286,12 @@ def test_what_an_output_does_not_depend_on_may_still_tell_of_it() -> None:
     assert np.isnan(total.values[1, 1:]).all()
 
 
-def test_one_run_of_each_fate_is_counted_and_spoils_nothing() -> None:
+def test_one_run_of_each_fate_is_counted_and_spoils_nothing():
     fates = {100: "inadmissible", 200: "nan", 300: "exception"}
     clean = runs_of(ishigami, [Uniform(-math.pi, math.pi)] * 3, Saltelli(256, 4))
     spoilt = {fate: float(clean["x1"][run]) for run, fate in fates.items()}
 
-    def function(x1: float, x2: float, x3: float) -> float:
+    def function(x1, x2, x3):
         if x1 == spoilt["exception"]:
             raise RuntimeError("no such luck")
         return math.nan if x1 == spoilt["nan"] else float(ishigami(*np.array([x1, x2, x3])))
@@ -326,7 +318,7 @@ def test_one_run_of_each_fate_is_counted_and_spoils_nothing() -> None:
     np.testing.assert_allclose(array, indices(clean)["first_order"], atol=0.05)
 
 
-def test_memory_does_not_grow_with_thresholds() -> None:
+def test_memory_does_not_grow_with_thresholds():
     runs, peaks = runs_of(lambda x1, x2: x1 + x2, [UNIT, UNIT], Saltelli(2048)), []
     for number in (2, 2, 60):  # the first imports
         tracemalloc.start()
@@ -337,7 +329,7 @@ def test_memory_does_not_grow_with_thresholds() -> None:
     assert peaks[2] - peaks[1] < 20
 
 
-def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:
+def test_a_block_that_no_draw_completes_is_dropped_and_said_so():
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(64, 4), keep="x1 > x2 + 0.97"))
     attributes = found["first_order"].attrs
     assert attributes["blocks_dropped"] > 0
@@ -352,7 +344,7 @@ def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:
         (lambda x1, x2: np.where(x1 > 2, x1, np.nan), "", "no block is complete"),
     ],
 )
-def test_what_has_no_indices_says_why(function: Callable[..., Any], keep: str, reason: str) -> None:
+def test_what_has_no_indices_says_why(function, keep, reason):
     found = indices(runs_of(function, [UNIT] * 2, Saltelli(64, 4), keep=keep), 0.5)
     for order in ("first_order", "total_order"):
         assert np.isnan(found[order]).all()
@@ -360,7 +352,7 @@ def test_what_has_no_indices_says_why(function: Callable[..., Any], keep: str, r
     assert set(found["exceedance_first_order"]["interval_label"].values.ravel()) == {"none"}
 
 
-def test_one_replicate_alone_tells_no_error() -> None:
+def test_one_replicate_alone_tells_no_error():
     runs = runs_of(of_sum, [UNIT] * 3, Saltelli(64, 2))
     lost = runs["replicate"].values == 1
     runs["status"].values[lost] = Status.FAILED
@@ -371,13 +363,13 @@ def test_one_replicate_alone_tells_no_error() -> None:
     assert "one replicate" in str(found["note"].values[0])
 
 
-def test_few_blocks_say_that_they_cover_less() -> None:
+def test_few_blocks_say_that_they_cover_less():
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(16, 8)))
     assert "only 16 blocks" in str(found["total_order"]["note"].values[0])
     assert set(found["total_order"]["interval_label"].values) == {"conservative"}
 
 
-def test_an_event_that_few_runs_met_has_no_interval() -> None:
+def test_an_event_that_few_runs_met_has_no_interval():
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(256, 4)), 2.6, 1.5, 4.0)
     rare, often, never = found["exceedance_total_order"].values
     notes = found["exceedance_total_order"]["note"].values[:, 0]
@@ -388,12 +380,12 @@ def test_an_event_that_few_runs_met_has_no_interval() -> None:
     assert notes[2] == "the event occurs in all runs or in none"
 
 
-def test_a_value_below_zero_has_no_logarithm() -> None:
+def test_a_value_below_zero_has_no_logarithm():
     assert "log_first_order" not in of_known("ishigami")
     assert "log_first_order" in of_known("product and sum")
 
 
-def test_strata_that_leave_no_scatter_tell_no_error() -> None:
+def test_strata_that_leave_no_scatter_tell_no_error():
     runs = runs_of(lambda x1, x2: 1.0 * (np.asarray(x1) > 0.5), [UNIT] * 2, Saltelli(256, 4))
     found = indices(runs)
     assert found["first_order"].values[0, 0] == pytest.approx(1)
@@ -401,14 +393,14 @@ def test_strata_that_leave_no_scatter_tell_no_error() -> None:
     assert "no scatter" in str(found["first_order"]["note"].values[0])
 
 
-def test_the_jackknife_of_a_mean_is_its_error_over_replicates() -> None:
+def test_the_jackknife_of_a_mean_is_its_error_over_replicates():
     rng = np.random.default_rng(1)
     values, group = rng.random(60), np.repeat(np.arange(6), 10)
     jackknife = ratio_jackknife_error(values, np.ones(60), group, 6)
     assert jackknife == pytest.approx(ratio_error(values, group, 6))
 
 
-def test_the_jackknife_of_a_ratio_is_the_textbooks() -> None:
+def test_the_jackknife_of_a_ratio_is_the_textbooks():
     rng = np.random.default_rng(1)
     above, below, group = rng.random(60), 1 + rng.random(60), np.repeat(np.arange(6), 10)
     without = np.array([above[group != g].sum() / below[group != g].sum() for g in range(6)])

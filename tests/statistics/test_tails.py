@@ -1,13 +1,10 @@
 """Expected shortfall and return levels."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 import scipy
-import xarray as xr
 
 import uqpen
 from uqpen.archive.structure import find_faults
@@ -33,24 +30,24 @@ REQUESTS = QuantityOfInterest(
 )
 
 
-def sample(values: np.ndarray, replicates: int = 1) -> Sample:
+def sample(values, replicates=1):
     used = np.arange(len(values))
     of_runs = used * replicates // len(values)
     sampling = Sampling.STRATIFIED if replicates > 1 else Sampling.INDEPENDENT
     return Sample(values, used, used[:0], InputColumns.none(len(values)), of_runs, sampling)
 
 
-def pareto(shape: float, runs: int, seed: int = 1) -> np.ndarray:
+def pareto(shape, runs, seed=1):
     """Return excesses of a generalised Pareto distribution with scale 1."""
     unit = np.random.default_rng(seed).random(runs)
     return np.expm1(-shape * np.log(unit)) / shape if shape else -np.log(unit)
 
 
-def shortfall(values: np.ndarray, replicates: int = 1) -> xr.DataArray:
+def shortfall(values, replicates=1):
     return dict(expected_shortfalls(sample(values, replicates), REQUESTS))["expected_shortfall"]
 
 
-def test_expected_shortfall_is_the_mean_of_the_largest_runs() -> None:
+def test_expected_shortfall_is_the_mean_of_the_largest_runs():
     values = np.random.default_rng(3).permutation(np.arange(1.0, 1001.0))
     found = shortfall(values)
     # Uniform on 0 to 1000: the mean beyond 900 is 950. The quantile lies between two runs.
@@ -59,7 +56,7 @@ def test_expected_shortfall_is_the_mean_of_the_largest_runs() -> None:
 
 
 @pytest.mark.parametrize("replicates", [1, 10])
-def test_its_interval_contains_that_of_a_known_distribution(replicates: int) -> None:
+def test_its_interval_contains_that_of_a_known_distribution(replicates):
     found = shortfall(pareto(0.0, 4000), replicates)
     # Of an exponential distribution, the quantile and its mean of 1 beyond.
     for place, level in enumerate((0.9, 0.99)):
@@ -67,7 +64,7 @@ def test_its_interval_contains_that_of_a_known_distribution(replicates: int) -> 
         assert lower < -math.log(1 - level) + 1 < upper
 
 
-def test_a_multiple_and_a_shift_of_the_output_are_those_of_its_expected_shortfall() -> None:
+def test_a_multiple_and_a_shift_of_the_output_are_those_of_its_expected_shortfall():
     values = pareto(0.2, 500)
     # The same numbers in other units, but for rounding.
     np.testing.assert_allclose(
@@ -75,14 +72,14 @@ def test_a_multiple_and_a_shift_of_the_output_are_those_of_its_expected_shortfal
     )
 
 
-def test_few_runs_beyond_the_quantile_give_no_interval() -> None:
+def test_few_runs_beyond_the_quantile_give_no_interval():
     found = shortfall(pareto(0.0, 500))
     assert np.isfinite(found.values[0]).all()
     assert np.isnan(found.values[1, 1:]).all()
     assert "fewer than ten runs lie on one side of the quantile" in str(found["note"].values[1])
 
 
-def test_a_generalised_pareto_distribution_is_found_again() -> None:
+def test_a_generalised_pareto_distribution_is_found_again():
     for shape in (-0.3, 0.0, 0.5):
         fit = fit_tails(pareto(shape, 20_000))
         # Three standard errors: (1 + ξ)/√n of the shape.
@@ -90,7 +87,7 @@ def test_a_generalised_pareto_distribution_is_found_again() -> None:
         assert float(fit.scale) == pytest.approx(1, abs=0.05)
 
 
-def test_p_values_of_true_samples_are_uniform_and_of_others_small() -> None:
+def test_p_values_of_true_samples_are_uniform_and_of_others_small():
     excesses = np.stack([pareto(0.2, 200, seed) for seed in range(400)])
     fit = fit_tails(excesses)
     found = np.array([p_value(*each) for each in zip(fit.anderson_darling, fit.shape, strict=True)])
@@ -101,12 +98,12 @@ def test_p_values_of_true_samples_are_uniform_and_of_others_small() -> None:
     assert p_value(float(other.anderson_darling), float(other.shape)) < 0.01
 
 
-def levels(values: np.ndarray, replicates: int = 1) -> dict[str, xr.DataArray]:
+def levels(values, replicates=1):
     return dict(return_levels(sample(values, replicates), REQUESTS))
 
 
 @pytest.mark.parametrize("shape", [0.0, 0.3])
-def test_intervals_of_return_levels_contain_those_of_a_pareto_distribution(shape: float) -> None:
+def test_intervals_of_return_levels_contain_those_of_a_pareto_distribution(shape):
     found = levels(pareto(shape, 3000))["return_level"]
     for place, period in ((1, 1e3), (2, 1e5)):
         exact = math.expm1(shape * math.log(period)) / shape if shape else math.log(period)
@@ -119,7 +116,7 @@ def test_intervals_of_return_levels_contain_those_of_a_pareto_distribution(shape
     assert "beyond all runs" not in notes[1]
 
 
-def test_the_fitted_tail_is_stated() -> None:
+def test_the_fitted_tail_is_stated():
     found = levels(pareto(0.3, 3000))
     count = float(found["tail_runs"].values[0])
     assert count == 144  # 10 n^(1/3)
@@ -136,20 +133,20 @@ def test_the_fitted_tail_is_stated() -> None:
         (np.ones(2000), "the output does not vary"),
     ],
 )
-def test_what_has_no_tail_is_refused_with_the_reason(values: np.ndarray, reason: str) -> None:
+def test_what_has_no_tail_is_refused_with_the_reason(values, reason):
     found = levels(values)["return_level"]
     assert np.isnan(found.values).all()
     assert reason in str(found["note"].values[2])
 
 
-def spread_evenly(runs: int) -> np.ndarray:
+def spread_evenly(runs):
     """Return lognormal values at equally likely steps, ascending."""
     return np.exp(0.5 * scipy.special.ndtri((np.arange(runs) + 0.5) / runs))
 
 
 # Of the last, 50 runs beyond a threshold make a share of 0.00076.
 @pytest.mark.parametrize(("runs", "period"), [(2000, 32.0), (10_000, 186.0), (65_536, 1312.0)])
-def test_a_return_level_close_to_a_threshold_has_an_interval(runs: int, period: float) -> None:
+def test_a_return_level_close_to_a_threshold_has_an_interval(runs, period):
     requests = QuantityOfInterest(Output("y", "m"), "m", return_periods=(period,))
     found = dict(return_levels(sample(spread_evenly(runs)), requests))["return_level"]
     value, lower, upper = found.values[0]
@@ -158,7 +155,7 @@ def test_a_return_level_close_to_a_threshold_has_an_interval(runs: int, period: 
     assert value == pytest.approx(exact, rel=0.01)
 
 
-def test_an_end_below_the_threshold_is_a_run_that_the_binomial_distribution_excludes() -> None:
+def test_an_end_below_the_threshold_is_a_run_that_the_binomial_distribution_excludes():
     values = spread_evenly(10_000)
     (tail, *_) = fitting_tails(values)
     beyond = len(tail.excesses)
@@ -176,7 +173,7 @@ def test_an_end_below_the_threshold_is_a_run_that_the_binomial_distribution_excl
             assert lower > tail.threshold
 
 
-def test_an_end_of_an_interval_moves_past_a_threshold_without_a_jump() -> None:
+def test_an_end_of_an_interval_moves_past_a_threshold_without_a_jump():
     values = spread_evenly(10_000)
     (tail, *_) = fitting_tails(values)
     periods = np.linspace(1.1, 1.2, 41) * 10_000 / len(tail.excesses)
@@ -188,7 +185,7 @@ def test_an_end_of_an_interval_moves_past_a_threshold_without_a_jump() -> None:
     assert np.diff(ends).max() < 2 * apart
 
 
-def test_an_end_does_not_depend_on_the_unit() -> None:
+def test_an_end_does_not_depend_on_the_unit():
     values = np.sort(pareto(0.2, 2000))
     (tail, *_), (small, *_) = fitting_tails(values), fitting_tails(1e-15 * values)
     np.testing.assert_allclose(
@@ -196,23 +193,23 @@ def test_an_end_does_not_depend_on_the_unit() -> None:
     )
 
 
-def test_no_period_is_too_long() -> None:
+def test_no_period_is_too_long():
     (tail, *_) = fitting_tails(np.sort(pareto(1.5, 2000)))
     lower, upper = tail.interval(1e300, 0.95)
     assert math.isfinite(lower)
     assert upper == math.inf
 
 
-def test_of_replicates_the_interval_is_called_conservative() -> None:
+def test_of_replicates_the_interval_is_called_conservative():
     found = levels(pareto(0.1, 2000), 10)["return_level"]
     assert found["interval_label"].values[1] == "conservative"
 
 
-def model(a: np.ndarray) -> dict[str, np.ndarray]:
+def model(a):
     return {"y": np.where(a < 1, np.nan, np.exp(a))}
 
 
-def study(**requests: object) -> uqpen.Study:
+def study(**requests):
     return uqpen.Study(
         uqpen.PythonModel(model, {"a": "1"}, {"y": "m"}, vectorized=True),
         {"a": uqpen.Normal(3, 1)},
@@ -223,19 +220,19 @@ def study(**requests: object) -> uqpen.Study:
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     return uqpen.run(study(expected_shortfall=[0.95], return_periods=[10_000, 1000]))
 
 
-def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None:
+def test_archive_tables_json_and_the_long_table_agree(tree):
     assert list(find_faults(tree)) == []
     found = tree["statistics/mc/y"]
     assert found["return_period"].values.tolist() == [1000, 10_000]
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
-    shown = told["expected_shortfall"]["0.95"]
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
+    shown = reported["expected_shortfall"]["0.95"]
     assert shown["estimate"] == float(found["expected_shortfall"][0, 0])
-    assert told["return_levels"]["1000.0"]["estimate"] == float(found["return_level"][0, 0])
-    assert told["tail_runs"]["estimate"] == float(found["tail_runs"][0])
+    assert reported["return_levels"]["1000.0"]["estimate"] == float(found["return_level"][0, 0])
+    assert reported["tail_runs"]["estimate"] == float(found["tail_runs"][0])
     rows = [label for table in output_tables(tree) for label, _ in table.rows]
     assert "mean beyond the 95 % quantile" in rows
     assert "exceeded once in 10000 cases" in rows
@@ -244,14 +241,14 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
     assert frame["estimate"].tolist() == found["return_level"].values[:, 0].tolist()
 
 
-def test_what_the_study_asks_for_is_in_the_answer(tree: xr.DataTree) -> None:
-    told = str(list(answer(ArchiveView(tree, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
-    assert "Beyond its 95 % quantile, the mean of y is " in told
-    assert "Once in 1000 cases on average, y exceeds " in told
-    assert "Once in 10000 cases on average, y exceeds " in told
+def test_what_the_study_asks_for_is_in_the_answer(tree):
+    reported = str(list(answer(ArchiveView(tree, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
+    assert "Beyond its 95 % quantile, the mean of y is " in reported
+    assert "Once in 1000 cases on average, y exceeds " in reported
+    assert "Once in 10000 cases on average, y exceeds " in reported
 
 
-def test_what_has_no_estimate_or_no_room_among_the_sentences_stands_below_them() -> None:
+def test_what_has_no_estimate_or_no_room_among_the_sentences_stands_below_them():
     asked = study(
         exceeds=["10 cm", "20 cm", "40 cm"], expected_shortfall=[0.95], return_periods=[10]
     )
@@ -269,7 +266,7 @@ def test_what_has_no_estimate_or_no_room_among_the_sentences_stands_below_them()
     assert level.text.startswith("No estimate: it lies below the threshold of the fitted tail")
 
 
-def test_those_of_a_surrogate_say_why_no_run_corrects_them() -> None:
+def test_those_of_a_surrogate_say_why_no_run_corrects_them():
     asked = uqpen.Study(
         lambda a: {"y": np.exp(a)},
         {"a": uqpen.Normal(0, 0.5)},
@@ -296,19 +293,19 @@ def test_those_of_a_surrogate_say_why_no_run_corrects_them() -> None:
     assert "fewer than 500 runs are too few to fit a tail" in counted
 
 
-def test_failed_runs_are_named_at_the_tail(tree: xr.DataTree) -> None:
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["return_levels"]["1000.0"]
+def test_failed_runs_are_named_at_the_tail(tree):
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["return_levels"]["1000.0"]
     failed = int((tree["runs/mc"]["status"].values != 0).sum())
     assert failed > 0
-    assert f"{failed} failed runs may lie in the tail" in told["note"]
+    assert f"{failed} failed runs may lie in the tail" in reported["note"]
 
 
-def test_nothing_is_computed_that_is_not_requested() -> None:
+def test_nothing_is_computed_that_is_not_requested():
     found = uqpen.run(study())["statistics/mc/y"]
     assert not {"return_level", "tail_shape", "expected_shortfall"} & set(found.data_vars)
 
 
-def test_of_many_runs_a_part_is_taken_and_says_so(tree: xr.DataTree) -> None:
+def test_of_many_runs_a_part_is_taken_and_says_so(tree):
     runs = tree["runs/mc"].to_dataset()
     found = analyze(runs, [REQUESTS], in_memory=1000)["y"]
     assert "from 1000 of 1500 runs" in str(found["return_level"]["note"].values[1])
@@ -323,9 +320,7 @@ def test_of_many_runs_a_part_is_taken_and_says_so(tree: xr.DataTree) -> None:
         ({"expected_shortfall": [95]}, "expected_shortfall[0]", "between 0 and 1"),
     ],
 )
-def test_a_mistake_is_reported_with_its_place(
-    requests: dict[str, object], place: str, expected: str
-) -> None:
+def test_a_mistake_is_reported_with_its_place(requests, place, expected):
     with pytest.raises(uqpen.StudyError) as caught:
         study(**requests)
     assert f"outputs.y.{place}" in str(caught.value)

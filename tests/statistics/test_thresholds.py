@@ -1,9 +1,5 @@
 """Probabilities of exceeding a value and of lying below it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -19,13 +15,11 @@ from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., ValidatedStudy]
 LENGTH = Output("y", "m")
 
 
-def runs_of(values: np.ndarray, sampling: str = "independent", replicates: int = 0) -> xr.Dataset:
+def runs_of(values, sampling="independent", replicates=0):
     """Runs with these values of y; NaN for a failed one."""
     status = np.where(np.isnan(values), 2, 0).astype(np.int8)
     sets = {"replicate": ("run", np.arange(len(values)) % replicates)} if replicates else {}
@@ -40,13 +34,13 @@ def runs_of(values: np.ndarray, sampling: str = "independent", replicates: int =
     )
 
 
-def below(values: np.ndarray, *thresholds: float, **of_runs: object) -> xr.DataArray:
+def below(values, *thresholds, **of_runs):
     asked = tuple(Threshold(f"{value:g} m", value) for value in thresholds)
     quantity = QuantityOfInterest(LENGTH, "m", lower_thresholds=asked)
     return analyze(runs_of(values, **of_runs), [quantity], only=["exceedance"])["y"]["below"]  # type: ignore[arg-type]
 
 
-def exceedance(values: np.ndarray, *thresholds: float, **of_runs: object) -> xr.DataArray:
+def exceedance(values, *thresholds, **of_runs):
     asked = tuple(Threshold(f"{value:g} m", value) for value in thresholds)
     quantity = QuantityOfInterest(LENGTH, "m", thresholds=asked)
     found = analyze(runs_of(values, **of_runs), [quantity], only=["exceedance"])  # type: ignore[arg-type]
@@ -54,7 +48,7 @@ def exceedance(values: np.ndarray, *thresholds: float, **of_runs: object) -> xr.
 
 
 class TestBelow:
-    def test_the_interval_is_the_exact_binomial_one(self) -> None:
+    def test_the_interval_is_the_exact_binomial_one(self):
         found = below(np.arange(20.0), 3.0)
         # 0, 1 and 2 lie below 3; the quantiles are those of Beta(3, 18) and Beta(4, 17).
         ends = special.betaincinv(3, 18, 0.025), special.betaincinv(4, 17, 0.975)
@@ -62,7 +56,7 @@ class TestBelow:
         assert found["lower_threshold_value"].values.tolist() == [3.0]
         assert found["lower_threshold"].values.tolist() == ["3 m"]
 
-    def test_no_run_below_leaves_an_upper_bound_alone(self) -> None:
+    def test_no_run_below_leaves_an_upper_bound_alone(self):
         # 1 - 0.025^(1/20): the exact bound for no event in 20 runs.
         assert below(np.arange(20.0), 0.0).values[0] == pytest.approx(
             [0, 0, 1 - 0.025 ** (1 / 20)], abs=1e-12
@@ -73,7 +67,7 @@ class TestBelow:
         [{}, {"sampling": "stratified", "replicates": 8}, {"sampling": "stratified"}],
         ids=["independent", "replicated", "single set"],
     )
-    def test_it_is_the_exceedance_of_the_mirrored_output(self, of_runs: dict[str, object]) -> None:
+    def test_it_is_the_exceedance_of_the_mirrored_output(self, of_runs):
         values = np.random.default_rng(5).gumbel(size=320)
         values[::40] = np.nan
         one = below(values, -1.0, 0.3, 2.0, **of_runs)
@@ -82,22 +76,22 @@ class TestBelow:
         assert one["note"].values.tolist() == other["note"].values.tolist()
         assert one["interval_label"].values.tolist() == other["interval_label"].values.tolist()
 
-    def test_failed_runs_count_both_ways(self) -> None:
+    def test_failed_runs_count_both_ways(self):
         values = np.arange(20.0)
         values[5:10] = np.nan
         found = below(values, 3.0).values[0]
         lowest, highest = special.betaincinv(3, 18, 0.025), special.betaincinv(9, 12, 0.975)
         assert found == pytest.approx([3 / 15, lowest, highest], abs=1e-12)
 
-    def test_a_value_at_the_threshold_is_on_neither_side(self) -> None:
+    def test_a_value_at_the_threshold_is_on_neither_side(self):
         values = np.repeat([1.0, 2.0, 3.0], 10)
         both = [below(values, 2.0).values[0, 0], exceedance(values, 2.0).values[0, 0]]
         assert both == pytest.approx([1 / 3, 1 / 3])
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
-    def function(a: float, b: float) -> dict[str, float]:
+def tree(tmp_path_factory):
+    def function(a, b):
         return {"y": a + 2 * b}
 
     study = uqpen.Study(
@@ -111,7 +105,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     return uqpen.run(study)
 
 
-def test_the_archive_has_it_by_every_source(tree: xr.DataTree) -> None:
+def test_the_archive_has_it_by_every_source(tree):
     assert list(find_faults(tree)) == []
     for source in ("mc", "lhs", "pce"):
         found = tree[f"statistics/{source}/y"]["below"].sel(
@@ -123,24 +117,24 @@ def test_the_archive_has_it_by_every_source(tree: xr.DataTree) -> None:
     np.testing.assert_array_equal(history[-1], tree["statistics/mc/y"]["below"])
 
 
-def test_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None:
+def test_tables_json_and_the_long_table_agree(tree):
     rows = dict(
         next(table for table in output_tables(tree) if "P(< 72 cm)" in dict(table.rows)).rows
     )
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["below"]["72 cm"]
-    assert rows["P(< 72 cm)"][0].startswith(f"{told['estimate']:.3f}")
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]["below"]["72 cm"]
+    assert rows["P(< 72 cm)"][0].startswith(f"{reported['estimate']:.3f}")
     frame = long_table(tree).query("source == 'mc' and statistic == 'below'")
     assert frame["lower_threshold"].tolist() == ["72 cm", "2 m"]
-    assert frame["estimate"].iloc[0] == told["estimate"]
+    assert frame["estimate"].iloc[0] == reported["estimate"]
 
 
-def test_the_page_has_a_sentence_of_it(tree: xr.DataTree) -> None:
+def test_the_page_has_a_sentence_of_it(tree):
     page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
     assert "head='y above 2 m', text='In " in page
     assert "head='y below 72 cm', text='In " in page
 
 
-def test_the_study_states_it_in_its_text_and_its_summary() -> None:
+def test_the_study_states_it_in_its_text_and_its_summary():
     study = uqpen.Study(
         lambda a: {"y": a},
         {"a": uqpen.Uniform("0 m", "1 m")},
@@ -153,7 +147,7 @@ def test_the_study_states_it_in_its_text_and_its_summary() -> None:
     assert study.quantities_of_interest[0].lower_thresholds == (Threshold("0.5 m", 0.5),)
 
 
-def test_a_wrong_threshold_is_refused_with_its_place(study_of: MakeStudy) -> None:
+def test_a_wrong_threshold_is_refused_with_its_place(study_of):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("a", '[outputs.y]\nbelow = [0.5, "2 kg"]', a=(0, 1))
     assert "outputs.y.below[1]" in str(caught.value)

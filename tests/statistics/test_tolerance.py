@@ -1,7 +1,5 @@
 """Tolerance limits: upper, lower and two-sided, by Wilks' rule and over replicates."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -32,9 +30,7 @@ LENGTH = Output("y", "m")
 STATISTICS = ("tolerance_limit", "lower_tolerance_limit", "tolerance_interval")
 
 
-def limits(
-    values: np.ndarray, content: float, *, sampling: str = "independent", replicates: int = 0
-) -> dict[str, xr.DataArray]:
+def limits(values, content, *, sampling="independent", replicates=0):
     """Tolerance limits of all kinds for one content; a failed run is NaN."""
     sets = {"replicate": ("run", np.arange(len(values)) % replicates)} if replicates else {}
     runs = xr.Dataset(
@@ -58,7 +54,7 @@ def limits(
     return {name: array for each in analyses for name, array in each(sample, quantity)}
 
 
-def ends(found: dict[str, xr.DataArray], name: str) -> list[float]:
+def ends(found, name):
     return found[name].values[0].tolist()
 
 
@@ -68,14 +64,12 @@ class TestWilks:
         ("content", "confidence", "runs"),
         [(0.95, 0.95, 93), (0.9, 0.95, 46), (0.99, 0.95, 473), (0.9, 0.9, 38), (0.99, 0.99, 662)],
     )
-    def test_the_fewest_runs_are_those_of_the_tables(
-        self, content: float, confidence: float, runs: int
-    ) -> None:
+    def test_the_fewest_runs_are_those_of_the_tables(self, content, confidence, runs):
         assert runs_needed_for_both(content, confidence) == runs
         assert 1 - stats.beta.cdf(content, runs - 1, 2) >= confidence
         assert 1 - stats.beta.cdf(content, runs - 2, 2) < confidence
 
-    def test_at_the_fewest_runs_the_ends_are_the_smallest_and_the_largest(self) -> None:
+    def test_at_the_fewest_runs_the_ends_are_the_smallest_and_the_largest(self):
         values = np.random.default_rng(1).permutation(np.arange(93.0))
         found = limits(values, 0.95)["tolerance_interval"]
         np.testing.assert_array_equal(found.values, [[np.nan, 0.0, 92.0]])
@@ -83,16 +77,14 @@ class TestWilks:
         assert str(found["interval_label"].values[0]) == "discrete"
         assert found["interval_content_runs_needed"].values.tolist() == [93]
 
-    def test_one_run_less_has_no_interval_and_says_how_many_it_needs(self) -> None:
+    def test_one_run_less_has_no_interval_and_says_how_many_it_needs(self):
         found = limits(np.arange(92.0), 0.95)["tolerance_interval"]
         assert np.isnan(found.values).all()
         assert str(found["note"].values[0]) == "a tolerance interval needs at least 93 runs"
 
     @pytest.mark.parametrize("runs", [60, 93, 94, 150, 181, 500])
     @pytest.mark.parametrize("content", [0.5, 0.9, 0.95])
-    def test_the_interval_is_the_tightest_symmetric_one_with_the_confidence(
-        self, runs: int, content: float
-    ) -> None:
+    def test_the_interval_is_the_tightest_symmetric_one_with_the_confidence(self, runs, content):
         found = limits(np.arange(1.0, runs + 1), content)
         _, lower, upper = ends(found, "tolerance_interval")
         if runs < runs_needed_for_both(content, 0.95):
@@ -106,7 +98,7 @@ class TestWilks:
         ]
         assert confidence[0] >= 0.95 > confidence[1]
 
-    def test_the_lower_limit_is_that_of_the_binomial_law(self) -> None:
+    def test_the_lower_limit_is_that_of_the_binomial_law(self):
         values = np.random.default_rng(2).permutation(np.arange(1.0, 101.0))
         _, lower, upper = ends(limits(values, 0.9), "lower_tolerance_limit")
         rank = int(lower)
@@ -114,7 +106,7 @@ class TestWilks:
         # At most rank - 1 of 100 lie below the 10 % quantile, with no more than 5 %.
         assert special.bdtr(rank - 1, 100, 0.1) <= 0.05 < special.bdtr(rank, 100, 0.1)
 
-    def test_too_few_runs_for_a_lower_bound(self) -> None:
+    def test_too_few_runs_for_a_lower_bound(self):
         found = limits(np.arange(58.0), 0.95)["lower_tolerance_limit"]
         assert np.isfinite(found.values[0, 0])
         assert np.isnan(found.values[0, 1:]).all()
@@ -126,9 +118,7 @@ class TestWilks:
     ("sampling", "replicates"), [("independent", 0), ("stratified", 10), ("stratified", 0)]
 )
 @pytest.mark.parametrize("content", [0.6, 0.95])
-def test_limits_of_the_mirrored_output_are_mirrored(
-    sampling: str, replicates: int, content: float
-) -> None:
+def test_limits_of_the_mirrored_output_are_mirrored(sampling, replicates, content):
     values = np.random.default_rng(3).gumbel(size=500)
     values[::50] = np.nan
     one, other = (
@@ -144,7 +134,7 @@ def test_limits_of_the_mirrored_output_are_mirrored(
     assert one["lower_tolerance_limit"]["interval"] == other["tolerance_limit"]["interval"]
 
 
-def test_failed_runs_are_left_out() -> None:
+def test_failed_runs_are_left_out():
     values = np.arange(200.0)
     with_failed = np.concatenate([values, np.full(50, np.nan)])
     for name in STATISTICS:
@@ -152,7 +142,7 @@ def test_failed_runs_are_left_out() -> None:
         assert one == pytest.approx(other, nan_ok=True)
 
 
-def test_a_constant_output_lies_within_its_only_value() -> None:
+def test_a_constant_output_lies_within_its_only_value():
     assert ends(limits(np.ones(200), 0.9), "tolerance_interval")[1:] == [1.0, 1.0]
 
 
@@ -161,7 +151,7 @@ class TestCoverage:
     # An interval that contains its content in 93 % of all seeds has fewer once in 100 000 times.
     FEWEST = int(stats.binom.ppf(1e-5, SEEDS, 0.93))
 
-    def contents(self, values: np.ndarray, **of_runs: object) -> dict[str, float]:
+    def contents(self, values, **of_runs):
         """Content of each kind of limit for 0.9 of uniform values, whose law is known."""
         found = limits(values, 0.9, **of_runs)  # type: ignore[arg-type]
         _, low, high = ends(found, "tolerance_interval")
@@ -171,7 +161,7 @@ class TestCoverage:
             "tolerance_interval": high - low,
         }
 
-    def test_independent_draws(self) -> None:
+    def test_independent_draws(self):
         counts = dict.fromkeys(STATISTICS, 0)
         for seed in range(self.SEEDS):
             for name, content in self.contents(np.random.default_rng(seed).random(120)).items():
@@ -179,7 +169,7 @@ class TestCoverage:
         assert min(counts.values()) >= self.FEWEST, counts
 
     @pytest.mark.parametrize("additive", [1.0, 0.3])
-    def test_replicates(self, additive: float) -> None:
+    def test_replicates(self, additive):
         # The output is uniform: a sum of uniform inputs, taken modulo 1 or by one stratum alone.
         counts = dict.fromkeys(STATISTICS, 0)
         for seed in range(self.SEEDS):
@@ -195,7 +185,7 @@ class TestCoverage:
 
 
 @pytest.fixture(scope="module")
-def tree() -> xr.DataTree:
+def tree():
     study = uqpen.Study(
         uqpen.PythonModel(
             lambda a, b: {"y": a + 2 * b}, {"a": "m", "b": "m"}, {"y": "m"}, vectorized=True
@@ -212,7 +202,7 @@ def tree() -> xr.DataTree:
     return uqpen.run(study)
 
 
-def test_tables_show_the_bounds_rounded_outward(tree: xr.DataTree) -> None:
+def test_tables_show_the_bounds_rounded_outward(tree):
     table = next(each for each in output_tables(tree) if each.title.startswith("y ["))
     rows = dict(table.rows)
     lower = tree["statistics/mc/y"]["lower_tolerance_limit"].values[0] * 100
@@ -226,16 +216,16 @@ def test_tables_show_the_bounds_rounded_outward(tree: xr.DataTree) -> None:
     assert "at least: one-sided tolerance bound, 95 % confidence" in table.notes
 
 
-def test_json_has_the_bounds_and_the_runs_needed(tree: xr.DataTree) -> None:
+def test_json_has_the_bounds_and_the_runs_needed(tree):
     assert list(find_faults(tree)) == []
-    told = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
-    between = told["hold_between"]["0.9"]
+    reported = archive_json(tree)["designs"]["mc"]["outputs"]["y"]
+    between = reported["hold_between"]["0.9"]
     _, low, high = tree["statistics/mc/y"]["tolerance_interval"].values[0].tolist()
     assert (between["estimate"], between["lower"], between["upper"]) == (None, low, high)
-    assert (between["runs_needed"], told["hold_above"]["0.999"]["runs_needed"]) == (46, 2995)
+    assert (between["runs_needed"], reported["hold_above"]["0.999"]["runs_needed"]) == (46, 2995)
 
 
-def test_the_page_has_a_sentence_of_each(tree: xr.DataTree) -> None:
+def test_the_page_has_a_sentence_of_each(tree):
     page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
     low, high = tolerance_interval_texts(
         *(tree["statistics/mc/y"]["tolerance_interval"].values[0, 1:] * 100).tolist()
@@ -245,7 +235,7 @@ def test_the_page_has_a_sentence_of_each(tree: xr.DataTree) -> None:
     assert f"y is from {low} cm to {high} cm in 90 of 100 cases (95 % confidence)." in page
 
 
-def test_the_study_states_them_in_its_text() -> None:
+def test_the_study_states_them_in_its_text():
     study = uqpen.Study(
         lambda a: {"y": a},
         {"a": uqpen.Uniform(0, 1)},
@@ -257,7 +247,7 @@ def test_the_study_states_them_in_its_text() -> None:
     assert study.quantities_of_interest[0].tolerance_interval_contents == (0.9,)
 
 
-def test_a_wrong_content_is_refused_with_its_place() -> None:
+def test_a_wrong_content_is_refused_with_its_place():
     with pytest.raises(uqpen.StudyError) as caught:
         uqpen.Study(
             lambda a: {"y": a},
@@ -270,7 +260,7 @@ def test_a_wrong_content_is_refused_with_its_place() -> None:
     assert "a probability between 0 and 1" in str(caught.value)
 
 
-def test_bounds_are_rounded_away_from_the_cases() -> None:
+def test_bounds_are_rounded_away_from_the_cases():
     assert lower_tolerance_limit_text(13.4812, 13.2087) == "13.48, at least 13.20"
     assert lower_tolerance_limit_text(-1.0, -1.21) == "−1.00, at least −1.21"
     assert tolerance_interval_texts(-0.0104, 0.0101) == ("−0.0104", "0.0101")

@@ -1,12 +1,8 @@
 """A statistic from a file of the user's own: in an archive and all that is made of it."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +18,7 @@ from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.study.identity import run_fingerprint
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
 pytestmark = pytest.mark.slow
@@ -70,22 +66,19 @@ def analysis(sample, quantity):
 """
 COUNTS = ("runs", "runs_used", "runs_inadmissible", "conditional_on")
 
-Command = Callable[..., Any]
-FreshProcess = Callable[..., Any]
 
-
-def _write(folder: Path, yields: str) -> None:
+def _write(folder, yields):
     (folder / "own.py").write_text(BESIDE.replace("YIELDS", yields))
 
 
-def _study(text: str, folder: Path) -> Any:
+def _study(text, folder):
     return uqpen.parse_study(
         text.replace("spread.py:interquartile_range", "own.py:analysis"), folder=folder
     )
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """A folder with the archive of a study, where the analysis is no longer."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "spread.py").write_text(SPREAD)
@@ -96,12 +89,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tree(made: Path) -> xr.DataTree:
+def tree(made):
     return uqpen.open_archive(made / "a.nc")
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     """The archive of a statistic with a record, where its function is no longer."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "trimmed.py").write_text(TRIMMED)
@@ -112,18 +105,18 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def uqpen_beside(made: Path, command_line: Command) -> Command:
+def uqpen_beside(made, command_line):
     """The command line beside a copy of the archive alone."""
     Path("a.nc").write_bytes((made / "a.nc").read_bytes())
     return command_line
 
 
-def _checks(path: Path, **options: Any) -> dict[str, CheckResult]:
+def _checks(path, **options):
     return {check.name: check for check in verify(path, **options)}
 
 
 class TestInAnArchive:
-    def test_it_is_what_the_runs_tell(self, tree: xr.DataTree) -> None:
+    def test_it_is_what_the_runs_tell(self, tree):
         depths = tree["runs/plain"]["penetration_depth"].values
         found = tree["statistics/plain/penetration_depth"]["interquartile_range"]
         lower, upper = np.quantile(depths[np.isfinite(depths)], [0.25, 0.75])
@@ -131,30 +124,30 @@ class TestInAnArchive:
         assert np.isnan(found.values[1:]).all()
         assert found.attrs["units"] == "m"
 
-    def test_it_has_the_counts_of_runs_of_all_others(self, tree: xr.DataTree) -> None:
+    def test_it_has_the_counts_of_runs_of_all_others(self, tree):
         group = tree["statistics/plain/penetration_depth"]
         found, mean = (group[name].attrs for name in ("interquartile_range", "mean"))
         assert found["runs_used"] < found["runs"] == 300
         assert {key: found[key] for key in COUNTS} == {key: mean[key] for key in COUNTS}
 
-    def test_each_sample_has_it_and_no_other_design(self, tree: xr.DataTree) -> None:
+    def test_each_sample_has_it_and_no_other_design(self, tree):
         outputs = ("penetration_depth", "projectile_residue")
         for output in outputs:
             assert "trimmed_range" in tree[f"statistics/latin/{output}"]
         assert "interquartile_range" not in tree["statistics/steps/penetration_depth"]
 
-    def test_its_file_is_kept(self, tree: xr.DataTree) -> None:
+    def test_its_file_is_kept(self, tree):
         assert tree["files"]["name"].values.tolist() == ["spread.py"]
         assert tree["files"]["content"].values.tolist() == [SPREAD]
 
-    def test_workers_change_no_byte(self, made: Path, command_line: Command) -> None:
+    def test_workers_change_no_byte(self, made, command_line):
         Path("spread.py").write_text(SPREAD)
         Path("study.toml").write_text(STUDY)
         done = command_line("study", "study.toml", "-o", "two.nc", "--workers", "2")
         assert done.code == 0, done.err
         assert Path("two.nc").read_bytes() == (made / "a.nc").read_bytes()
 
-    def test_it_decides_no_run(self, tmp_path: Path) -> None:
+    def test_it_decides_no_run(self, tmp_path):
         prints = []
         for number in range(2):
             _write(tmp_path, f"yield 'own', array(number={number})")
@@ -165,7 +158,7 @@ class TestInAnArchive:
             == run_fingerprint(uqpen.parse_study(STUDY.replace(KEY, "")), "", "plain")
         )
 
-    def test_runs_are_kept_when_it_fails(self, tmp_path: Path) -> None:
+    def test_runs_are_kept_when_it_fails(self, tmp_path):
         _write(tmp_path, "yield 'own', array() / 0 + None")
         with pytest.raises(StudyError, match="TypeError"):
             make_archive(_study(SMALL, tmp_path), tmp_path / "a.nc")
@@ -174,7 +167,7 @@ class TestInAnArchive:
         archive = make_archive(_study(SMALL, tmp_path), tmp_path / "a.nc")
         assert "own" in archive["statistics/plain/penetration_depth"]
 
-    def test_it_sees_no_sample_without_runs(self, tmp_path: Path) -> None:
+    def test_it_sees_no_sample_without_runs(self, tmp_path):
         _write(tmp_path, "yield 'own', array(least=float(sample.values.min()))")
         text = f'{SMALL}[constraints]\nkeep = ["crater_radius > plasticity_radius"]\n'
         tree = uqpen.run(_study(text, tmp_path))
@@ -183,7 +176,7 @@ class TestInAnArchive:
 
 
 class TestShown:
-    def test_in_the_table_in_the_output_s_unit(self, tree: xr.DataTree) -> None:
+    def test_in_the_table_in_the_output_s_unit(self, tree):
         table = next(output_tables(tree))
         assert table.title == "penetration_depth [cm]"
         labels = [label for label, _ in table.rows]
@@ -196,17 +189,17 @@ class TestShown:
         in_m = archived["trimmed_range"].values[1, 0]
         assert cells["trimmed range (trim=0.2) [m]"][0].split()[0] == f"{in_m:.4g}"
 
-    def test_by_the_command_line(self, uqpen_beside: Command) -> None:
+    def test_by_the_command_line(self, uqpen_beside):
         done = uqpen_beside("show", "a.nc")
         assert done.code == 0, done.err
         assert "interquartile range " in done.out
         done = uqpen_beside("show", "a.nc", "--json")
-        told = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
-        assert list(told) == ["interquartile_range", "trimmed_range"]
+        reported = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
+        assert list(reported) == ["interquartile_range", "trimmed_range"]
 
-    def test_in_the_json(self, tree: xr.DataTree) -> None:
-        told = archive_json(tree)["designs"]["plain"]["outputs"]
-        other = told["penetration_depth"]["other"]
+    def test_in_the_json(self, tree):
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]
+        other = reported["penetration_depth"]["other"]
         archived = tree["statistics/plain/penetration_depth"]
         assert other["interquartile_range"] == {
             "estimate": archived["interquartile_range"].values[0],
@@ -220,16 +213,16 @@ class TestShown:
         }
         assert list(other["trimmed_range"]) == ["0.1", "0.2"]
         assert other["trimmed_range"]["0.2"]["estimate"] == archived["trimmed_range"].values[1, 0]
-        assert "other" not in told["termination"]
+        assert "other" not in reported["termination"]
 
-    def test_on_the_page(self, uqpen_beside: Command) -> None:
+    def test_on_the_page(self, uqpen_beside):
         assert uqpen_beside("report", "a.nc").code == 0
         page = Path("a.html").read_text(encoding="utf-8")
         row = re.search(r"<tr[^>]*>(?:(?!</tr>).)*interquartile range.*?</tr>", page, re.DOTALL)
         assert row is not None
         assert "trimmed range (trim=0.1) [m]" in page
 
-    def test_in_the_long_table(self, tree: xr.DataTree) -> None:
+    def test_in_the_long_table(self, tree):
         table = long_table(tree)
         table = table[(table["statistic"] == "trimmed_range") & (table["source"] == "latin")]
         table = table[table["output"] == "penetration_depth"]
@@ -238,12 +231,12 @@ class TestShown:
         archived = tree["statistics/latin/penetration_depth"]["trimmed_range"].values[:, 0]
         assert table["estimate"].tolist() == archived.tolist()
 
-    def test_of_a_category_and_along_two_dimensions(self, tmp_path: Path) -> None:
+    def test_of_a_category_and_along_two_dimensions(self, tmp_path):
         table = "Estimate.table([[FOUND] * 2], ('a', 'b'), units='1', long_name='both')"
         _write(tmp_path, f"yield 'own', {table}.assign_coords(a=['x'], b=[1, 2])")
         tree = uqpen.run(_study(SMALL, tmp_path))
-        told = archive_json(tree)["designs"]["plain"]["outputs"]["termination"]["other"]["own"]
-        assert told["x"]["2"]["estimate"] == 1
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]["termination"]["other"]["own"]
+        assert reported["x"]["2"]["estimate"] == 1
         tables = {table.title: table for table in output_tables(tree)}
         assert [label for label, _ in tables["termination"].rows][-2:] == [
             "both (a=x, b=1)",
@@ -254,7 +247,7 @@ class TestShown:
 class TestWithARecord:
     """A function with a record: its statistic stands where built-in ones do, without the file."""
 
-    def test_it_stands_in_its_row(self, archive: Path) -> None:
+    def test_it_stands_in_its_row(self, archive):
         tree = uqpen.open_archive(archive)
         labels = [label for label, _ in next(output_tables(tree)).rows]
         assert labels.index("trimmed mean") == labels.index("mean") + 1
@@ -262,7 +255,7 @@ class TestWithARecord:
         cells = dict(next(output_tables(tree)).rows)
         assert cells["trimmed mean"][0].split()[0] == f"{100 * in_m:.4g}"
 
-    def test_it_is_stated_and_compared(self, archive: Path) -> None:
+    def test_it_is_stated_and_compared(self, archive):
         view = ArchiveView(uqpen.open_archive(archive), "")
         found = output_sentences(view, "penetration_depth", "plain")
         assert found is not None
@@ -273,14 +266,14 @@ class TestWithARecord:
         compared = {each.label: each for each in compared_statistics(view, "penetration_depth")}
         assert [*compared["trimmed mean"].available_estimates] == ["plain", "latin"]
 
-    def test_it_is_in_the_json_and_in_the_long_table(self, archive: Path) -> None:
+    def test_it_is_in_the_json_and_in_the_long_table(self, archive):
         tree = uqpen.open_archive(archive)
-        told = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
-        assert told["other"]["trimmed_mean"]["units"] == "m"
+        reported = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
+        assert reported["other"]["trimmed_mean"]["units"] == "m"
         assert "trimmed_mean" in set(long_table(tree)["statistic"])
 
     @pytest.mark.parametrize("sentence", ["{estimate:>999999999}", "{output.__class__} {estimate}"])
-    def test_the_words_of_an_archive_are_text_alone(self, archive: Path, sentence: str) -> None:
+    def test_the_words_of_an_archive_are_text_alone(self, archive, sentence):
         tree = uqpen.open_archive(archive).copy(deep=True)
         attributes = tree["statistics/plain/penetration_depth"]["trimmed_mean"].attrs
         attributes["shown_sentence"] = sentence
@@ -307,9 +300,7 @@ class TestWithARecord:
             ("Statistic('own', 'x', group='m', shown=Shown('x'))", "built-in", "name, title"),
         ],
     )
-    def test_a_wrong_one_is_told_before_any_run(
-        self, tmp_path: Path, record: str, found: str, expected: str
-    ) -> None:
+    def test_a_wrong_one_is_reported_before_any_run(self, tmp_path, record, found, expected):
         text = f"""yield
 from uqpen.core.statistic import Shown, Statistic
 analysis.record = {record}
@@ -321,7 +312,7 @@ analysis.record = {record}
         assert found in problem.found
         assert expected in problem.expected
 
-    def test_a_result_unlike_its_record_is_told(self, tmp_path: Path) -> None:
+    def test_a_result_unlike_its_record_is_reported(self, tmp_path):
         text = """yield 'own', array('m2')
 from uqpen.core.statistic import Shown, Statistic
 analysis.record = Statistic('own', 'x', shown=Shown('x'))
@@ -334,7 +325,7 @@ analysis.record = Statistic('own', 'x', shown=Shown('x'))
 class TestTrust:
     """Code that an archive names is executed only on demand."""
 
-    def test_without_it_all_the_rest_is_verified(self, made: Path) -> None:
+    def test_without_it_all_the_rest_is_verified(self, made):
         checks = _checks(made / "a.nc", runs=None)
         assert checks["analyses"].verdict is CheckOutcome.UNCHECKED
         assert "not checked: interquartile_range, trimmed_range;" in checks["analyses"].text
@@ -343,20 +334,18 @@ class TestTrust:
         assert others == [CheckOutcome.EQUAL] * len(others)
         assert {"runs", "statistics"} <= checks.keys()
 
-    def test_a_fresh_process_needs_no_file(
-        self, made: Path, tmp_path: Path, fresh_process: FreshProcess
-    ) -> None:
+    def test_a_fresh_process_needs_no_file(self, made, tmp_path, fresh_process):
         (tmp_path / "a.nc").write_bytes((made / "a.nc").read_bytes())
         (done,) = fresh_process(tmp_path, ["verify", "a.nc", "--trust"])
         assert done.code == 0, done.err
         assert "interquartile" not in done.out
 
-    def test_with_it_they_are_repeated(self, made: Path) -> None:
+    def test_with_it_they_are_repeated(self, made):
         checks = _checks(made / "a.nc", trust=True)
         assert "analyses" not in checks
         assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
 
-    def test_what_it_did_not_yield_is_told(self, made: Path, tmp_path: Path) -> None:
+    def test_what_it_did_not_yield_is_reported(self, made, tmp_path):
         groups = uqpen.open_archive(made / "a.nc").to_dict()
         path = "/statistics/plain/penetration_depth"
         for name, trusted in (("interquartile_range", True), ("mean", False)):
@@ -368,9 +357,7 @@ class TestTrust:
             assert checks["statistics"].verdict is CheckOutcome.DIFFERENT
             assert f"{path}: {name}: " in checks["statistics"].details[0]
 
-    def test_it_is_never_executed_without(
-        self, tmp_path: Path, fresh_process: FreshProcess
-    ) -> None:
+    def test_it_is_never_executed_without(self, tmp_path, fresh_process):
         trace = tmp_path / "executed"
         (tmp_path / "own.py").write_text(
             f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
@@ -386,11 +373,11 @@ class TestTrust:
         assert "own.py:analysis" in outcomes[-1].err
         assert "--trust" in outcomes[-1].err
 
-    def test_with_it_the_study_is_repeated(self, uqpen_beside: Command) -> None:
+    def test_with_it_the_study_is_repeated(self, uqpen_beside):
         assert uqpen_beside("rerun", "a.nc", "--trust").code == 0
         assert Path("a_rerun.nc").read_bytes() == Path("a.nc").read_bytes()
 
-    def test_one_that_fails_now_is_told(self, uqpen_beside: Command) -> None:
+    def test_one_that_fails_now_is_reported(self, uqpen_beside):
         Path("spread.py").write_text("def interquartile_range(sample, quantity):\n    1 / 0\n")
         done = uqpen_beside("verify", "a.nc", "--trust", "--folder", ".")
         assert done.code == 4
@@ -417,9 +404,9 @@ class TestMistakesInTheStudy:
             ),
         ],
     )
-    def test_is_told_with_line_key_found_and_expected(
-        self, tmp_path: Path, value: str, key: str, found: str, expected: str
-    ) -> None:
+    def test_is_reported_with_line_key_found_and_expected(
+        self, tmp_path, value, key, found, expected
+    ):
         _write(tmp_path, "yield\ndef few(sample):\n    yield\n")
         with pytest.raises(StudyError) as raised:
             uqpen.parse_study(STUDY.replace(KEY, f"analyses = {value}"), folder=tmp_path)
@@ -467,9 +454,7 @@ class TestMistakesInTheStudy:
         ("yield 'a', array(); yield 'b', along('a', 1, 2)", "a is a statistic", "an estimate"),
     ],
 )
-def test_what_it_must_not_yield_is_told(
-    tmp_path: Path, yields: str, found: str, expected: str
-) -> None:
+def test_what_it_must_not_yield_is_reported(tmp_path, yields, found, expected):
     _write(tmp_path, yields)
     study = _study(SMALL, tmp_path)
     if not found:

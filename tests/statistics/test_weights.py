@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +16,8 @@ from uqpen.core.labels import NOTE
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, number
-from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
-from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+from uqpen.designs.design import Design
+from uqpen.distributions.joint_distribution import points_dataset
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import statistics_tables
@@ -30,7 +26,6 @@ from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.testing import check_design, example_joint_distribution
 
@@ -53,7 +48,7 @@ class DefensiveShift(Design):
     runs: int = count()
     shift: float = number(above=0)
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         generator = stream.generator("points")
         unit = generator.random((self.runs, len(joint.random)))
         z = special.ndtri(unit[:, 0])
@@ -62,11 +57,11 @@ class DefensiveShift(Design):
         ratio = np.exp(self.shift * z - self.shift**2 / 2)
         yield joint.points(unit, {}).assign_coords(weight=("run", 2 / (1 + ratio)))
 
-    def run_count(self, joint: JointDistribution) -> int:
+    def run_count(self, joint):
         return self.runs
 
 
-def runs_of(values: np.ndarray, weights: np.ndarray | None = None) -> xr.Dataset:
+def runs_of(values, weights=None):
     return xr.Dataset(
         {
             "x": ("run", values[::-1], {"role": "input"}),
@@ -78,7 +73,7 @@ def runs_of(values: np.ndarray, weights: np.ndarray | None = None) -> xr.Dataset
     )
 
 
-def importance_runs(seed: int, runs: int = 1000) -> xr.Dataset:
+def importance_runs(seed, runs=1000):
     generator = np.random.default_rng(seed)
     z = generator.normal(size=runs) + np.where(generator.random(runs) < 0.5, 3.0, 0.0)
     return runs_of(z, 2 / (1 + np.exp(3 * z - 4.5)))
@@ -88,19 +83,19 @@ NORMAL = np.random.default_rng(3).normal(size=400)
 
 
 @pytest.mark.parametrize("statistic", ["mean", "std", "skewness", "kurtosis", "effective_runs"])
-def test_equal_weights_are_no_weights(statistic: str) -> None:
+def test_equal_weights_are_no_weights(statistic):
     weighted, plain = (analyze(runs_of(NORMAL, w), [Y])["y"] for w in (np.full(400, 7.0), None))
     np.testing.assert_allclose(weighted[statistic], plain[statistic], rtol=1e-12, equal_nan=True)
 
 
-def test_equal_weights_give_clopper_and_pearsons_interval() -> None:
+def test_equal_weights_give_clopper_and_pearsons_interval():
     weighted, plain = (
         analyze(runs_of(3 * NORMAL, w), [Y])["y"]["exceedance"] for w in (np.full(400, 0.1), None)
     )
     np.testing.assert_allclose(weighted, plain, rtol=1e-9)
 
 
-def test_a_whole_weight_is_that_many_equal_runs() -> None:
+def test_a_whole_weight_is_that_many_equal_runs():
     copies = np.random.default_rng(1).integers(0, 4, 400)
     found = sample_of(runs_of(NORMAL, copies.astype(float)), "y")
     repeated = np.repeat(NORMAL, copies)
@@ -108,7 +103,7 @@ def test_a_whole_weight_is_that_many_equal_runs() -> None:
     assert found.effective_size == pytest.approx(copies.sum() ** 2 / (copies**2).sum())
 
 
-def test_the_factor_of_the_weights_does_not_matter() -> None:
+def test_the_factor_of_the_weights_does_not_matter():
     weights = np.random.default_rng(2).random(400)
     one, other = (analyze(runs_of(NORMAL, c * weights), [Y])["y"] for c in (1.0, 2.0**600))
     for name, array in one.items():
@@ -116,7 +111,7 @@ def test_the_factor_of_the_weights_does_not_matter() -> None:
 
 
 @pytest.mark.slow
-def test_intervals_of_importance_sampling_cover() -> None:
+def test_intervals_of_importance_sampling_cover():
     # 100 seeds: of intervals that hold in 95 %, fewer than 88 hold once in 680 times.
     truths = {"mean": 0.0, "exceedance": RARE, "quantile": float(special.ndtri(0.95))}
     quantity = replace(Y, quantiles=(0.95,))
@@ -135,7 +130,7 @@ def test_intervals_of_importance_sampling_cover() -> None:
     assert np.mean(values) == pytest.approx(RARE, rel=4 * 0.15 / np.sqrt(100))
 
 
-def test_what_takes_no_weights_says_so() -> None:
+def test_what_takes_no_weights_says_so():
     found = analyze(importance_runs(1), [Y])["y"]
     for name in ("tolerance_limit", "first_order", "pearson", "partial_rank", "delta"):
         assert np.isnan(found[name]).all()
@@ -145,28 +140,28 @@ def test_what_takes_no_weights_says_so() -> None:
     assert float(found["effective_size"][0]) == pytest.approx(550, rel=0.1)
 
 
-def test_an_event_in_no_run_has_no_interval() -> None:
+def test_an_event_in_no_run_has_no_interval():
     quantity = replace(Y, thresholds=(Threshold("99 m", 99.0),))
     found = analyze(importance_runs(1), [quantity])["y"]["exceedance"]
     assert found.values[0].tolist() == [0.0] + 2 * [pytest.approx(np.nan, nan_ok=True)]
     assert found.coords[NOTE].item() == texts.CONSTANT_EVENT
 
 
-def test_a_small_effective_size_has_no_interval() -> None:
+def test_a_small_effective_size_has_no_interval():
     weights = np.where(np.arange(400) < 3, 1.0, 1e-9)
     mean = analyze(runs_of(NORMAL, weights), [Y])["y"]["mean"]
     assert mean.values[0] == pytest.approx(NORMAL[:3].mean(), rel=1e-6)
     assert interval_text(mean, NOTE) == "weights: an effective sample size of 3 is too small"
 
 
-def test_a_hidden_tail_is_told_by_the_effective_size() -> None:
+def test_a_hidden_tail_is_reported_by_the_effective_size():
     weights = np.where(np.arange(400) < 100, 1.0, 1e-9)
     std = analyze(runs_of(NORMAL, weights), [Y])["y"]["std"]
     expected = "weights: an effective sample size below 200 is too small to detect a heavy tail"
     assert interval_text(std, NOTE) == expected
 
 
-def test_missing_runs_widen_a_weighted_probability() -> None:
+def test_missing_runs_widen_a_weighted_probability():
     whole = importance_runs(4)
     failed = whole.copy(deep=True)
     failed["status"].values[::50] = 2
@@ -177,8 +172,8 @@ def test_missing_runs_widen_a_weighted_probability() -> None:
     assert set(np.ravel(found["larger"].coords[NOTE])) == {texts.NOT_WEIGHTED}
 
 
-def test_a_user_defined_analysis_declares_that_it_takes_weights() -> None:
-    def spread(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+def test_a_user_defined_analysis_declares_that_it_takes_weights():
+    def spread(sample, quantity):
         estimate = Estimate.without_bounds(sample.mean(np.abs(sample.values)), "")
         yield "mean_size", estimate.to_array(units="m", long_name="mean size")
 
@@ -191,7 +186,7 @@ def test_a_user_defined_analysis_declares_that_it_takes_weights() -> None:
     assert float(aware[0]) == pytest.approx(np.sqrt(2 / np.pi), abs=0.1)
 
 
-def study_with(design: object, folder: Path) -> uqpen.Study:
+def study_with(design, folder):
     return uqpen.Study(
         model=lambda x, z: {"y": x + 0 * z},
         inputs={"x": uqpen.Normal("0 m", "1 m"), "z": uqpen.Uniform("1 s", "2 s")},
@@ -202,7 +197,7 @@ def study_with(design: object, folder: Path) -> uqpen.Study:
     )
 
 
-def test_a_user_defined_design_samples_a_rare_event(tmp_path: Path) -> None:
+def test_a_user_defined_design_samples_a_rare_event(tmp_path):
     check_design(DefensiveShift(4000, 1.0))
     study = study_with(DefensiveShift(2000, 3.0), tmp_path)
     uqpen.make_archive(study, tmp_path / "rare.nc")
@@ -217,7 +212,7 @@ def test_a_user_defined_design_samples_a_rare_event(tmp_path: Path) -> None:
     uqpen.write_report(tree, tmp_path / "rare.html")
 
 
-def test_a_table_gives_weights(tmp_path: Path) -> None:
+def test_a_table_gives_weights(tmp_path):
     runs = importance_runs(6, 300)
     rows = [f"{x},1,{w}" for x, w in zip(runs["y"].values, runs["weight"].values, strict=True)]
     (tmp_path / "points.csv").write_text("\n".join(["x [m],z [s],weight", *rows]))
@@ -238,9 +233,7 @@ def test_a_table_gives_weights(tmp_path: Path) -> None:
         (("1", "much"), 'line 3, column "weight": found "much", expected a number'),
     ],
 )
-def test_weights_that_are_none_are_refused(
-    weights: tuple[str, str], found: str, tmp_path: Path
-) -> None:
+def test_weights_that_are_none_are_refused(weights, found, tmp_path):
     rows = [f"0,1,{weight}" for weight in weights]
     (tmp_path / "points.csv").write_text("\n".join(["x [m],z [s],weight", *rows]))
     with pytest.raises(uqpen.StudyError, match="weight") as caught:
@@ -256,11 +249,9 @@ def test_weights_that_are_none_are_refused(
         (lambda w: w.astype(str), "its weight is not a number for each run"),
     ],
 )
-def test_a_design_with_wrong_weights_is_refused(
-    change: Callable[[Any], Any], found: str, tmp_path: Path
-) -> None:
+def test_a_design_with_wrong_weights_is_refused(change, found, tmp_path):
     class Wrong(DefensiveShift):
-        def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        def rounds(self, joint, stream):
             points = next(super().rounds(joint, stream))
             yield points.assign_coords(weight=("run", change(points["weight"].values)))
 
@@ -268,7 +259,7 @@ def test_a_design_with_wrong_weights_is_refused(
         uqpen.run(study_with(Wrong(10, 1.0), tmp_path))
 
 
-def test_weights_of_stratified_points_are_refused(tmp_path: Path) -> None:
+def test_weights_of_stratified_points_are_refused(tmp_path):
     class Stratified(DefensiveShift):
         sampling = Sampling.STRATIFIED
 
@@ -280,17 +271,17 @@ def test_weights_of_stratified_points_are_refused(tmp_path: Path) -> None:
 class WeightAsVariable(DefensiveShift):
     """Adds the weights as a variable, which would be ignored."""
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         for points in super().rounds(joint, stream):
             yield points.reset_coords("weight")
 
 
-def test_a_weight_that_is_no_coordinate_is_refused(tmp_path: Path) -> None:
+def test_a_weight_that_is_no_coordinate_is_refused(tmp_path):
     with pytest.raises(uqpen.StudyError, match=r"its weight is a variable .* a coordinate"):
         uqpen.run(study_with(WeightAsVariable(runs=50, shift=3.0), tmp_path))
 
 
-def test_the_effective_size_stands_in_the_table(tmp_path: Path) -> None:
+def test_the_effective_size_stands_in_the_table(tmp_path):
     tree = uqpen.run(study_with(DefensiveShift(runs=500, shift=3.0), tmp_path))
     table = next(statistics_tables(tree))
     rows = dict(table.rows)
@@ -301,19 +292,19 @@ def test_the_effective_size_stands_in_the_table(tmp_path: Path) -> None:
     assert texts.DIAGNOSTIC_OF_WEIGHTS in table.notes
 
 
-def test_an_input_may_be_a_weight(study_of: Callable[..., uqpen.Study]) -> None:
+def test_an_input_may_be_a_weight(study_of):
     study = study_of("weight", weight=(1.0, 2.0))
     assert "effective_size" not in uqpen.run(study)["statistics/some/y"]
 
 
-def test_an_archive_with_wrong_weights_is_damaged(tmp_path: Path) -> None:
+def test_an_archive_with_wrong_weights_is_damaged(tmp_path):
     tree = uqpen.run(study_with(DefensiveShift(10, 3.0), tmp_path))
     runs = tree["runs/mine"].to_dataset()
     tree["runs/mine"] = xr.DataTree(runs.assign_coords(weight=-runs["weight"]))
     assert "/runs/mine: a weight that is none" in set(find_faults(tree))
 
 
-def test_points_dataset_keeps_a_weight() -> None:
+def test_points_dataset_keeps_a_weight():
     joint = example_joint_distribution()
     columns = {"length": np.ones(2), "share": np.zeros(2)}
     points = points_dataset(joint, columns, {"weight": np.array([1.0, 2.0])}, runs=2)

@@ -1,8 +1,4 @@
-"""Mistakes of all sections of a study file are told at once, and none that only follows."""
-
-from __future__ import annotations
-
-from pathlib import Path
+"""Mistakes of all sections of a study file are reported at once, and none that only follows."""
 
 import pytest
 
@@ -84,12 +80,12 @@ largest_contribution = "b"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "line.py").write_text("def f(a, b):\n    return {'y': a}\n")
     return tmp_path
 
 
-def keys(text: str, folder: Path) -> list[str]:
+def keys(text, folder):
     with pytest.raises(StudyError) as caught:
         parse_study(f"seed = 1\n{text}", folder=folder)
     return [problem.key for problem in caught.value.problems]
@@ -112,26 +108,28 @@ def keys(text: str, folder: Path) -> list[str]:
         ("model = 3\n", "model"),
     ],
 )
-def test_one_mistake_in_each_section_is_told(folder: Path, model: str, key: str | None) -> None:
+def test_one_mistake_in_each_section_is_reported(folder, model, key):
     assert keys(model + OTHERS, folder) == ([] if key is None else [key]) + KEYS
 
 
-def test_a_mistake_has_line_found_and_expected_though_the_model_is_unknown(folder: Path) -> None:
+def test_a_mistake_has_line_found_and_expected_though_the_model_is_unknown(folder):
     with pytest.raises(StudyError) as caught:
         parse_study(f'seed = 1\n[model]\nuse = "ishigamy"\n{OTHERS}', folder=folder)
-    told = str(caught.value)
-    assert "9 mistakes" in told
-    assert '  study.toml:6  inputs.b.uniform.upper\n    found     "1 kg"\n    expected  ' in told
+    reported = str(caught.value)
+    assert "9 mistakes" in reported
+    assert (
+        '  study.toml:6  inputs.b.uniform.upper\n    found     "1 kg"\n    expected  ' in reported
+    )
 
 
 @pytest.mark.parametrize(
     "model",
     ["", '[model]\nuse = "ishigamy"\n', "[model]\n", "model = 3\n", "[models.a]\nuse = 3\n"],
 )
-def test_nothing_follows_from_an_unknown_model(folder: Path, model: str) -> None:
-    told = keys(model + RIGHT, folder)
-    assert len(told) == 1
-    assert told[0].startswith("model")
+def test_nothing_follows_from_an_unknown_model(folder, model):
+    reported = keys(model + RIGHT, folder)
+    assert len(reported) == 1
+    assert reported[0].startswith("model")
 
 
 @pytest.mark.parametrize(
@@ -145,28 +143,26 @@ def test_nothing_follows_from_an_unknown_model(folder: Path, model: str) -> None
         ('[designs.mc]\nkind = "monte-carlo"\nruns = 10\n', "", "designs"),
     ],
 )
-def test_nothing_follows_from_a_mistake_in_another_section(
-    folder: Path, old: str, new: str, key: str
-) -> None:
+def test_nothing_follows_from_a_mistake_in_another_section(folder, old, new, key):
     right = RIGHT.replace(', "c > a"', "")
     assert old in right
     parse_study(f"seed = 1\n{MODEL}{right}", folder=folder)
     assert keys(MODEL + right.replace(old, new), folder) == [key]
 
 
-def test_inputs_and_outputs_are_checked_though_the_function_cannot_be_loaded(folder: Path) -> None:
+def test_inputs_and_outputs_are_checked_though_the_function_cannot_be_loaded(folder):
     right = RIGHT.replace(', "c > a"', "").replace("(2 ± 0.1) m", "(2 ± 0.1) s")
     model = MODEL.replace("line.py:f", "absent.py:f")
-    told = keys(model + right.replace('"cm"', '"kg"'), folder)
-    assert told == ["model.python", "inputs.a", "outputs.y.unit"]
+    reported = keys(model + right.replace('"cm"', '"kg"'), folder)
+    assert reported == ["model.python", "inputs.a", "outputs.y.unit"]
 
 
-def test_no_dimension_is_guessed_where_quantities_differ(folder: Path) -> None:
+def test_no_dimension_is_guessed_where_quantities_differ(folder):
     right = RIGHT.replace('lower = "1 kg", upper', 'lower = "3 m", upper')
     assert keys('[model]\nuse = "ishigamy"\n' + right, folder) == ["model.use"]
 
 
-def test_a_mistake_in_the_first_of_several_models_hides_none_of_the_second(folder: Path) -> None:
+def test_a_mistake_in_the_first_of_several_models_hides_none_of_the_second(folder):
     models = """\
 [models.one]
 use = "ishigami"
@@ -185,7 +181,7 @@ runs = 10
     assert keys(models, folder) == ["models.one.b", "models.two.with.x1", "inputs.x2"]
 
 
-def test_a_value_out_of_range_is_told_beside_one_of_another_type(folder: Path) -> None:
+def test_a_value_out_of_range_is_reported_beside_one_of_another_type(folder):
     failures = '[failures]\nretry = -1\nat_most = "5 kg"\n'
     right = RIGHT.replace(', "c > a"', "").replace("runs = 10", "runs = 0\nseed = 1")
     assert keys(MODEL + right + failures, folder) == [
@@ -213,7 +209,7 @@ runs = 9
 """
 
 
-def test_inputs_of_a_joint_distribution_follow_no_missing_table(tmp_path: Path) -> None:
+def test_inputs_of_a_joint_distribution_follow_no_missing_table(tmp_path):
     with pytest.raises(StudyError) as caught:
         parse_study(f"seed = 1\n{JOINT}", folder=tmp_path)
     assert [".".join(map(str, each.path)) for each in caught.value.problems] == [

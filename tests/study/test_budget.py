@@ -1,11 +1,7 @@
 """A budget of runs in place of designs: what is planned, said, kept and refused."""
 
-from __future__ import annotations
-
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -16,7 +12,7 @@ from uqpen.core.errors import StudyError
 from uqpen.core.lookup import resolve
 from uqpen.designs import DESIGNS
 from uqpen.designs.replicated import ReplicatedDesign
-from uqpen.study.budget_section import PlannedTable, plan_runs
+from uqpen.study.budget_section import plan_runs
 from uqpen.study.load import parse_study
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
@@ -40,11 +36,11 @@ BUDGETS = st.integers(10, 3000) | st.integers(10, 10**6)
 INPUTS = st.integers(1, 50)
 
 
-def _settings(plan: tuple[PlannedTable, ...], section: str) -> dict[str, dict[str, Any]]:
+def _settings(plan, section):
     return {each.name: dict(each.settings) for each in plan if each.section == section}
 
 
-def _runs(plan: tuple[PlannedTable, ...]) -> int:
+def _runs(plan):
     return sum(each["runs"] for each in _settings(plan, "designs").values())
 
 
@@ -54,9 +50,7 @@ def _runs(plan: tuple[PlannedTable, ...]) -> int:
     inputs=INPUTS,
     no_surrogate=st.sampled_from(["", "no surrogate of several models"]),
 )
-def test_any_plan_is_valid_and_uses_nearly_all_of_its_budget(
-    budget: int, inputs: int, no_surrogate: str
-) -> None:
+def test_any_plan_is_valid_and_uses_nearly_all_of_its_budget(budget, inputs, no_surrogate):
     plan = plan_runs(budget, inputs, no_surrogate)
     # A line of the terminal.
     assert all(len(f"planned: {each.text}") <= 80 for each in plan)
@@ -93,14 +87,12 @@ def test_any_plan_is_valid_and_uses_nearly_all_of_its_budget(
         (10**6, 3, {"sobol_sequence": 983040}),
     ],
 )
-def test_the_plan_follows_its_table(budget: int, inputs: int, planned: dict[str, int]) -> None:
+def test_the_plan_follows_its_table(budget, inputs, planned):
     plan = plan_runs(budget, inputs)
     assert {name: each["runs"] for name, each in _settings(plan, "designs").items()} == planned
 
 
-def test_an_archive_has_the_plan_in_its_study_and_is_repeated_to_the_byte(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_an_archive_has_the_plan_in_its_study_and_is_repeated_to_the_byte(command_line, tmp_path):
     (tmp_path / "a.toml").write_text(ISHIGAMI)
     said = "latin-hypercube, 140 runs: to fit a surrogate (10 or more per input)"
     assert f"planned: {said}" in command_line("check", "a.toml").out
@@ -122,7 +114,7 @@ def test_an_archive_has_the_plan_in_its_study_and_is_repeated_to_the_byte(
     "text",
     [ISHIGAMI.replace("\n", "\r\n"), ISHIGAMI.rstrip(), ISHIGAMI.replace("budget =", "'budget'=")],
 )
-def test_only_the_budget_becomes_a_comment(text: str) -> None:
+def test_only_the_budget_becomes_a_comment(text):
     study = parse_study(text)
     before, after = tomllib.loads(text), tomllib.loads(study.text)
     assert after.pop("designs").keys() == study.designs.keys()
@@ -131,7 +123,7 @@ def test_only_the_budget_becomes_a_comment(text: str) -> None:
     assert after == before
 
 
-def test_a_study_in_python_takes_a_budget() -> None:
+def test_a_study_in_python_takes_a_budget():
     study = uqpen.Study(
         model=lambda a, b: {"y": a * b}, inputs={"a": "(1 ± 0.1) m", "b": "2 m"},
         outputs={"y": "m2"}, budget=50, seed=1,
@@ -154,7 +146,7 @@ def test_a_study_in_python_takes_a_budget() -> None:
         ),
     ],
 )
-def test_no_surrogate_is_planned_where_none_fits(text: str, reason: str) -> None:
+def test_no_surrogate_is_planned_where_none_fits(text, reason):
     study = parse_study(text)
     assert study.surrogates == {}
     assert study.runs == 200
@@ -179,13 +171,11 @@ FIXED = ISHIGAMI.partition("[inputs]")[0] + "[inputs]\nx1 = 1\nx2 = 1\nx3 = 1\n"
         ("seed = 1\nbudget = 20\n[model]\ndata = 'a.csv'\noutputs = ['y']\n", "20 runs to make"),
     ],
 )
-def test_a_budget_that_cannot_be_planned_is_told_with_its_line(
-    text: str, found: str, tmp_path: Path
-) -> None:
+def test_a_budget_that_cannot_be_planned_is_reported_with_its_line(text, found, tmp_path):
     (tmp_path / "a.csv").write_text("x,y\n1,2\n2,3\n")
-    with pytest.raises(StudyError) as told:
+    with pytest.raises(StudyError) as reported:
         parse_study(text, folder=tmp_path)
     assert (
         f": 1 mistake; nothing was run\n\n  study.toml:2  budget\n    found     {found}\n"
-        in str(told.value)
+        in str(reported.value)
     )

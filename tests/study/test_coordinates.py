@@ -1,11 +1,5 @@
 """Coordinates of dimensions: shared, in a file, and in the model's code."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import netCDF4
 import numpy as np
 import pytest
@@ -46,7 +40,7 @@ MINUTES = (0.0, 60.0, 240.0)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "times.csv").write_text("time [min],n\n0,1\n1,2\n4,3\n")
     (tmp_path / "plain.csv").write_text("time\n0\n1\n4\n")
@@ -61,12 +55,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def parsed(folder: Path, time: str, further: str = "", **options: Any) -> Any:
+def parsed(folder, time, further="", **options):
     text = STUDY.format(time=time, further=further)
     return uqpen.parse_study(text, folder=folder, **options)
 
 
-def problems(folder: Path, time: str, further: str = "", **options: Any) -> list[str]:
+def problems(folder, time, further="", **options):
     with pytest.raises(StudyError) as refused:
         parsed(folder, time, further, **options)
     return [str(problem) for problem in refused.value.problems]
@@ -87,24 +81,24 @@ SOURCES = [
 
 class TestSources:
     @pytest.mark.parametrize("time", SOURCES)
-    def test_they_say_the_same(self, folder: Path, time: str) -> None:
+    def test_they_say_the_same(self, folder, time):
         y, z = parsed(folder, time).model.outputs
         assert y.dims[0].values == MINUTES
         assert y.dims[0].display_unit == "min"
         assert z.dims[0] == y.dims[0]
 
-    def test_the_unit_of_a_file_may_be_shown_in_another(self, folder: Path) -> None:
+    def test_the_unit_of_a_file_may_be_shown_in_another(self, folder):
         time = parsed(folder, '{ unit = "h", file = "times.nc" }').model.outputs[0].dims[0]
         assert (time.values, time.display_unit) == (MINUTES, "h")
 
-    def test_a_file_is_part_of_the_study_and_its_archive(self, folder: Path) -> None:
+    def test_a_file_is_part_of_the_study_and_its_archive(self, folder):
         study = parsed(folder, SOURCES[0])
         assert "times.csv" in {file.path.name for file in study.files()}
         tree = uqpen.run(study)
         assert "times.csv" in tree["files"]["name"].values
         assert tree["runs/few/time"].values.tolist() == list(MINUTES)
 
-    def test_a_model_is_asked_once(self, folder: Path) -> None:
+    def test_a_model_is_asked_once(self, folder):
         log = folder / "loads"
         text = f'{MODEL}\nwith open(r"{log}", "a") as log:\n    log.write("loaded ")\n'
         (folder / "model.py").write_text(text)
@@ -170,11 +164,11 @@ class TestMistakes:
             ),
         ],
     )
-    def test_of_a_source(self, folder: Path, time: str, message: str) -> None:
+    def test_of_a_source(self, folder, time, message):
         (found,) = problems(folder, time)
         assert found.startswith(f"model.dimensions.time{message.replace('{folder}', str(folder))}")
 
-    def test_an_unknown_dimension(self, folder: Path) -> None:
+    def test_an_unknown_dimension(self, folder):
         text = STUDY.format(time=SOURCES[0], further="").replace('["time"]', '["tme", 3]')
         with pytest.raises(StudyError) as refused:
             uqpen.parse_study(text, folder=folder)
@@ -187,7 +181,7 @@ class TestMistakes:
         assert "study.toml:10  model.outputs.y.along[0]" in str(refused.value)
 
     @pytest.mark.parametrize("name", DIMENSIONS)
-    def test_no_dimension_of_a_statistic(self, folder: Path, name: str) -> None:
+    def test_no_dimension_of_a_statistic(self, folder, name):
         text = STUDY.format(time=SOURCES[0], further="").replace("place", name)
         with pytest.raises(StudyError, match="a name that archives do not use themselves"):
             uqpen.parse_study(text, folder=folder)
@@ -195,7 +189,7 @@ class TestMistakes:
     @pytest.mark.parametrize(
         "model", ['command = ["sh", "{x}"]', 'umbridge = "http://127.0.0.1:1"']
     )
-    def test_only_code_is_asked(self, folder: Path, model: str) -> None:
+    def test_only_code_is_asked(self, folder, model):
         text = STUDY.format(time=SOURCES[-1], further="")
         with pytest.raises(StudyError) as refused:
             uqpen.parse_study(text.replace('python = "model.py:simulate"', model), folder=folder)
@@ -236,16 +230,16 @@ class TestGrids:
             ),
         ],
     )
-    def test_a_mistake_is_met(self, folder: Path, further: str, message: str) -> None:
+    def test_a_mistake_is_met(self, folder, further, message):
         assert problems(folder, SOURCES[0], further) == [f"model.outputs.y{message}"]
 
-    def test_a_vectorised_function_has_none(self, folder: Path) -> None:
+    def test_a_vectorised_function_has_none(self, folder):
         text = STUDY.format(time=SOURCES[0], further=', on = { time = "t" }')
         text = text.replace('simulate"\n', 'simulate"\nvectorized = true\n')
         with pytest.raises(StudyError, match="vectorized = false, so that each run is a call"):
             uqpen.parse_study(text, folder=folder)
 
-    def test_a_function_returns_its_steps(self, folder: Path) -> None:
+    def test_a_function_returns_its_steps(self, folder):
         further = ', on = { time = "t" }, interpolation = "none"'
         runs = uqpen.run(parsed(folder, SOURCES[0], further))["runs/few"]
         assert not runs["status"].values.any()
@@ -260,9 +254,7 @@ class TestGrids:
 
 
 @pytest.mark.parametrize("time", [SOURCES[0], SOURCES[-1]])
-def test_an_archive_is_checked_without_its_code(
-    folder: Path, time: str, command_line: Callable[..., Any]
-) -> None:
+def test_an_archive_is_checked_without_its_code(folder, time, command_line):
     uqpen.make_archive(parsed(folder, time), folder / "archive.nc")
     for file in ("model.py", "times.csv"):
         (folder / file).unlink()
@@ -273,7 +265,7 @@ def test_an_archive_is_checked_without_its_code(
     assert "4 of 4 repeated: bit-equal" in trusted.said
 
 
-def test_without_an_archive_and_trust_coordinates_are_not_known(folder: Path) -> None:
+def test_without_an_archive_and_trust_coordinates_are_not_known(folder):
     assert parsed(folder, SOURCES[0], trust=False).model.outputs[0].dims[0].values == MINUTES
     (found,) = problems(folder, SOURCES[-1], trust=False)
     assert found.startswith(
@@ -282,7 +274,7 @@ def test_without_an_archive_and_trust_coordinates_are_not_known(folder: Path) ->
     )
 
 
-def test_other_coordinates_in_a_file_are_another_study(folder: Path) -> None:
+def test_other_coordinates_in_a_file_are_another_study(folder):
     path = folder / "archive.nc"
     uqpen.make_archive(parsed(folder, SOURCES[0]), path)
     (folder / "times.csv").write_text("time [min],n\n0,1\n1,2\n5,3\n")
@@ -292,8 +284,8 @@ def test_other_coordinates_in_a_file_are_another_study(folder: Path) -> None:
 
 
 class TestInPython:
-    def test_dimensions_are_shared_and_runs_have_a_grid(self) -> None:
-        def decay(rate: float) -> dict[str, Any]:
+    def test_dimensions_are_shared_and_runs_have_a_grid(self):
+        def decay(rate):
             steps = np.linspace(0, 3, 7)
             return {"mass": np.exp(-rate * steps), "rest": 1 - np.exp(-rate * steps), "t": steps}
 
@@ -314,7 +306,7 @@ class TestInPython:
         rate = runs["rate"].values[:, np.newaxis] * 60
         np.testing.assert_allclose(runs["mass"].values, np.exp(-rate * np.arange(4)))
 
-    def test_a_bare_function_takes_them_from_the_outputs(self) -> None:
+    def test_a_bare_function_takes_them_from_the_outputs(self):
         own = {"time": "t"}
         outputs = {"y": uqpen.OutputSpec("1", along={"time": {"values": [0, 1]}}, on=own)}
         study = uqpen.Study(

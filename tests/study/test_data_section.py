@@ -1,10 +1,6 @@
-"""A data file in place of a model: what is read, told and refused."""
+"""A data file in place of a model: what is read, reported and refused."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -43,19 +39,17 @@ length = { uniform = { lower = "0 m", upper = "1 m" } }
 
 DESIGN = '[designs.given]\nkind = "data"\n'
 
-Written = Callable[..., uqpen.Study]
 
-
-def table(**columns: object) -> str:
+def table(**columns):
     given = {"load [kN]": LOADS, "length [m]": LENGTHS, "deflection [mm]": LOADS * LENGTHS}
     return pd.DataFrame(given | columns).to_csv(index=False)
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> Written:
+def written(tmp_path):
     """Write a data file and its study, and read them."""
 
-    def write(text: str = STUDY, runs: str = "") -> uqpen.Study:
+    def write(text=STUDY, runs=""):
         (tmp_path / "runs.csv").write_text(runs or table())
         (tmp_path / "beam.toml").write_text(text)
         return uqpen.load_study(tmp_path / "beam.toml")
@@ -63,17 +57,17 @@ def written(tmp_path: Path) -> Written:
     return write
 
 
-def runs_of(study: uqpen.Study, design: str = "given") -> xr.Dataset:
+def runs_of(study, design="given"):
     return uqpen.run(study)[f"runs/{design}"].to_dataset()
 
 
-def mistakes(text: str, runs: str, written: Written) -> list[tuple[str, str]]:
+def mistakes(text, runs, written):
     with pytest.raises(uqpen.StudyError) as caught:
         written(text, runs)
     return [(problem.key, problem.found) for problem in caught.value.problems]
 
 
-def test_inputs_outputs_and_units_come_from_the_headings(written: Written) -> None:
+def test_inputs_outputs_and_units_come_from_the_headings(written):
     runs = runs_of(written(), "data")
     assert runs["load"].attrs["units"] == "N"
     assert runs["load"].attrs["display_units"] == "kN"
@@ -82,9 +76,9 @@ def test_inputs_outputs_and_units_come_from_the_headings(written: Written) -> No
     assert [name for name in runs if runs[name].attrs.get("role") == "input"] == ["load", "length"]
 
 
-def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_told(
-    written: Written,
-) -> None:
+def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_reported(
+    written,
+):
     found = uqpen.run(written())["statistics/data/deflection"]
     for name in ("mean", "quantile", "first_order", "pearson"):
         assert np.isfinite(found[name].sel(bound="estimate")).all()
@@ -92,7 +86,7 @@ def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_told(
     assert found["mean"].attrs["note"] == texts.NOT_DECLARED_INDEPENDENT
 
 
-def test_the_statistics_are_those_of_runs_that_a_model_made(written: Written) -> None:
+def test_the_statistics_are_those_of_runs_that_a_model_made(written):
     study = uqpen.Study(
         model=lambda load, length: {"deflection": load * length},
         inputs={"load": uqpen.Uniform("0 kN", "1 kN"), "length": uqpen.Uniform("0 m", "1 m")},
@@ -110,7 +104,7 @@ def test_the_statistics_are_those_of_runs_that_a_model_made(written: Written) ->
         assert np.array_equal(again[name], array, equal_nan=array.dtype.kind == "f"), name
 
 
-def test_failed_runs_are_data(written: Written) -> None:
+def test_failed_runs_are_data(written):
     deflection = (LOADS * LENGTHS).astype(object)
     status = np.array(["ok"] * 200, dtype=object)
     reason = np.array([""] * 200, dtype=object)
@@ -126,7 +120,7 @@ def test_failed_runs_are_data(written: Written) -> None:
 
 
 @pytest.mark.parametrize("word", ["FAIL", "fail", " Fail "])
-def test_an_evaluation_that_failed_in_dakota_is_a_failed_run(written: Written, word: str) -> None:
+def test_an_evaluation_that_failed_in_dakota_is_a_failed_run(written, word):
     deflection = (LOADS * LENGTHS).astype(object)
     deflection[[3, 7]] = word, ""
     runs = runs_of(written(runs=table(**{"deflection [mm]": deflection})), "data")
@@ -137,14 +131,14 @@ def test_an_evaluation_that_failed_in_dakota_is_a_failed_run(written: Written, w
     assert np.isnan(runs["deflection"].values[[3, 7]]).all()
 
 
-def test_a_point_outside_the_constraints_is_inadmissible(written: Written) -> None:
+def test_a_point_outside_the_constraints_is_inadmissible(written):
     table_of = table(**{"reach [kN]": np.full(200, 0.5)})
     runs = runs_of(written(STUDY + '[constraints]\nkeep = ["load < reach"]\n', table_of), "data")
     assert np.array_equal(runs["status"] == Status.INADMISSIBLE, LOADS >= 0.5)
     assert np.array_equal(np.isnan(runs["deflection"]), LOADS >= 0.5)
 
 
-def test_rows_of_one_file_train_and_check_a_surrogate(written: Written) -> None:
+def test_rows_of_one_file_train_and_check_a_surrogate(written):
     designs = """
     [designs.training]
     kind = "data"
@@ -164,7 +158,7 @@ def test_rows_of_one_file_train_and_check_a_surrogate(written: Written) -> None:
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol-sequence", "halton"])
-def test_replicates_of_a_design_give_intervals(kind: str, written: Written) -> None:
+def test_replicates_of_a_design_give_intervals(kind, written):
     replicates = np.repeat(np.arange(7, 17), 20)
     study = written(f'{STUDY}{DESIGN}follows = "{kind}"\n', table(replicate=replicates))
     assert study.designs["given"].replicate_count == 10
@@ -175,7 +169,7 @@ def test_replicates_of_a_design_give_intervals(kind: str, written: Written) -> N
     assert np.isfinite(mean.values).all()
 
 
-def test_weights_are_those_of_the_file(written: Written) -> None:
+def test_weights_are_those_of_the_file(written):
     study = written(STUDY + DESIGN + "independent = true\n", table(weight=LENGTHS))
     tree = uqpen.run(study)
     assert np.array_equal(tree["runs/given/weight"], LENGTHS)
@@ -183,7 +177,7 @@ def test_weights_are_those_of_the_file(written: Written) -> None:
     assert tree["statistics/given/deflection/mean"].values[0] == pytest.approx(expected)
 
 
-def test_how_points_follow_the_stated_inputs_is_told(written: Written) -> None:
+def test_how_points_follow_the_stated_inputs_is_reported(written):
     text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n"
     good = str(runs_of(written(text)).attrs[AGREEMENT])
     assert good.startswith("Kolmogorov's distance from [inputs]: load 0.")
@@ -208,8 +202,8 @@ order = 2
 
 
 def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(
-    written: Written,
-) -> None:
+    written,
+):
     text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n{SURROGATE}"
     order = np.argsort(np.argsort(LOADS + 0.2 * np.std(LOADS) * np.sin(np.arange(len(LOADS)))))
     alike = table(**{"length [m]": np.sort(LENGTHS)[order]})
@@ -236,9 +230,7 @@ def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(
     assert np.isfinite(mean.values[0])
 
 
-def test_an_archive_verifies_and_refuses_what_needs_a_model(
-    written: Written, tmp_path: Path, command_line: Callable[..., Any]
-) -> None:
+def test_an_archive_verifies_and_refuses_what_needs_a_model(written, tmp_path, command_line):
     study = written(STUDY + DESIGN + "independent = true\n")
     path = tmp_path / "beam.nc"
     uqpen.make_archive(study, path)
@@ -257,7 +249,7 @@ def test_an_archive_verifies_and_refuses_what_needs_a_model(
     assert "its runs come from a file (runs.csv)" in " ".join(outcome.err.split())
 
 
-def test_a_changed_run_in_an_archive_is_found(written: Written, tmp_path: Path) -> None:
+def test_a_changed_run_in_an_archive_is_found(written, tmp_path):
     archive = uqpen.make_archive(written(), tmp_path / "beam.nc")
     tree = archive.copy()
     runs = tree["runs/data"].to_dataset()
@@ -276,9 +268,7 @@ def test_a_changed_run_in_an_archive_is_found(written: Written, tmp_path: Path) 
         ("dakota.dat", ["stress", "displacement"], {"stress": "psi", "w": "inch"}),
     ],
 )
-def test_runs_of_other_programs_are_analysed(
-    file: str, outputs: list[str], units: dict[str, str]
-) -> None:
+def test_runs_of_other_programs_are_analysed(file, outputs, units):
     stated = ", ".join(f'{name} = "{unit}"' for name, unit in units.items())
     text = f'seed = 1\n[model]\ndata = "{file}"\noutputs = {outputs}\nunits = {{ {stated} }}\n'
     tree = uqpen.run(uqpen.parse_study(text, folder=RUNS))
@@ -291,7 +281,7 @@ def test_runs_of_other_programs_are_analysed(
 FRAME = pd.DataFrame({"load [kN]": LOADS, "length": LENGTHS, "deflection": LOADS * LENGTHS})
 
 
-def test_a_dataframe_is_a_data_file(tmp_path: Path) -> None:
+def test_a_dataframe_is_a_data_file(tmp_path):
     study = uqpen.Study(
         model=FRAME,
         inputs={"length": uqpen.Uniform("0 m", "1 m")},
@@ -307,7 +297,7 @@ def test_a_dataframe_is_a_data_file(tmp_path: Path) -> None:
     assert outcomes == {CheckOutcome.EQUAL}
 
 
-def test_a_dataset_is_a_data_file() -> None:
+def test_a_dataset_is_a_data_file():
     units = {"load": "kN", "length": "m", "deflection": "mm"}
     values = (LOADS, LENGTHS, LOADS * LENGTHS)
     dataset = xr.Dataset(
@@ -321,7 +311,7 @@ def test_a_dataset_is_a_data_file() -> None:
     assert runs["deflection"].attrs["display_units"] == "cm"
 
 
-def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
+def test_every_mistake_is_met_before_anything_is_read(written):
     text = STUDY.replace('"deflection"]', '"deflexion"]\nignore = ["x"]')
     assert mistakes(text, "", written) == [
         ("model.outputs[0]", 'no column "deflexion" in runs.csv'),
@@ -353,18 +343,18 @@ def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
     ]
 
 
-def test_a_mistake_of_the_data_file_is_told_beside_a_design_of_its_runs(written: Written) -> None:
+def test_a_mistake_of_the_data_file_is_reported_beside_a_design_of_its_runs(written):
     text = STUDY.replace('outputs = ["deflection"]', "") + DESIGN
     assert mistakes(text, "", written) == [("model.outputs", "no output")]
 
 
-def test_a_fixed_input_with_other_values_in_the_file_is_refused(written: Written) -> None:
+def test_a_fixed_input_with_other_values_in_the_file_is_refused(written):
     assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
 
 
 def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
-    written: Written,
-) -> None:
+    written,
+):
     design = '[designs.mc]\nkind = "monte-carlo"\nruns = 10\n'
     assert mistakes(STUDY + design, "", written) == [("designs.mc.kind", '"monte-carlo"')]
     assert mistakes(f"{STUDY}{DESIGN}first = 100\nlast = 201\n", "", written) == [
@@ -379,33 +369,31 @@ def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
     assert ("designs.given.kind", '"data" with a model that makes runs') in found
 
 
-def test_a_replicate_has_a_whole_number(written: Written) -> None:
+def test_a_replicate_has_a_whole_number(written):
     study = f'{STUDY}{DESIGN}follows = "sobol-sequence"\n'
     with pytest.raises(uqpen.StudyError) as caught:
         written(study, table(replicate=np.repeat([0, 0.5], 100)))
-    told = " ".join(str(caught.value).split())
-    assert '0.5 in column "replicate", runs.csv, line 102' in told
-    assert "expected a whole number for each run: that of its replicate" in told
+    reported = " ".join(str(caught.value).split())
+    assert '0.5 in column "replicate", runs.csv, line 102' in reported
+    assert "expected a whole number for each run: that of its replicate" in reported
 
 
-def test_a_name_that_no_file_can_have_is_told(written: Written) -> None:
+def test_a_name_that_no_file_can_have_is_reported(written):
     with pytest.raises(uqpen.StudyError, match="no file"):
         written(STUDY.replace("runs.csv", "a\\u0000b"))
 
 
-def test_no_step_looks_at_all_columns_for_each_of_them(
-    written: Written, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_no_step_looks_at_all_columns_for_each_of_them(written, monkeypatch, tmp_path):
     """As an array, a variable takes time by the number of all variables; here in no loop."""
     made = 0
     construct = xr.Dataset._construct_dataarray
 
-    def counted(self: xr.Dataset, name: Any) -> xr.DataArray:
+    def counted(self, name):
         nonlocal made
         made += 1
         return construct(self, name)
 
-    def arrays_of(columns: int) -> int:
+    def arrays_of(columns):
         nonlocal made
         made = 0
         values = {f"x{number}": LOADS[:20] for number in range(columns)}

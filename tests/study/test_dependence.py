@@ -15,8 +15,7 @@ from uqpen.core.errors import StudyError
 from uqpen.core.labels import DEPENDENCE, RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
-from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
 from uqpen.distributions import COPULAS
 from uqpen.distributions.copulas import (
     ClaytonCopula,
@@ -25,7 +24,6 @@ from uqpen.distributions.copulas import (
     StudentCopula,
     score_correlation,
 )
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.measurements import Empirical
 from uqpen.distributions.univariate import Lognormal, Normal, Truncated
 from uqpen.study.load import parse_study
@@ -52,29 +50,29 @@ runs = 50
 PAIRS = 'of = "ranks"\npairs = [ { inputs = ["x2", "x1"], correlation = 0.6 } ]\n'
 
 
-def changed(old: str, new: str, text: str = STUDY) -> str:
+def changed(old, new, text=STUDY):
     assert old in text
     return text.replace(old, new)
 
 
-def told(text: str, folder: Path = Path()) -> str:
+def reported(text, folder=Path()):
     with pytest.raises(StudyError) as caught:
         parse_study(text, folder=folder)
     return str(caught.value)
 
 
-def with_three(lines: str) -> str:
+def with_three(lines):
     text = changed("x3 = 1", 'x3 = "0.5 ± 0.1"')
     return changed(PAIRS, lines, text)
 
 
 class TestDependence:
-    def test_a_pair_is_a_correlation_of_what_it_says(self) -> None:
+    def test_a_pair_is_a_correlation_of_what_it_says(self):
         score = score_correlation(0.6, "ranks")
         joint = parse_study(STUDY).joint
         assert joint.dependence == GaussianCopula(("x1", "x2"), ((1.0, score), (score, 1.0)))
 
-    def test_pairs_that_are_not_given_have_no_correlation(self) -> None:
+    def test_pairs_that_are_not_given_have_no_correlation(self):
         text = with_three(
             'of = "normal-scores"\npairs = [ { inputs = ["x1", "x2"], correlation = 0.6 },'
             ' { inputs = ["x3", "x2"], correlation = -0.3 } ]\n'
@@ -82,7 +80,7 @@ class TestDependence:
         matrix = ((1.0, 0.6, 0.0), (0.6, 1.0, -0.3), (0.0, -0.3, 1.0))
         assert parse_study(text).joint.dependence == GaussianCopula(("x1", "x2", "x3"), matrix)
 
-    def test_a_matrix_is_in_the_order_of_its_inputs(self) -> None:
+    def test_a_matrix_is_in_the_order_of_its_inputs(self):
         text = with_three(
             'of = "kendall"\ninputs = ["x3", "x1", "x2"]\n'
             "matrix = [[1, 0.5, 0.2], [0.5, 1, 0.1], [0.2, 0.1, 1.0]]\n"
@@ -108,11 +106,11 @@ class TestDependence:
             ),
         ],
     )
-    def test_other_copulas_have_their_own_parameters(self, lines: str, expected: object) -> None:
+    def test_other_copulas_have_their_own_parameters(self, lines, expected):
         text = changed('"gaussian"\n' + PAIRS, lines)
         assert parse_study(text).joint.dependence == expected
 
-    def test_the_runs_depend_and_say_so(self) -> None:
+    def test_the_runs_depend_and_say_so(self):
         tree = run(parse_study(changed("runs = 50", "runs = 4000")))
         runs = tree[f"/{RUNS}/mc"]
         assert runs.attrs[DEPENDENCE].startswith("gaussian copula of x1, x2: ")
@@ -120,7 +118,7 @@ class TestDependence:
         # The standard error of a rank correlation of 0.6 from 4000 runs is about 0.01.
         assert np.corrcoef(ranks)[0, 1] == pytest.approx(0.6, abs=0.04)
 
-    def test_a_study_without_it_is_as_it_was(self) -> None:
+    def test_a_study_without_it_is_as_it_was(self):
         text = STUDY[: STUDY.index("[dependence]")] + STUDY[STUDY.index("[designs") :]
         assert parse_study(text).joint.is_independent
 
@@ -152,10 +150,8 @@ class TestDependence:
             ("[dependence]", "[dependence]\nthetta = 2", 10, "thetta", "an unknown key", "known: "),
         ],
     )
-    def test_a_mistake_is_told_with_its_line(
-        self, old: str, new: str, line: int, key: str, found: str, expected: str
-    ) -> None:
-        report = told(changed(old, new))
+    def test_a_mistake_is_reported_with_its_line(self, old, new, line, key, found, expected):
+        report = reported(changed(old, new))
         assert f"study.toml:{line}  dependence{'.' * bool(key)}{key}\n" in report
         assert found in report
         assert expected in report
@@ -218,20 +214,20 @@ class TestDependence:
             ),
         ],
     )
-    def test_a_wrong_matrix_is_told(self, lines: str, key: str, found: str, expected: str) -> None:
-        report = told(with_three(f'of = "normal-scores"\n{lines}\n'))
+    def test_a_wrong_matrix_is_reported(self, lines, key, found, expected):
+        report = reported(with_three(f'of = "normal-scores"\n{lines}\n'))
         assert f"dependence.{key}\n" in report
         assert found in report
         assert expected in report
 
-    def test_ranks_may_hold_together_where_their_scores_do_not(self) -> None:
+    def test_ranks_may_hold_together_where_their_scores_do_not(self):
         # This matrix has the eigenvalue 0.001 as it stands, and a negative one of the scores.
         lines = (
             'inputs = ["x1", "x2", "x3"]\n'
             "matrix = [[1, -0.4995, -0.4995], [-0.4995, 1, -0.4995], [-0.4995, -0.4995, 1]]\n"
         )
         parse_study(with_three('of = "normal-scores"\n' + lines))
-        assert "smallest eigenvalue -0.0" in told(with_three('of = "ranks"\n' + lines))
+        assert "smallest eigenvalue -0.0" in reported(with_three('of = "ranks"\n' + lines))
 
     @pytest.mark.parametrize(
         ("lines", "key", "expected"),
@@ -248,13 +244,13 @@ class TestDependence:
             ('"student"\n' + PAIRS, "of", '"kendall"'),
         ],
     )
-    def test_a_wrong_parameter_is_told(self, lines: str, key: str, expected: str) -> None:
-        report = told(changed('"gaussian"\n' + PAIRS, lines))
+    def test_a_wrong_parameter_is_reported(self, lines, key, expected):
+        report = reported(changed('"gaussian"\n' + PAIRS, lines))
         assert f"dependence.{key}\n" in report
         assert expected in report
 
-    def test_inputs_that_are_not_understood_are_told_alone(self) -> None:
-        report = told(changed("std = 0.5", "std = 0"))
+    def test_inputs_that_are_not_understood_are_reported_alone(self):
+        report = reported(changed("std = 0.5", "std = 0"))
         assert "1 mistake;" in report
         assert "inputs.x2.normal.std" in report
 
@@ -267,25 +263,25 @@ class Independent(Design):
     assumes_independence = True
 
     @property
-    def sampling(self) -> Sampling:
+    def sampling(self):
         return Sampling.INDEPENDENT
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+    def rounds(self, joint, stream):
         yield joint.points(stream.generator().random((self.runs, len(joint.random))), {})
 
-    def run_count(self, joint: JointDistribution) -> int:
+    def run_count(self, joint):
         return self.runs
 
 
 @pytest.fixture
-def _independent_design(monkeypatch: pytest.MonkeyPatch) -> None:
+def _independent_design(monkeypatch):
     monkeypatch.setitem(designs.DESIGNS, "monte-carlo", f"{__name__}:Independent")
     monkeypatch.setitem(sys.modules, __name__, sys.modules[Independent.__module__])
 
 
 @pytest.mark.usefixtures("_independent_design")
-def test_a_design_that_assumes_independence_is_refused_and_what_is_valid_offered() -> None:
-    report = told(STUDY)
+def test_a_design_that_assumes_independence_is_refused_and_what_is_valid_offered():
+    report = reported(STUDY)
     assert "study.toml:14  designs.mc.kind\n" in report
     assert '"monte-carlo" with inputs that depend on each other ([dependence])' in report
     assert "split the variance among inputs that vary independently" in report
@@ -294,7 +290,7 @@ def test_a_design_that_assumes_independence_is_refused_and_what_is_valid_offered
 
 
 @pytest.mark.usefixtures("_independent_design")
-def test_over_independent_inputs_it_is_not() -> None:
+def test_over_independent_inputs_it_is_not():
     text = STUDY[: STUDY.index("[dependence]")] + STUDY[STUDY.index("[designs") :]
     assert parse_study(text).runs == 50
 
@@ -315,7 +311,7 @@ runs = 50
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     # Quantiles of a lognormal law: they fit it well, and a uniform law badly.
     scores = [-1.96, -1.44, -1.15, -0.93, -0.76, -0.6, -0.45, -0.32, -0.19, -0.06]
     values = [round(50 * float(np.exp(0.5 * z)), 3) for z in scores + [-z for z in scores]]
@@ -324,13 +320,13 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def random_input(text: str, folder: Path) -> RandomInput:
+def random_input(text, folder):
     (entry,) = parse_study(text, folder=folder).joint.random
     return entry
 
 
 class TestMeasured:
-    def test_measurements_are_a_law_by_themselves(self, folder: Path) -> None:
+    def test_measurements_are_a_law_by_themselves(self, folder):
         entry = random_input(MEASURED, folder)
         assert isinstance(entry.distribution, Empirical)
         assert len(entry.distribution.measurements) == 20
@@ -342,7 +338,7 @@ class TestMeasured:
         assert entry.fit["fit_family"] == "empirical"
         assert entry.fit["fit_measurements"] == 20
 
-    def test_a_family_is_fitted_to_them(self, folder: Path) -> None:
+    def test_a_family_is_fitted_to_them(self, folder):
         text = changed('"strength [%]"', '"strength [%]", family = "lognormal"', MEASURED)
         entry = random_input(text, folder)
         assert isinstance(entry.distribution, Lognormal)
@@ -354,14 +350,14 @@ class TestMeasured:
         assert "lognormal fitted to 20 values of m.csv, strength [%]: mean 5" in entry.description
         assert "Kolmogorov-Smirnov distance 0." in entry.description
 
-    def test_truncation_is_as_of_any_law(self, folder: Path) -> None:
+    def test_truncation_is_as_of_any_law(self, folder):
         text = changed("} }", '}, lower = "30 %", upper = 0.9 }', MEASURED)
         entry = random_input(text, folder)
         assert isinstance(entry.distribution, Truncated)
         assert (entry.distribution.lower, entry.distribution.upper) == (0.3, 0.9)
         assert entry.description.endswith("; at least 30 %; at most 0.9")
 
-    def test_the_archive_keeps_how_well_it_fits(self, folder: Path) -> None:
+    def test_the_archive_keeps_how_well_it_fits(self, folder):
         text = changed('"strength [%]"', '"strength [%]", family = "uniform"', MEASURED)
         runs = run(parse_study(text, folder=folder))[f"/{RUNS}/mc"]
         attributes = runs["x1"].attrs
@@ -371,7 +367,7 @@ class TestMeasured:
         assert attributes["fit_source"] == "m.csv, strength [%]"
         assert attributes["units"] == "1"
 
-    def test_another_inputs_fit_changes_nothing(self, folder: Path) -> None:
+    def test_another_inputs_fit_changes_nothing(self, folder):
         text = changed('"strength [%]"', '"strength [%]", family = "normal"', MEASURED)
         both = changed(
             "x2 = 1", 'x2 = { measured = { file = "m.csv", column = "strength" } }', text
@@ -396,10 +392,8 @@ class TestMeasured:
             ('[%]"', '[%]", family = 3', "family", "3", "the name of a distribution"),
         ],
     )
-    def test_a_mistake_is_told_with_its_line(
-        self, folder: Path, old: str, new: str, key: str, found: str, expected: str
-    ) -> None:
-        report = told(changed(old, new, MEASURED), folder)
+    def test_a_mistake_is_reported_with_its_line(self, folder, old, new, key, found, expected):
+        report = reported(changed(old, new, MEASURED), folder)
         assert f"study.toml:6  inputs.x1.measured.{key}\n" in report
         assert found in report
         assert expected in report
@@ -416,24 +410,22 @@ class TestMeasured:
             ("strength [%]\n-2\n1\n2\n3\n4\n", "gamma", "a measurement of -0.02", "above 0"),
         ],
     )
-    def test_measurements_that_will_not_do_are_told(
-        self, folder: Path, content: str, family: str, found: str, expected: str
-    ) -> None:
+    def test_measurements_that_will_not_do_are_reported(
+        self, folder, content, family, found, expected
+    ):
         (folder / "m.csv").write_text(content)
         text = changed("strength [%]", "strength", MEASURED)
         if family:
             text = changed('"strength"', f'"strength", family = "{family}"', text)
         if found == "heading":
             found, expected = 'is in "kg"', "the heading of a column"
-        report = told(text, folder)
+        report = reported(text, folder)
         assert found in report
         assert expected in report
 
 
 class TestCommands:
-    def call(
-        self, monkeypatch: pytest.MonkeyPatch, folder: Path, text: str, command: str = "check"
-    ) -> int:
+    def call(self, monkeypatch, folder, text, command="check"):
         monkeypatch.chdir(folder)
         monkeypatch.setenv("COLUMNS", "200")
         (folder / "study.toml").write_text(text, encoding="utf-8")
@@ -442,16 +434,12 @@ class TestCommands:
             main()
         return int(left.value.code or 0)
 
-    def test_check_shows_the_dependence(
-        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-    ) -> None:
+    def test_check_shows_the_dependence(self, monkeypatch, capsys, tmp_path):
         assert self.call(monkeypatch, tmp_path, STUDY) == 0
         shown = capsys.readouterr().out
         assert "gaussian copula of x1, x2: correlation of normal scores: x1 and x2 0.618" in shown
 
-    def test_check_shows_fits_and_warns_of_a_bad_one(
-        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
-    ) -> None:
+    def test_check_shows_fits_and_warns_of_a_bad_one(self, monkeypatch, capsys, folder):
         text = changed('"strength [%]"', '"strength [%]", family = "uniform"', MEASURED)
         assert self.call(monkeypatch, folder, text) == 0
         shown = capsys.readouterr().out
@@ -462,11 +450,11 @@ class TestCommands:
     @pytest.mark.parametrize("command", ["check", "study"])
     def test_a_design_that_assumes_independence_leaves_with_2(
         self,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-        tmp_path: Path,
-        command: str,
-    ) -> None:
+        monkeypatch,
+        capsys,
+        tmp_path,
+        command,
+    ):
         assert self.call(monkeypatch, tmp_path, STUDY, command) == 2
         printed = capsys.readouterr()
         assert printed.out == ""

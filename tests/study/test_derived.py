@@ -1,15 +1,11 @@
 """Outputs that a study derives from fields: read, refused, made in Python, and what they cost."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import uqpen
-from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
-from uqpen.results.field_tables import field_lines
+from uqpen.core.model import Dimension, Input, Model, Output, Results
+from uqpen.results.fields import field_lines
 from uqpen.study.summary import output_rows
 
 MODEL = """\
@@ -45,16 +41,16 @@ DAY = 86_400.0
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "epidemic.py").write_text(MODEL)
     return tmp_path
 
 
-def parsed(derived: str, folder: Path) -> uqpen.Study:
+def parsed(derived, folder):
     return uqpen.parse_study(STUDY + derived, folder=folder)  # type: ignore[return-value]
 
 
-def refused(derived: str, folder: Path) -> list[str]:
+def refused(derived, folder):
     with pytest.raises(uqpen.StudyError) as error:
         parsed(derived, folder)
     assert "nothing was run" in str(error.value)
@@ -65,7 +61,7 @@ def refused(derived: str, folder: Path) -> list[str]:
 
 
 class TestRead:
-    def test_a_derived_output_is_one_more_quantity(self, folder: Path) -> None:
+    def test_a_derived_output_is_one_more_quantity(self, folder):
         text = '[outputs.peak]\nof = "infected"\ntake = "max"\nexceeds = ["20"]\nhold = [0.95]\n'
         study = parsed(text, folder)
         assert [each.name for each in study.model.outputs] == [
@@ -88,11 +84,11 @@ class TestRead:
             ('take = "first_above"\nthreshold = 30', "first time of infected above 30"),
         ],
     )
-    def test_ways_to_say_it(self, keys: str, expected: str, folder: Path) -> None:
+    def test_ways_to_say_it(self, keys, expected, folder):
         study = parsed(f'[outputs.found]\nof = "infected"\n{keys}\n', folder)
         assert study.model.derived[0].output.title == expected
 
-    def test_other_models_have_it_where_they_have_the_field(self, folder: Path) -> None:
+    def test_other_models_have_it_where_they_have_the_field(self, folder):
         text = STUDY.replace("[model]", "[models.first]").replace("[model.", "[models.first.")
         text += (
             '[models.bare]\npython = "epidemic.py:sir"\n[models.bare.inputs]\nrate = "1"\n'
@@ -190,7 +186,7 @@ class TestRefused:
             ),
         ],
     )
-    def test_with_a_message(self, table: str, expected: str, folder: Path) -> None:
+    def test_with_a_message(self, table, expected, folder):
         assert refused(f"[outputs.found]\n{table}\n", folder) == [expected]
 
     @pytest.mark.parametrize(
@@ -210,25 +206,25 @@ class TestRefused:
             ),
         ],
     )
-    def test_a_difference_in_a_unit_with_a_zero(self, asked: str, where: str, folder: Path) -> None:
+    def test_a_difference_in_a_unit_with_a_zero(self, asked, where, folder):
         text = f'[outputs.ups]\nof = "speed"\ntake = "total_variation"\n{asked}\n'
         expected = '"5 degC", in a unit with a zero of its own; a difference, such as "1 K"'
         assert refused(text, folder) == [f"{where}: {expected}"]
         parsed(text.replace("degC", "K"), folder)
 
     @pytest.mark.parametrize("name", ["infected", "rate", "time"])
-    def test_a_name_that_is_taken(self, name: str, folder: Path) -> None:
+    def test_a_name_that_is_taken(self, name, folder):
         found = refused(f'[outputs.{name}]\nof = "infected"\ntake = "max"\n', folder)
         assert found[0].startswith(f'outputs.{name}: an output "{name}", a name that the study')
 
-    def test_a_name_that_a_companion_has(self, folder: Path) -> None:
+    def test_a_name_that_a_companion_has(self, folder):
         text = (
             '[outputs.a]\nof = "infected"\ntake = "first_above"\nthreshold = 1\n'
             '[outputs.a_occurs]\nof = "infected"\ntake = "max"\n'
         )
         assert len(refused(text, folder)) == 1
 
-    def test_what_asks_for_a_mistaken_one_is_no_mistake_besides(self, folder: Path) -> None:
+    def test_what_asks_for_a_mistaken_one_is_no_mistake_besides(self, folder):
         text = (
             '[outputs.peak]\nof = "infected"\ntake = "maximum"\nexceeds = ["20"]\n'
             '[joint_probabilities]\nhigh = ["peak > 20"]\n'
@@ -237,7 +233,7 @@ class TestRefused:
 
 
 class TestRuns:
-    def test_are_those_of_the_field(self, folder: Path) -> None:
+    def test_are_those_of_the_field(self, folder):
         text = (
             '[outputs.peak]\nof = "infected"\ntake = "max"\n'
             '[outputs.late]\nof = "speed"\nat = { time = "100 day" }\n'
@@ -255,10 +251,10 @@ class TestRuns:
             "late [degC]: speed at time = 100 day",
         ]
 
-    def test_cost_nothing_in_python(self) -> None:
+    def test_cost_nothing_in_python(self):
         calls = []
 
-        def sir(rate: float) -> dict[str, object]:
+        def sir(rate):
             calls.append(rate)
             return {"infected": rate * np.linspace(0.0, 1.0, 3)}
 
@@ -298,14 +294,14 @@ class Course(Model):
         Output("depth", "m", dims=(Dimension("time", "s", values=(0, 1, 2)),), may_end=True),
     )
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         depth = inputs["x"][:, None] * np.array([0.0, 1.0, 2.0])
         depth[inputs["x"] > 0.5, 2] = np.nan
         return Results.all_ok({"depth": depth})
 
 
 class TestModelsThatAreNotLoaded:
-    def test_an_archive_of_a_class_is_read_without_it(self, tmp_path: Path) -> None:
+    def test_an_archive_of_a_class_is_read_without_it(self, tmp_path):
         study = uqpen.Study(
             model=Course(),
             inputs={"x": uqpen.Uniform(0.0, 1.0)},
@@ -326,7 +322,7 @@ class TestModelsThatAreNotLoaded:
         ("old", "key"),
         [('rate = "1"', "model.inputs.rate"), ('{ unit = "1"', "model.outputs.infected.unit")],
     )
-    def test_a_model_with_a_mistake_has_no_others(self, old: str, key: str, folder: Path) -> None:
+    def test_a_model_with_a_mistake_has_no_others(self, old, key, folder):
         text = STUDY.replace(old, old.replace("1", "parrot"), 1)
         text += '[outputs.cases]\nof = "infected"\ntake = "integral"\nexceeds = ["20 day"]\n'
         with pytest.raises(uqpen.StudyError) as error:

@@ -1,11 +1,6 @@
 """Study files that are none, or far too large: refused at once, with a message."""
 
-from __future__ import annotations
-
 import os
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,7 +14,7 @@ REST = '[designs.some]\nkind = "monte-carlo"\nruns = 10\n'
 UNREADABLE = "study.toml: cannot be read as a study; nothing was run\n\n"
 
 
-def told(text: str) -> str:
+def reported(text):
     with pytest.raises(StudyError) as refused:
         uqpen.parse_study(text)
     return str(refused.value)
@@ -27,9 +22,7 @@ def told(text: str) -> str:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no such files")
 @pytest.mark.parametrize("name", ["/dev/zero", "pipe"])
-def test_what_is_no_file_is_not_read(
-    tmp_path: Path, name: str, command_line: Callable[..., Any]
-) -> None:
+def test_what_is_no_file_is_not_read(tmp_path, name, command_line):
     os.mkfifo(tmp_path / "pipe")
     path = tmp_path / name
     outcome = command_line("check", str(path))
@@ -38,7 +31,7 @@ def test_what_is_no_file_is_not_read(
     assert found in outcome.err
 
 
-def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
+def test_a_file_that_is_too_large_is_not_read(tmp_path):
     with (tmp_path / "study.toml").open("wb") as file:
         file.truncate(2**40)  # without a byte on the disk
     with pytest.raises(StudyError, match="found     1099511627776 bytes"):
@@ -46,35 +39,35 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("before", ["", "[x.", "x = { ", '"a".'])
-def test_a_key_with_too_many_parts_is_refused(before: str) -> None:
+def test_a_key_with_too_many_parts_is_refused(before):
     text = f"{HEAD}{before}{'a.' * 100_000}b{']' if before == '[x.' else ' = 1'}\n{REST}"
     found = "found     keys with too many dots"
-    assert told(text) == f"{UNREADABLE}  study.toml\n    {found}\n    expected  a study"
+    assert reported(text) == f"{UNREADABLE}  study.toml\n    {found}\n    expected  a study"
 
 
-def test_many_dots_that_are_in_no_key_are_no_hindrance() -> None:
+def test_many_dots_that_are_in_no_key_are_no_hindrance():
     dots = f"# {'.' * 100_000}\n# {'0.5, ' * 100_000}\n"
     inputs = "[inputs]\nx1 = 1\nx2 = 2\nx3 = { uniform = { lower = 1, upper = 2 } }\n"
     assert uqpen.parse_study(f"{dots}{HEAD}{inputs}{REST}").seed == 1
 
 
-def test_tables_nested_too_deeply_are_refused() -> None:
-    said = told(f"{HEAD}[inputs]\nx1 = {'{ a = ' * 60}1{' }' * 60}\n{REST}")
+def test_tables_nested_too_deeply_are_refused():
+    said = reported(f"{HEAD}[inputs]\nx1 = {'{ a = ' * 60}1{' }' * 60}\n{REST}")
     assert "study.toml:5  inputs.x1\n    found     tables nested 51 deep" in said
 
 
-def test_thousands_of_mistakes_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_thousands_of_mistakes_are_counted(monkeypatch):
     compared = 0
     choices = table_reader.choices
 
-    def counted(*arguments: object) -> str:
+    def counted(*arguments):
         nonlocal compared
         compared += 1
         return choices(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(table_reader, "choices", counted)
     unknown = "".join(f"a{number} = 1\n" for number in range(20_000))
-    said = told(f"{HEAD}[inputs]\n{unknown}{REST}")
+    said = reported(f"{HEAD}[inputs]\n{unknown}{REST}")
     assert said.startswith("study.toml: 20000 mistakes; nothing was run")
     assert said.endswith("and 19950 more")
     # To compare a name with all that are known takes most of the time.
@@ -82,20 +75,20 @@ def test_thousands_of_mistakes_are_counted(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_lines_that_would_take_too_long_to_find_are_left_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     monkeypatch.setattr(document, "_MOST_PARSED", 100_000)
     entries = "1,\n" * 5_000
-    said = told(f"{HEAD}[inputs]\nx1 = 1\nx2 = [\n{entries}]\nx3 = 1\n{REST}")
+    said = reported(f"{HEAD}[inputs]\nx1 = 1\nx2 = [\n{entries}]\nx3 = 1\n{REST}")
     assert "  study.toml  inputs.x2\n    found     a list" in said
 
 
 @pytest.mark.parametrize("key", ["seed", "model.time_limit", "inputs.x1", "designs.some.runs"])
-def test_an_integer_with_thousands_of_digits_is_refused(key: str) -> None:
+def test_an_integer_with_thousands_of_digits_is_refused(key):
     name = key.rpartition(".")[2]
     lines = {"seed": "1", "time_limit": '"2 s"', "x1": "1", "runs": "10"}
     lines[name] = f"0x{'f' * 5000}"
-    said = told(
+    said = reported(
         f"seed = {lines['seed']}\n[model]\nuse = 'ishigami'\ntime_limit = {lines['time_limit']}\n"
         f"[inputs]\nx1 = {lines['x1']}\n[designs.some]\nruns = {lines['runs']}\n"
     )
@@ -105,7 +98,7 @@ def test_an_integer_with_thousands_of_digits_is_refused(key: str) -> None:
     assert f"  study.toml:{line}  {key}\n    {found}\n    {expected}" in said
 
 
-def test_a_time_that_no_system_can_wait_for_is_refused(tmp_path: Path) -> None:
+def test_a_time_that_no_system_can_wait_for_is_refused(tmp_path):
     (tmp_path / "m.py").write_text("def f(x): return {'y': x}\n")
     text = (
         "seed = 1\n[model]\npython = 'm.py:f'\ntime_limit = '{}'\n"
@@ -121,10 +114,10 @@ def test_a_time_that_no_system_can_wait_for_is_refused(tmp_path: Path) -> None:
     uqpen.run(uqpen.parse_study(text.format("24 days"), folder=tmp_path))
 
 
-def test_a_size_of_hundreds_of_digits_is_refused() -> None:
+def test_a_size_of_hundreds_of_digits_is_refused():
     with pytest.raises(SettingsError, match="memory_limit"):
         Limits(bytes=10**400)
-    said = told(
+    said = reported(
         f"seed = 1\n[model]\npython = 'm.py:f'\nmemory_limit = '{'9' * 400} GB'\n"
         "inputs = { x = '1' }\noutputs = { y = '1' }\n[inputs]\nx = '1 ± 1'\n" + REST
     )

@@ -1,10 +1,5 @@
 """Outputs with dimensions in a study: declared in a file and in Python, and what is refused."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -42,28 +37,28 @@ DAY = 86_400.0
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "epidemic.py").write_text(MODEL)
     return tmp_path
 
 
-def parsed(text: str, folder: Path) -> uqpen.Study:
+def parsed(text, folder):
     return uqpen.parse_study(text, folder=folder)  # type: ignore[return-value]
 
 
-def problems(text: str, folder: Path) -> list[str]:
+def problems(text, folder):
     with pytest.raises(uqpen.StudyError) as refused:
         parsed(text, folder)
     return [str(problem) for problem in refused.value.problems]
 
 
-def changed(old: str, new: str) -> str:
+def changed(old, new):
     assert old in STUDY
     return STUDY.replace(old, new, 1)
 
 
 class TestDeclared:
-    def test_by_its_ends_and_size(self, folder: Path) -> None:
+    def test_by_its_ends_and_size(self, folder):
         infected, recovered, peak = parsed(STUDY, folder).model.outputs
         values = tuple(DAY * day for day in (0.0, 40.0, 80.0, 120.0, 160.0))
         time = Dimension("time", "s", "", "day", values)
@@ -72,7 +67,7 @@ class TestDeclared:
         assert recovered.may_end
         assert peak.dims == ()
 
-    def test_by_its_values(self, folder: Path) -> None:
+    def test_by_its_values(self, folder):
         text = STUDY.replace(
             TIME, 'time = { unit = "day", values = [0, 1.5, 3], long_name = "day of it" }'
         )
@@ -80,7 +75,7 @@ class TestDeclared:
         assert time.values == (0.0, 1.5 * DAY, 3 * DAY)
         assert time.title == "day of it"
 
-    def test_up_to_three(self, folder: Path) -> None:
+    def test_up_to_three(self, folder):
         further = ", ".join(f"{name} = {{ values = [1, 2] }}" for name in "abc")
         text = changed(TIME, f"{TIME}, {further}")
         text = text.replace(", c = { values = [1, 2] }", "", 1)
@@ -91,11 +86,11 @@ class TestDeclared:
             "names that differ"
         ]
 
-    def test_a_table_may_give_the_unit_alone(self, folder: Path) -> None:
+    def test_a_table_may_give_the_unit_alone(self, folder):
         text = changed('peak = "day-1"', 'peak = { unit = "day-1" }')
         assert parsed(text, folder).model.outputs == parsed(STUDY, folder).model.outputs
 
-    def test_what_is_asked_is_listed(self, folder: Path) -> None:
+    def test_what_is_asked_is_listed(self, folder):
         rows = dict(output_rows(parsed(STUDY, folder)))
         assert rows["infected"] == (
             "at each place along time (5): mean, standard deviation, quantiles 0.05, 0.5, 0.95"
@@ -104,7 +99,7 @@ class TestDeclared:
     @given(
         st.lists(st.floats(-1e6, 1e6, allow_subnormal=False), min_size=1, max_size=5, unique=True)
     )
-    def test_values_are_read_as_written(self, values: list[float]) -> None:
+    def test_values_are_read_as_written(self, values):
         values = sorted(values)
         text = STUDY.replace(TIME, f"depth = {{ values = {values} }}")
         study = uqpen.parse_study(text, trust=False)
@@ -167,55 +162,55 @@ class TestMistakes:
             ),
         ],
     )
-    def test_in_a_dimension(self, folder: Path, along: str, message: str) -> None:
+    def test_in_a_dimension(self, folder, along, message):
         found = problems(changed(TIME, along), folder)
         assert f"model.outputs.infected.along{message}" in found
 
-    def test_other_coordinates_of_a_shared_dimension(self, folder: Path) -> None:
+    def test_other_coordinates_of_a_shared_dimension(self, folder):
         text = STUDY.replace("size = 5", "size = 6", 1)
         assert problems(text, folder) == [
             'model.outputs.recovered.along.time: found other coordinates of "time" than above; '
             "expected the same in all outputs along it"
         ]
 
-    def test_an_end_without_a_curve(self, folder: Path) -> None:
+    def test_an_end_without_a_curve(self, folder):
         text = changed('peak = "day-1"', 'peak = { unit = "day-1", may_end = true }')
         assert problems(text, folder) == [
             "model.outputs.peak.may_end: found an output along 0 dimensions; expected a curve, "
             "along one dimension"
         ]
 
-    def test_a_table_without_a_unit(self, folder: Path) -> None:
+    def test_a_table_without_a_unit(self, folder):
         found = problems(changed('unit = "1", ', ""), folder)
         expected = 'a unit such as "cm", or "1" where there is none'
         assert found == [f"model.outputs.infected: found a table; expected {expected}"]
 
-    def test_a_request_for_a_statistic(self, folder: Path) -> None:
+    def test_a_request_for_a_statistic(self, folder):
         text = STUDY + '[outputs.infected]\nunit = "%"\nexceeds = [0.5]\nhold = [0.9]\n'
         assert problems(text, folder) == [
             'outputs.infected.hold: found a tolerance limit of "infected"; expected an output '
             "without dimensions; a field has hold_between"
         ]
 
-    def test_a_stopping_target(self, folder: Path) -> None:
+    def test_a_stopping_target(self, folder):
         target = 'at_most = 2000\nuntil = { infected = { mean = "1 %" } }'
         found = "designs.mc.until.infected: found an output with dimensions"
         assert f"{found}; expected an output that is a number" in problems(
             STUDY.replace("runs = 20", target), folder
         )
 
-    def test_its_unit_is_no_mistake(self, folder: Path) -> None:
+    def test_its_unit_is_no_mistake(self, folder):
         study = parsed(STUDY + '[outputs.infected]\nunit = "%"\n', folder)
         assert study.quantities_of_interest[0].display_unit == "%"
 
-    def test_a_published_estimate(self, folder: Path) -> None:
+    def test_a_published_estimate(self, folder):
         text = STUDY + '[published.book]\nsource = "a book"\ninfected = { mean = 0.5 }\n'
         assert problems(text, folder) == [
             'published.book.infected.mean: found an estimate of "infected"; expected an output '
             "without dimensions"
         ]
 
-    def test_a_surrogate_of_a_field(self, folder: Path) -> None:
+    def test_a_surrogate_of_a_field(self, folder):
         surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
         assert parsed(STUDY + surrogate, folder).surrogates
         transformed = STUDY + surrogate + 'transform = { infected = "log" }\n'
@@ -224,7 +219,7 @@ class TestMistakes:
             "dimensions; expected a scalar output: a field is fitted as it is"
         ]
 
-    def test_a_surrogate_of_curves_that_may_end(self, folder: Path) -> None:
+    def test_a_surrogate_of_curves_that_may_end(self, folder):
         surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
         alone = (STUDY + surrogate).replace('peak = "day-1"\n', "")
         assert parsed(alone, folder).surrogates
@@ -235,7 +230,7 @@ class TestMistakes:
             "expected an output with numbers that are always there"
         ]
 
-    def test_models_with_other_coordinates(self, folder: Path) -> None:
+    def test_models_with_other_coordinates(self, folder):
         head, rest = STUDY.split("[model]\n")
         table, rest = rest.split("[inputs]\n")
         one = "[models.one]\n" + table.replace("[model.", "[models.one.")
@@ -247,7 +242,7 @@ class TestMistakes:
         ]
 
 
-def sir(rate: float) -> dict[str, Any]:
+def sir(rate):
     time = np.linspace(0, 160, 5)
     return {"infected": np.exp(-rate * time), "peak": rate}
 
@@ -256,7 +251,7 @@ ALONG = {"time": {"unit": "day", "from": 0, "to": 160, "size": 5}}
 
 
 class TestInPython:
-    def study(self, **options: Any) -> uqpen.Study:
+    def study(self, **options):
         outputs = {
             "infected": uqpen.OutputSpec("1", along=ALONG, may_end=True),
             "peak": uqpen.OutputSpec("day-1", exceeds=["0.2 day-1"]),
@@ -269,19 +264,19 @@ class TestInPython:
             **given,
         )
 
-    def test_a_bare_function_has_the_dimensions_of_the_outputs(self, folder: Path) -> None:
+    def test_a_bare_function_has_the_dimensions_of_the_outputs(self, folder):
         infected, peak = self.study().model.outputs
         text = STUDY.replace("}\nrecovered", ", may_end = true }\nrecovered")
         assert infected == parsed(text, folder).model.outputs[0]
         assert peak.dims == ()
 
-    def test_its_text_is_read_back(self) -> None:
+    def test_its_text_is_read_back(self):
         study = self.study()
         again = uqpen.parse_study(study.to_toml(), objects={("model",): sir})
         assert again.model.outputs == study.model.outputs
         assert again.text == study.to_toml()
 
-    def test_a_python_model_states_its_own(self) -> None:
+    def test_a_python_model_states_its_own(self):
         model = uqpen.PythonModel(
             sir,
             {"rate": "day-1"},
@@ -290,19 +285,19 @@ class TestInPython:
         study = self.study(model=model, outputs={"peak": "day-1"})
         assert study.model.outputs == self.study().model.outputs
 
-    def test_coordinates_may_be_an_array(self) -> None:
+    def test_coordinates_may_be_an_array(self):
         along = {"time": {"unit": "day", "values": np.linspace(0, 160, 5)}}
         outputs = {"infected": uqpen.OutputSpec("1", along=along), "peak": "day-1"}
         infected = self.study(outputs=outputs).model.outputs[0]
         assert infected.dims == self.study().model.outputs[0].dims
 
-    def test_a_mistake_names_the_argument(self) -> None:
+    def test_a_mistake_names_the_argument(self):
         outputs = {"infected": uqpen.OutputSpec("1", along={"run": {"values": [1]}}), "peak": "1"}
         with pytest.raises(uqpen.StudyError) as refused:
             self.study(outputs=outputs)
         assert "a name that archives do not use themselves" in str(refused.value)
 
-    def test_it_runs(self) -> None:
+    def test_it_runs(self):
         runs = uqpen.run(self.study())["runs/mc"]
         assert runs["infected"].shape == (20, 5)
         assert runs["infected"].values[:, 0].tolist() == [1.0] * 20

@@ -1,10 +1,7 @@
 """Members of each family from an installed package, and packages that cannot be imported."""
 
-from __future__ import annotations
-
 import importlib
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -70,10 +67,8 @@ FAMILIES = {
     "copulas": ("own", "dependence.copula"),
 }
 
-Install = Callable[..., Path]
 
-
-def test_a_study_names_them(install: Install, tmp_path: Path) -> None:
+def test_a_study_names_them(install, tmp_path):
     install("members", SOURCE, POINTS)
     study = uqpen.parse_study(STUDY, folder=tmp_path / "none")
     tree = uqpen.run(study)
@@ -84,8 +79,8 @@ def test_a_study_names_them(install: Install, tmp_path: Path) -> None:
     assert run_fingerprint(study, "", "mine")["model version"] == "1.2"
 
 
-def test_the_version_of_a_package_decides_the_runs(install: Install, tmp_path: Path) -> None:
-    def fingerprint() -> dict[str, str]:
+def test_the_version_of_a_package_decides_the_runs(install, tmp_path):
+    def fingerprint():
         study = uqpen.parse_study(STUDY, folder=tmp_path / "none")
         return run_fingerprint(study, "", "mine")
 
@@ -111,7 +106,7 @@ def test_the_version_of_a_package_decides_the_runs(install: Install, tmp_path: P
     package_version.cache_clear()
 
 
-def test_they_need_no_trust(install: Install, tmp_path: Path) -> None:
+def test_they_need_no_trust(install, tmp_path):
     install("members", SOURCE, POINTS)
     uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=tmp_path)), tmp_path / "a.nc")
     checks = uqpen.verify(tmp_path / "a.nc")
@@ -119,9 +114,7 @@ def test_they_need_no_trust(install: Install, tmp_path: Path) -> None:
     assert "runs" in {check.name for check in checks}
 
 
-def test_what_stands_beside_a_study_does_not_replace_a_package(
-    install: Install, tmp_path: Path
-) -> None:
+def test_what_stands_beside_a_study_does_not_replace_a_package(install, tmp_path):
     """An archive could contain a file by the name of an installed module."""
     install("members", SOURCE, POINTS)
     folder = tmp_path / "study"
@@ -131,9 +124,7 @@ def test_what_stands_beside_a_study_does_not_replace_a_package(
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_package_that_cannot_be_imported_is_named(
-    install: Install, tmp_path: Path, family: str
-) -> None:
+def test_a_package_that_cannot_be_imported_is_named(install, tmp_path, family):
     install("members", SOURCE, POINTS)
     name, key = FAMILIES[family]
     install("broken", "import numpi\n", f"[uqpen.{family}]\n{name}-2 = uqpen_test_broken:Thing\n")
@@ -149,7 +140,7 @@ def test_a_package_that_cannot_be_imported_is_named(
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_what_is_no_member_is_refused(install: Install, tmp_path: Path, family: str) -> None:
+def test_what_is_no_member_is_refused(install, tmp_path, family):
     name, key = FAMILIES[family]
     install(
         "members",
@@ -167,7 +158,7 @@ def test_what_is_no_member_is_refused(install: Install, tmp_path: Path, family: 
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_an_unknown_name_has_its_line(tmp_path: Path, install: Install, family: str) -> None:
+def test_an_unknown_name_has_its_line(tmp_path, install, family):
     install("members", SOURCE, POINTS)
     name, key = FAMILIES[family]
     text = STUDY.replace(f'"{name}"', f'"{name}z"').replace(f"{name} = ", f"{name}z = ")
@@ -178,7 +169,7 @@ def test_an_unknown_name_has_its_line(tmp_path: Path, install: Install, family: 
     assert re.search(r"study\.toml:\d+ ", str(raised.value))
 
 
-def test_a_study_without_them_loads_none(install: Install, tmp_path: Path) -> None:
+def test_a_study_without_them_loads_none(install, tmp_path):
     install("members", f"raise RuntimeError\n{SOURCE}", POINTS)
     text = (
         'seed = 1\nmodel.use = "ishigami"\n[inputs]\nx1 = 1\nx2 = 1\n'
@@ -187,9 +178,7 @@ def test_a_study_without_them_loads_none(install: Install, tmp_path: Path) -> No
     assert uqpen.parse_study(text, folder=tmp_path).runs == 9
 
 
-def test_a_broken_package_of_an_archived_surrogate_is_named(
-    install: Install, tmp_path: Path
-) -> None:
+def test_a_broken_package_of_an_archived_surrogate_is_named(install, tmp_path):
     tree = xr.DataTree(xr.Dataset(attrs={"kind": "kriging"}))
     install("broken", "1 / 0\n", "[uqpen.surrogates]\nkriging = uqpen_test_broken:Thing\n")
     with pytest.raises(ModelError, match='"uqpen-test-broken", which provides "kriging"'):

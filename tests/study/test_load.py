@@ -1,7 +1,5 @@
 """A study file becomes a study, or one error that lists every mistake in it."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sys
@@ -55,18 +53,18 @@ runs = 100
 """
 
 
-def changed(old: str, new: str) -> str:
+def changed(old, new):
     assert old in WHOLE
     return WHOLE.replace(old, new)
 
 
-def report(text: str, folder: Path = Path()) -> str:
+def report(text, folder=Path()):
     with pytest.raises(StudyError) as caught:
         parse_study(text, folder=folder)
     return str(caught.value)
 
 
-def test_a_whole_study_is_understood() -> None:
+def test_a_whole_study_is_understood():
     study = parse_study(WHOLE)
     distribution = {entry.variable.name: entry for entry in study.joint.inputs}
     length, density = distribution["projectile_length"], distribution["target_density"]
@@ -94,7 +92,7 @@ def test_a_whole_study_is_understood() -> None:
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
-def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
+def test_the_studies_that_come_with_it_are_right(path):
     assert isinstance(load_study(path), ValidatedStudy)
 
 
@@ -266,41 +264,41 @@ def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_is_told_with_line_key_found_and_expected(
-    old: str, new: str, line: int | None, key: str, found: str, expected: str
-) -> None:
+def test_a_mistake_is_reported_with_line_key_found_and_expected(
+    old, new, line, key, found, expected
+):
     text = report(changed(old, new))
     where = f"study.toml:{line}" if line else "study.toml"
     blocks = {head: rest for head, *rest in map(str.splitlines, text.split("\n\n")[1:])}
-    told_found, told_expected = blocks[f"  {where}  {key}"]
-    assert told_found.startswith("    found     ")
-    assert found in told_found
-    assert told_expected.startswith("    expected  ")
-    assert expected in told_expected
+    reported_found, reported_expected = blocks[f"  {where}  {key}"]
+    assert reported_found.startswith("    found     ")
+    assert found in reported_found
+    assert reported_expected.startswith("    expected  ")
+    assert expected in reported_expected
 
 
-def test_all_mistakes_are_told_at_once_in_the_order_of_their_lines() -> None:
+def test_all_mistakes_are_reported_at_once_in_the_order_of_their_lines():
     text = changed('"16 cm"', '"5 kg"').replace("seed = 1", "seed = -1").replace("100\n", "0\n")
-    told = report(text)
-    assert "3 mistakes" in told
-    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", told)] == [2, 10, 29]
+    reported = report(text)
+    assert "3 mistakes" in reported
+    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", reported)] == [2, 10, 29]
 
 
-def test_lines_are_counted_as_toml_counts_them() -> None:
+def test_lines_are_counted_as_toml_counts_them():
     # A line separator of Unicode's is text to TOML.
     text = changed("seed = 1", "seed = 1 # a\u2028b\x85").replace("runs = 100", "runs = 0")
     assert "study.toml:29  designs.mc.runs" in report(text)
 
 
 @pytest.mark.slow
-def test_many_mistakes_are_told_in_a_moment_and_not_all() -> None:
+def test_many_mistakes_are_reported_in_a_moment_and_not_all():
     text = changed("hold = [0.9]", "hold = [\n" + "2,\n" * 1000 + "]")
-    told = report(text)
-    assert "1000 mistakes" in told
-    assert "and 950 more" in told
+    reported = report(text)
+    assert "1000 mistakes" in reported
+    assert "and 950 more" in reported
 
 
-def test_a_number_with_too_many_digits_is_no_traceback() -> None:
+def test_a_number_with_too_many_digits_is_no_traceback():
     assert "cannot be read as a study" in report(changed("seed = 1", "seed = " + "9" * 5000))
 
 
@@ -315,21 +313,21 @@ def test_a_number_with_too_many_digits_is_no_traceback() -> None:
         'weibull = { shape = 1e-3, scale = "1 m" }',
     ],
 )
-def test_a_law_that_cannot_be_drawn_from_is_told(distribution: str) -> None:
+def test_a_law_that_cannot_be_drawn_from_is_reported(distribution):
     text = changed('uniform = { lower = "14 mm", upper = "20 mm" }', distribution)
     assert "too wide or too narrow to draw from" in report(text)
 
 
-def test_every_missing_input_is_told() -> None:
+def test_every_missing_input_is_reported():
     text = WHOLE.replace('projectile_length = "16 cm"\n', "")
-    told = report(text.replace('projectile_sound_speed = "3071 m/s"\n', ""))
-    assert "inputs.projectile_length" in told
-    assert "inputs.projectile_sound_speed" in told
-    assert 'or "projectile_young_modulus"' in told
+    reported = report(text.replace('projectile_sound_speed = "3071 m/s"\n', ""))
+    assert "inputs.projectile_length" in reported
+    assert "inputs.projectile_sound_speed" in reported
+    assert 'or "projectile_young_modulus"' in reported
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "told"),
+    ("text", "line", "reported"),
     [
         ("title = \n", 1, "Invalid value"),
         ("seed = 1\nload = (4 ± 1) m\n", 2, 'a text stands in straight quotes, such as "5 mm"'),
@@ -348,50 +346,50 @@ def test_every_missing_input_is_told() -> None:
         ("seed = 1\n\nx = 'never closed\n", 3, ""),
     ],
 )
-def test_what_is_not_toml_is_told_alone_with_its_line(text: str, line: int, told: str) -> None:
+def test_what_is_not_toml_is_reported_alone_with_its_line(text, line, reported):
     complaint = report(text)
     assert f"study.toml:{line}" in complaint
-    assert told in complaint
+    assert reported in complaint
     assert "cannot be read as a study" in complaint
 
 
-def test_a_file_in_another_encoding_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_file_in_another_encoding_is_reported_with_its_line(tmp_path):
     path = tmp_path / "old.toml"
     path.write_bytes("seed = 1\ntitle = 'Größe'\n".encode("latin-1"))
     with pytest.raises(StudyError, match=r"old\.toml:2\n.*not UTF-8"):
         load_study(path)
 
 
-def test_a_byte_order_mark_is_no_matter(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_no_matter(tmp_path):
     path = tmp_path / "bom.toml"
     path.write_bytes(b"\xef\xbb\xbf" + WHOLE.encode())
     assert load_study(path).title == "Whole"
 
 
 @pytest.mark.parametrize("what", ["absent.toml", "."])
-def test_a_file_that_is_none_is_told(tmp_path: Path, what: str) -> None:
+def test_a_file_that_is_none_is_reported(tmp_path, what):
     with pytest.raises(StudyError, match="cannot be read"):
         load_study(tmp_path / what)
 
 
 class TestSoundSpeed:
-    def test_a_young_modulus_is_enough(self) -> None:
+    def test_a_young_modulus_is_enough(self):
         text = changed(
             'projectile_sound_speed = "3071 m/s"', 'projectile_young_modulus = "165 GPa"'
         )
         assert "projectile_young_modulus" in parse_study(text).joint.nominal()
 
-    def test_both_may_be_given_where_they_agree(self) -> None:
+    def test_both_may_be_given_where_they_agree(self):
         both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "165 GPa"'
         parse_study(changed('projectile_sound_speed = "3071 m/s"', both))
 
-    def test_both_are_refused_where_they_disagree(self) -> None:
+    def test_both_are_refused_where_they_disagree(self):
         both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "175 GPa"'
-        told = report(changed('projectile_sound_speed = "3071 m/s"', both))
-        assert "within 1 %" in told
+        reported = report(changed('projectile_sound_speed = "3071 m/s"', both))
+        assert "within 1 %" in reported
 
 
-def test_a_nominal_point_outside_the_models_domain_is_a_mistake() -> None:
+def test_a_nominal_point_outside_the_models_domain_is_a_mistake():
     text = changed(
         '"100 mm", std = "25 mm" }, lower = "50 mm"', '"10 mm", std = "25 mm" }, lower = "9 mm"'
     )
@@ -400,7 +398,7 @@ def test_a_nominal_point_outside_the_models_domain_is_a_mistake() -> None:
     )
 
 
-def test_random_designs_over_fixed_inputs_are_a_mistake() -> None:
+def test_random_designs_over_fixed_inputs_are_a_mistake():
     fixed = WHOLE.replace('"(2.5 ± 0.05) g/cm^3"', '"2.5 g/cm^3"')
     fixed = re.sub(r"plasticity_radius = {.*", 'plasticity_radius = "100 mm"', fixed)
     fixed = re.sub(r"crater_radius = {.*", 'crater_radius = "17 mm"', fixed)
@@ -408,7 +406,7 @@ def test_random_designs_over_fixed_inputs_are_a_mistake() -> None:
 
 
 class TestTable:
-    def test_a_table_may_give_what_the_study_does_not(self, tmp_path: Path) -> None:
+    def test_a_table_may_give_what_the_study_does_not(self, tmp_path):
         (tmp_path / "points.csv").write_text(
             "projectile_length [cm],target_density [kg/m^3],plasticity_radius [mm],"
             "crater_radius [mm]\n15,2500,90,15\n"
@@ -420,12 +418,12 @@ class TestTable:
         study = parse_study(text, folder=tmp_path)
         assert study.runs == 1
 
-    def test_a_mistake_in_a_table_is_one_of_the_study(self, tmp_path: Path) -> None:
+    def test_a_mistake_in_a_table_is_one_of_the_study(self, tmp_path):
         (tmp_path / "points.csv").write_text("projectile_length [kg]\n15\n")
         text = changed('kind = "monte-carlo"\nruns = 100', 'kind = "table"\nfile = "points.csv"')
-        told = report(text, tmp_path)
-        assert "designs.mc.file" in told
-        assert "expected a length" in told
+        reported = report(text, tmp_path)
+        assert "designs.mc.file" in reported
+        assert "expected a length" in reported
 
 
 PYTHON = """\
@@ -447,16 +445,16 @@ runs = 10
 
 
 class TestPythonModel:
-    def study(self, folder: Path, source: str, text: str = PYTHON) -> ValidatedStudy:
+    def study(self, folder, source, text=PYTHON):
         (folder / "mine.py").write_text(source, encoding="utf-8")
         return parse_study(text, folder=folder)
 
-    def told(self, folder: Path, source: str, text: str = PYTHON) -> str:
+    def reported(self, folder, source, text=PYTHON):
         with pytest.raises(StudyError) as caught:
             self.study(folder, source, text)
         return str(caught.value)
 
-    def test_a_function_beside_the_study_is_a_model(self, tmp_path: Path) -> None:
+    def test_a_function_beside_the_study_is_a_model(self, tmp_path):
         source = "def simulate(rod_length, speed): return {'depth': rod_length}"
         study = self.study(tmp_path, source)
         assert [(variable.name, variable.unit) for variable in study.model.inputs] == [
@@ -465,12 +463,12 @@ class TestPythonModel:
         ]
         assert study.quantities_of_interest[0].display_unit == "cm"
 
-    def test_it_may_import_what_lies_beside_it(self, tmp_path: Path) -> None:
+    def test_it_may_import_what_lies_beside_it(self, tmp_path):
         (tmp_path / "neighbour_of_mine.py").write_text("factor = 2")
         source = "from neighbour_of_mine import factor\ndef simulate(rod_length, speed): return {}"
         assert self.study(tmp_path, source)
 
-    def test_it_may_import_what_lies_beside_it_while_it_runs(self, tmp_path: Path) -> None:
+    def test_it_may_import_what_lies_beside_it_while_it_runs(self, tmp_path):
         (tmp_path / "late_neighbour.py").write_text("factor = 2")
         source = (
             "def simulate(rod_length, speed):\n"
@@ -490,9 +488,7 @@ class TestPythonModel:
         ],
         ids=["at once", "late"],
     )
-    def test_studies_do_not_share_the_modules_beside_them(
-        self, tmp_path: Path, source: str
-    ) -> None:
+    def test_studies_do_not_share_the_modules_beside_them(self, tmp_path, source):
         before = dict(sys.modules)
         models = []
         for factor in (2, 3):
@@ -507,12 +503,12 @@ class TestPythonModel:
         assert "shared_name" not in sys.modules
         assert {name: sys.modules.get(name) for name in before} == before
 
-    def test_a_folder_around_python_itself_is_no_surrounding(self) -> None:
+    def test_a_folder_around_python_itself_is_no_surrounding(self):
         before = dict(sys.modules)
         with ModelFolder(Path(sys.base_prefix).parent).on_import_path():
             assert set(before) == set(sys.modules)
 
-    def test_an_importable_module_is_a_model_too(self, tmp_path: Path) -> None:
+    def test_an_importable_module_is_a_model_too(self, tmp_path):
         (tmp_path / "module_of_mine.py").write_text("def go(rod_length, speed): return {}")
         text = PYTHON.replace("mine.py:simulate", "module_of_mine:go")
         assert self.study(tmp_path, "", text).model.name == "module_of_mine:go"
@@ -533,12 +529,10 @@ class TestPythonModel:
             ("import sys\nsys.exit(0)\n", "failed: SystemExit: 0 (mine.py, line 2: sys.exit(0))"),
         ],
     )
-    def test_a_function_that_cannot_be_used_is_told(
-        self, tmp_path: Path, source: str, complaint: str
-    ) -> None:
-        told = self.told(tmp_path, source)
-        assert "model.python" in told
-        assert complaint in told
+    def test_a_function_that_cannot_be_used_is_reported(self, tmp_path, source, complaint):
+        reported = self.reported(tmp_path, source)
+        assert "model.python" in reported
+        assert complaint in reported
 
     @pytest.mark.parametrize(
         ("old", "new", "complaint"),
@@ -554,16 +548,14 @@ class TestPythonModel:
             ('python = "mine', 'use = "ishigami"\npython = "mine', "use and python"),
         ],
     )
-    def test_a_wrong_declaration_is_told(
-        self, tmp_path: Path, old: str, new: str, complaint: str
-    ) -> None:
+    def test_a_wrong_declaration_is_reported(self, tmp_path, old, new, complaint):
         source = "def simulate(rod_length, speed): return {}"
-        assert complaint in self.told(tmp_path, source, PYTHON.replace(old, new))
+        assert complaint in self.reported(tmp_path, source, PYTHON.replace(old, new))
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_a_damaged_study_is_a_study_or_an_error(data: st.DataObject) -> None:
+def test_a_damaged_study_is_a_study_or_an_error(data):
     position = data.draw(st.integers(0, len(WHOLE)))
     length = data.draw(st.integers(0, 30))
     insert = data.draw(st.one_of(st.text(max_size=8), st.sampled_from(['"', "[", "{", "=", "\n"])))

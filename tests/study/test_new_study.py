@@ -1,11 +1,7 @@
 """First studies that `uqpen init` writes: they are right as they are."""
 
-from __future__ import annotations
-
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -37,15 +33,13 @@ def _private(x):
 """
 
 
-def _written(command_line: Callable[..., Any], *arguments: str) -> dict[str, Any]:
+def _written(command_line, *arguments):
     done = command_line("init", *arguments, "-o", "study.toml")
     assert done.err == ""
     return tomllib.loads(Path("study.toml").read_text(encoding="utf-8"))
 
 
-def test_a_function_gives_its_inputs_units_nominal_values_and_outputs(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_function_gives_its_inputs_units_nominal_values_and_outputs(command_line, tmp_path):
     (tmp_path / "beam.py").write_text(BEAM)
     content = _written(command_line, "beam.py:deflection")
     assert content["title"] == "Deflection of a cantilever"
@@ -80,9 +74,7 @@ SIGNATURES = st.dictionaries(
 
 @settings(max_examples=30)
 @given(signature=SIGNATURES)
-def test_a_study_of_any_signature_passes_as_it_is_written(
-    signature: dict[str, tuple[Any, str]], tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_study_of_any_signature_passes_as_it_is_written(signature, tmp_path_factory):
     folder = tmp_path_factory.mktemp("signature")
     arguments = ", ".join(
         name + f": {unit!r}" * bool(unit) + f" = {default!r}" * (default is not None)
@@ -99,9 +91,7 @@ def test_a_study_of_any_signature_passes_as_it_is_written(
             assert entry.nominal == pytest.approx(float(default), rel=1e-5)
 
 
-def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_program_gets_its_inputs_from_placeholders_in_their_order(command_line, tmp_path):
     (tmp_path / "beam.dat.template").write_text("FORCE {force}\nLENGTH {length:.10e} {{}}\n")
     (tmp_path / "solver").write_text("#!/bin/sh\necho result = 2.5\n")
     (tmp_path / "solver").chmod(0o755)
@@ -122,9 +112,7 @@ def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
     assert "read" not in content["model"]  # a JSON file whose path the program is given
 
 
-def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(
-    command_line: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(command_line, tmp_path):
     heading = "load [kN],span,peak [MPa],bend [mm],note,2nd [m],sag [spans],status,reason\n"
     rows = "4,2,,7,a,1,1,failed,diverged\n5,2,FAIL,8,b,1,1,,\n6,3,31,9,c,1,1,ok,\n"
     (tmp_path / "runs.csv").write_text(heading + rows)
@@ -155,9 +143,7 @@ def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(
 
 
 @pytest.mark.parametrize("name", ["dakota.dat", "easyvvuq.csv", "openturns.csv"])
-def test_a_file_of_another_program_gives_a_study_that_passes(
-    command_line: Callable[..., Any], name: str
-) -> None:
+def test_a_file_of_another_program_gives_a_study_that_passes(command_line, name):
     content = _written(command_line, str(Path(__file__).parents[1] / "data" / "runs" / name))
     assert len(content["model"]["outputs"]) == 1
     assert "the study is right" in command_line("check", "study.toml").out
@@ -171,9 +157,7 @@ HEADINGS = st.sampled_from(
 
 @settings(max_examples=50)
 @given(columns=st.dictionaries(HEADINGS, CELLS, max_size=5))
-def test_a_study_of_any_data_file_passes_as_it_is_written(
-    columns: dict[str, list[str]], tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_study_of_any_data_file_passes_as_it_is_written(columns, tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     table = pd.DataFrame({"a": [1, 2], **columns, "b": [3, 4]})
     table.to_csv(folder / "a.csv", index=False, encoding="utf-8")
@@ -209,9 +193,7 @@ def test_a_study_of_any_data_file_passes_as_it_is_written(
         (["no.tmpl", "--command", "s {x}"], "no.tmpl: cannot be read: No such file"),
     ],
 )
-def test_mistakes(
-    command_line: Callable[..., Any], tmp_path: Path, arguments: list[str], message: str
-) -> None:
+def test_mistakes(command_line, tmp_path, arguments, message):
     (tmp_path / "beam.py").write_text(BEAM)
     (tmp_path / "two.py").write_text("def f(x=None): ...\ndef g(x, /): ...\n")
     (tmp_path / "broken.py").write_text("x = 1\ndef f(\n")

@@ -1,19 +1,11 @@
 """Published figures: read with their units, kept apart from our own, never given an interval."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
 import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.results.output_tables import output_tables
-from uqpen.study.study import ValidatedStudy
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [designs.blocks]
@@ -31,11 +23,11 @@ largest_contribution = "b"
 """
 
 
-def study(study_of: MakeStudy, published: str = PUBLISHED) -> ValidatedStudy:
+def study(study_of, published=PUBLISHED):
     return study_of("a + b", DESIGNS + published, a=(0, 1), b=(0, 1))
 
 
-def test_they_stand_beside_our_own(study_of: MakeStudy) -> None:
+def test_they_stand_beside_our_own(study_of):
     tree = uqpen.run(study(study_of))
     mean = tree["statistics/report/y"]["mean"]
     assert mean.values[0] == 1.5
@@ -45,7 +37,7 @@ def test_they_stand_beside_our_own(study_of: MakeStudy) -> None:
     assert tree["statistics/report/y"].attrs["largest_contribution"] == "b"
 
 
-def test_they_are_shown_beside_them(study_of: MakeStudy) -> None:
+def test_they_are_shown_beside_them(study_of):
     tables = {table.title: table for table in output_tables(uqpen.run(study(study_of)))}
     assert tables["y"].columns == ["blocks", "report"]
     shares = tables["y: shares of its variance"]
@@ -64,7 +56,7 @@ def test_they_are_shown_beside_them(study_of: MakeStudy) -> None:
         ('source = "a report"', "", "published.report.source", "nothing"),
     ],
 )
-def test_mistakes_are_met(study_of: MakeStudy, old: str, new: str, key: str, found: Any) -> None:
+def test_mistakes_are_met(study_of, old, new, key, found):
     with pytest.raises(StudyError) as caught:
         study(study_of, PUBLISHED.replace(old, new))
     assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value

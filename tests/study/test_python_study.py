@@ -1,10 +1,6 @@
 """A study made from Python objects is the study that a file of the same content is."""
 
-from __future__ import annotations
-
 import tomllib
-from pathlib import Path
-from typing import Any
 
 import chaospy
 import numpy as np
@@ -71,11 +67,11 @@ def area(length, width):
 """
 
 
-def area(length: float, width: float) -> dict[str, float]:
+def area(length, width):
     return {"area": length * width / 100}
 
 
-def arguments(**changes: Any) -> dict[str, Any]:
+def arguments(**changes):
     return {
         "title": "Area",
         "seed": 7,
@@ -96,11 +92,11 @@ def arguments(**changes: Any) -> dict[str, Any]:
     }
 
 
-def made(**changes: Any) -> uqpen.Study:
+def made(**changes):
     return uqpen.Study(**arguments(**changes))
 
 
-def message(**changes: Any) -> str:
+def message(**changes):
     with pytest.raises(uqpen.StudyError) as caught:
         made(**changes)
     return str(caught.value)
@@ -108,7 +104,7 @@ def message(**changes: Any) -> str:
 
 class TestSameContent:
     @pytest.mark.slow
-    def test_its_archive_has_the_same_groups_as_that_of_a_file(self, tmp_path: Path) -> None:
+    def test_its_archive_has_the_same_groups_as_that_of_a_file(self, tmp_path):
         (tmp_path / "area.py").write_text(MODEL)
         (tmp_path / "study.toml").write_text(FILE)
         of_file = uqpen.run(uqpen.load_study(tmp_path / "study.toml"))
@@ -119,7 +115,7 @@ class TestSameContent:
             one, other = of_file[path].to_dataset(), of_objects[path].to_dataset()
             assert one.identical(other), path
 
-    def test_its_text_is_a_study_that_reads_the_same(self) -> None:
+    def test_its_text_is_a_study_that_reads_the_same(self):
         study = made()
         content = tomllib.loads(study.to_toml())
         assert content["inputs"]["length"] == {
@@ -142,12 +138,12 @@ class TestSameContent:
         ],
         ids=lambda copula: type(copula).__name__,
     )
-    def test_any_copula_joins_the_inputs_that_it_names(self, copula: Any) -> None:
+    def test_any_copula_joins_the_inputs_that_it_names(self, copula):
         study = made(dependence=copula)
         assert study.joint.dependence == copula
         assert uqpen.parse_study(study.to_toml(), objects={("model",): area}).joint == study.joint
 
-    def test_a_study_from_a_file_has_the_same_class(self, tmp_path: Path) -> None:
+    def test_a_study_from_a_file_has_the_same_class(self, tmp_path):
         (tmp_path / "area.py").write_text(MODEL)
         (tmp_path / "study.toml").write_text(FILE)
         study = uqpen.load_study(tmp_path / "study.toml")
@@ -156,7 +152,7 @@ class TestSameContent:
         assert study.to_toml() == FILE
 
     @pytest.mark.parametrize("use", ["ishigami", {"use": "ishigami"}, uqpen.Ishigami()])
-    def test_a_built_in_model_is_named_or_an_object(self, use: object) -> None:
+    def test_a_built_in_model_is_named_or_an_object(self, use):
         spread = {name: uqpen.Uniform(-3.0, 3.0) for name in ("x1", "x2", "x3")}
         study = made(
             model=use,
@@ -168,14 +164,14 @@ class TestSameContent:
         assert study.model.name == "ishigami"
 
     @given(st.text(st.characters(codec="utf-8", exclude_categories=["Cs"])))
-    def test_any_text_survives_the_way_through_toml(self, text: str) -> None:
+    def test_any_text_survives_the_way_through_toml(self, text):
         title = f'a\n{text}\r\n\'"""'
         assert made(title=title).title == title
 
 
 class TestModels:
     @pytest.mark.slow
-    def test_a_closure_and_a_lambda_run_on_two_processes(self, tmp_path: Path) -> None:
+    def test_a_closure_and_a_lambda_run_on_two_processes(self, tmp_path):
         factor = 0.01
         study = made(model=lambda length, width: {"area": length * width * factor}, surrogates=None)
         alone = uqpen.make_archive(study, tmp_path / "one.nc")
@@ -183,10 +179,10 @@ class TestModels:
         assert alone.identical(spread)
         assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
 
-    def test_a_function_takes_each_input_in_the_unit_in_which_it_is_written(self) -> None:
+    def test_a_function_takes_each_input_in_the_unit_in_which_it_is_written(self):
         units = {}
 
-        def record(length: float, width: float) -> dict[str, float]:
+        def record(length, width):
             units.update(length=length, width=width)
             return {"area": 1.0}
 
@@ -195,7 +191,7 @@ class TestModels:
         assert 20 < units["width"] < 40
 
     @pytest.mark.slow
-    def test_a_model_may_state_its_own_units(self) -> None:
+    def test_a_model_may_state_its_own_units(self):
         in_metres = uqpen.PythonModel(
             lambda length, width: {"area": length * width},
             inputs={"length": "m", "width": "m"},
@@ -207,7 +203,7 @@ class TestModels:
         path = "statistics/mc/area"
         np.testing.assert_allclose(one[path]["mean"], other[path]["mean"], rtol=1e-12)
 
-    def test_several_models_have_names(self) -> None:
+    def test_several_models_have_names(self):
         units = {"length": "m", "width": "cm"}
         thick = uqpen.PythonModel(area, units, {"area": "m2"}, replaced={"width": "31 cm"})
         study = made(
@@ -222,7 +218,7 @@ class TestModels:
 
 
 class TestMistakes:
-    def test_they_name_the_argument_and_all_are_told_at_once(self) -> None:
+    def test_they_name_the_argument_and_all_are_reported_at_once(self):
         text = message(
             inputs={"length": uqpen.Normal("2 m", "1 kg"), "width": "30 cm"},
             dependence=None,
@@ -238,11 +234,11 @@ class TestMistakes:
         ):
             assert f"  {where}\n    found     {found}" in text
 
-    def test_a_quantity_that_cannot_be_read_is_refused_where_it_is_written(self) -> None:
+    def test_a_quantity_that_cannot_be_read_is_refused_where_it_is_written(self):
         with pytest.raises(uqpen.UqpenError, match="with a decimal comma"):
             uqpen.Normal("2,5 m", "1 m")
 
-    def test_an_input_in_two_units_is_refused_of_a_bare_function(self) -> None:
+    def test_an_input_in_two_units_is_refused_of_a_bare_function(self):
         text = message(
             inputs={"length": uqpen.Normal("2 m", "10 cm"), "width": "(30 ± 2) cm"},
             dependence=None,
@@ -250,10 +246,10 @@ class TestMistakes:
         assert "found     values in m and cm" in text
         assert "uqpen.PythonModel" in text
 
-    def test_a_function_that_takes_other_inputs_is_refused(self) -> None:
+    def test_a_function_that_takes_other_inputs_is_refused(self):
         assert "cannot take the inputs" in message(model=lambda length: {"area": length})
 
-    def test_a_file_cannot_name_an_object(self, tmp_path: Path) -> None:
+    def test_a_file_cannot_name_an_object(self, tmp_path):
         path = tmp_path / "study.toml"
         path.write_text(made().to_toml())
         with pytest.raises(uqpen.StudyError) as caught:
@@ -261,28 +257,28 @@ class TestMistakes:
         assert f'{path}:5  model.object\n    found     "area"' in str(caught.value)
         assert 'python = "my_model.py:area"' in str(caught.value)
 
-    def test_no_seed_is_a_mistake(self) -> None:
+    def test_no_seed_is_a_mistake(self):
         assert "seed\n    found     nothing" in message(seed=None)
 
 
 class Solver:
-    def area(self, length: float, width: float) -> dict[str, float]:
+    def area(self, length, width):
         return area(length, width)
 
 
 @pytest.fixture(scope="module")
-def made_here(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made_here(tmp_path_factory):
     path = tmp_path_factory.mktemp("archives") / "area.nc"
     uqpen.make_archive(made(surrogates=None), path)
     return path
 
 
 class TestArchives:
-    def outcomes(self, path: Path, **options: Any) -> dict[str, tuple[str, str]]:
+    def outcomes(self, path, **options):
         checks = uqpen.verify(path, **options)
         return {check.name: (check.verdict.name, check.text) for check in checks}
 
-    def test_runs_are_not_repeated_without_the_function(self, made_here: Path) -> None:
+    def test_runs_are_not_repeated_without_the_function(self, made_here):
         for trust in (False, True):
             outcomes = self.outcomes(made_here, trust=trust)
             assert outcomes["runs"] == (
@@ -291,12 +287,12 @@ class TestArchives:
             )
             assert {outcome for outcome, _ in outcomes.values()} == {"EQUAL", "UNCHECKED"}
 
-    def test_with_the_function_all_is_checked(self, made_here: Path) -> None:
+    def test_with_the_function_all_is_checked(self, made_here):
         outcomes = self.outcomes(made_here, model=area, runs=20)
         assert {outcome for outcome, _ in outcomes.values()} == {"EQUAL"}
 
-    def test_another_function_is_told(self, made_here: Path) -> None:
-        def other(length: float, width: float) -> dict[str, float]:
+    def test_another_function_is_reported(self, made_here):
+        def other(length, width):
             return {"area": length * width / 101}
 
         outcomes = self.outcomes(made_here, model=other, runs=20)
@@ -304,27 +300,27 @@ class TestArchives:
         assert outcomes["source"][0] == "DIFFERENT"
 
     @pytest.mark.parametrize("options", [[], ["--trust"]])
-    def test_rerun_refuses_it(self, made_here: Path, options: list[str]) -> None:
+    def test_rerun_refuses_it(self, made_here, options):
         result = CliRunner().invoke(rerun, [str(made_here), *options])
         assert isinstance(result.exception, ModelError)
         assert "its model is an object of a Python program (area)" in str(result.exception)
 
-    def test_its_source_is_in_it_to_be_read(self, made_here: Path) -> None:
+    def test_its_source_is_in_it_to_be_read(self, made_here):
         text = uqpen.open_archive(made_here).attrs["study_text"]
         assert "return {" in tomllib.loads(text)["model"]["source"]
 
-    def test_runs_of_an_unknown_function_are_not_kept(self, tmp_path: Path) -> None:
+    def test_runs_of_an_unknown_function_are_not_kept(self, tmp_path):
         calls = []
 
         class Interrupted(Progress):
-            def advance(self, runs: int, failed: int, in_progress: int) -> None:
+            def advance(self, runs, failed, in_progress):
                 calls.append(runs)
                 raise KeyboardInterrupt
 
-            def warn(self, text: str) -> None:
+            def warn(self, text):
                 warnings.append(text)
 
-        warnings: list[str] = []
+        warnings = []
         study = made(model=Solver().area)
         with pytest.raises(KeyboardInterrupt, match="nothing was written"):
             uqpen.make_archive(study, tmp_path / "area.nc", progress=Interrupted())
@@ -336,7 +332,7 @@ class TestArchives:
 
 
 class TestOtherLibraries:
-    def test_distributions_that_are_data_are_written_as_data(self) -> None:
+    def test_distributions_that_are_data_are_written_as_data(self):
         study = made(
             inputs={
                 "length": uqpen.FrozenDistribution(stats.genextreme(-0.1, loc=2, scale=0.1), "m"),
@@ -354,7 +350,7 @@ class TestOtherLibraries:
         assert float(runs["width"].median()) == pytest.approx(0.3, abs=0.01)
 
     @pytest.mark.slow
-    def test_a_distribution_that_is_an_object_is_given_to_verify(self, tmp_path: Path) -> None:
+    def test_a_distribution_that_is_an_object_is_given_to_verify(self, tmp_path):
         width = uqpen.FrozenDistribution(chaospy.Normal(30, 2) + 1, "cm")
         path = tmp_path / "area.nc"
         uqpen.make_archive(made(inputs={"length": "2 m", "width": width}, dependence=None), path)
@@ -377,9 +373,7 @@ class TestOtherLibraries:
             ({"name": "norm", "unit": "kg"}, "kg", "a length, such as"),
         ],
     )
-    def test_a_mistake_in_one_is_told(
-        self, table: dict[str, object], found: str, expected: str
-    ) -> None:
+    def test_a_mistake_in_one_is_reported(self, table, found, expected):
         model = uqpen.PythonModel(area, {"length": "m", "width": "cm"}, {"area": "m2"})
         text = message(
             model=model,
@@ -391,14 +385,14 @@ class TestOtherLibraries:
         assert expected in text
 
 
-def test_it_is_shown_as_a_short_table() -> None:
+def test_it_is_shown_as_a_short_table():
     html = made(title="<script>")._repr_html_()
     assert "&lt;script&gt;" in html
     assert "<td>normal: mean 2 m, std 0.1 m; at least 1.8 m</td>" in html
     assert len(html) < 4000
 
 
-def test_an_archive_is_shown_as_a_short_table() -> None:
+def test_an_archive_is_shown_as_a_short_table():
     archive = uqpen.run(made(title="<script>", surrogates=None))
     html = archive._repr_html_()
     assert "&lt;script&gt;" in html
@@ -406,7 +400,7 @@ def test_an_archive_is_shown_as_a_short_table() -> None:
     assert len(html) < 10_000
 
 
-def test_an_archive_is_a_long_table() -> None:
+def test_an_archive_is_a_long_table():
     table = uqpen.run(made(surrogates=None)).to_frame()
     means = table[(table["statistic"] == "mean") & (table["source"] == "mc")]
     assert len(means) == 1
@@ -414,20 +408,20 @@ def test_an_archive_is_a_long_table() -> None:
     assert row["lower"] < row["estimate"] < row["upper"]
 
 
-def test_everything_public_is_listed_and_documented() -> None:
+def test_everything_public_is_listed_and_documented():
     assert set(dir(uqpen)) == {*uqpen.__all__, "__version__"}
     for name in uqpen.__all__:
         assert getattr(uqpen, name).__doc__, name
 
 
-_REST: dict[str, Any] = {
+_REST = {
     "seed": 1,
     "outputs": {"y": "1"},
     "designs": {"draws": uqpen.MonteCarlo(runs=10)},
 }
 
 
-def test_names_of_joint_inputs_that_join_to_one_text_are_kept_apart() -> None:
+def test_names_of_joint_inputs_that_join_to_one_text_are_kept_apart():
     joint = chaospy.MvNormal([0, 0], [[1, 0.5], [0.5, 1]])
     study = uqpen.Study(
         model=lambda a_b, c, a, b_c: {"y": a_b + c + a + b_c},
@@ -437,7 +431,7 @@ def test_names_of_joint_inputs_that_join_to_one_text_are_kept_apart() -> None:
     assert [group.inputs for group in study.joint.groups] == [("a_b", "c"), ("a", "b_c")]
 
 
-def test_one_input_may_stand_in_a_tuple() -> None:
+def test_one_input_may_stand_in_a_tuple():
     study = uqpen.Study(model=lambda a: {"y": a}, inputs={("a",): chaospy.Normal(1, 2)}, **_REST)
     assert study.joint.inputs[0].distribution.ppf(np.array([0.5]))[0] == pytest.approx(1.0)
 
@@ -450,9 +444,7 @@ def test_one_input_may_stand_in_a_tuple() -> None:
         ((), chaospy.Normal(0, 1), "no names of inputs"),
     ],
 )
-def test_a_tuple_that_its_distribution_does_not_fit_is_refused(
-    names: tuple[str, ...], value: object, found: str
-) -> None:
+def test_a_tuple_that_its_distribution_does_not_fit_is_refused(names, value, found):
     with pytest.raises(uqpen.StudyError) as caught:
         uqpen.Study(model=lambda a, b: {"y": a + b}, inputs={names: value}, **_REST)
     problem = caught.value.problems[0]
@@ -460,7 +452,7 @@ def test_a_tuple_that_its_distribution_does_not_fit_is_refused(
     assert problem.found == found
 
 
-def test_a_data_frame_is_a_sample_of_inputs() -> None:
+def test_a_data_frame_is_a_sample_of_inputs():
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame({"a [mm]": [1.0, 2.0, 3.0], "b [s]": [1.0, 2.0, 4.0]})
     study = uqpen.Study(
@@ -472,7 +464,7 @@ def test_a_data_frame_is_a_sample_of_inputs() -> None:
     ]
 
 
-def test_the_representation_of_a_study_is_one_line() -> None:
+def test_the_representation_of_a_study_is_one_line():
     study = uqpen.Study(
         model=lambda a: {"y": a}, inputs={"a": uqpen.Normal(mean=0, std=1)}, title="A", **_REST
     )

@@ -1,7 +1,5 @@
 """Each section of a study file is declared once, and all that read sections find it there."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 
@@ -15,19 +13,19 @@ from uqpen.study.study import ValidatedStudy
 FIELDS = {each.name: each for each in dataclasses.fields(ValidatedStudy)}
 
 
-def test_each_section_is_an_argument_of_the_same_name() -> None:
+def test_each_section_is_an_argument_of_the_same_name():
     named = set(inspect.signature(uqpen.Study).parameters) - {"name", "folder", "sections"}
     assert named.isdisjoint(SectionArguments.__annotations__)
     assert named | set(SectionArguments.__annotations__) == set(SECTIONS)
 
 
-def test_an_unknown_argument_is_refused_as_python_refuses_it() -> None:
+def test_an_unknown_argument_is_refused_as_python_refuses_it():
     with pytest.raises(TypeError, match="got an unexpected keyword argument 'surrogate'"):
         uqpen.Study(lambda a: {"y": a}, surrogate={})  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("key", SECTIONS)
-def test_a_declaration_names_what_there_is(key: str) -> None:
+def test_a_declaration_names_what_there_is(key):
     section = SECTIONS[key]
     for reference in filter(None, (section.settings, section.reader, section.lines)):
         assert callable(resolve(reference))
@@ -37,6 +35,6 @@ def test_a_declaration_names_what_there_is(key: str) -> None:
 
 
 @pytest.mark.parametrize("key", [key for key in SECTIONS if SECTIONS[key].settings])
-def test_a_section_of_settings_has_a_default(key: str) -> None:
+def test_a_section_of_settings_has_a_default(key):
     field = FIELDS[SECTIONS[key].field]
     assert field.default is not dataclasses.MISSING

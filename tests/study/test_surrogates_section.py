@@ -1,7 +1,5 @@
 """``[surrogates.<name>]`` becomes settings, or messages that say what to write instead."""
 
-from __future__ import annotations
-
 import pytest
 
 from uqpen.core.errors import StudyError
@@ -35,22 +33,22 @@ order = 3
 """
 
 
-def surrogate(text: str, name: str = "pce") -> str:
+def surrogate(text, name="pce"):
     return f'{STUDY}\n[surrogates.{name}]\nkind = "polynomial-chaos"\n{text}\n'
 
 
-def report(text: str) -> str:
+def report(text):
     """The report on one line: where, what was found and what is expected."""
     with pytest.raises(StudyError) as caught:
         parse_study(text)
     return " ".join(str(caught.value).split())
 
 
-def test_a_study_needs_none() -> None:
+def test_a_study_needs_none():
     assert parse_study(STUDY).surrogates == {}
 
 
-def test_a_surrogate_is_understood() -> None:
+def test_a_surrogate_is_understood():
     text = """
 design = "training"
 check = "fresh"
@@ -71,7 +69,7 @@ transform = { penetration_depth = "log" }
     }
 
 
-def test_what_is_not_given_has_a_default() -> None:
+def test_what_is_not_given_has_a_default():
     found = parse_study(surrogate('design = "training"')).surrogates["pce"]
     assert found == PolynomialChaos(design="training")
 
@@ -133,39 +131,39 @@ def test_what_is_not_given_has_a_default() -> None:
         ('design = "training"\nordr = 3', ["found an unknown key", 'did you mean "order"?']),
     ],
 )
-def test_mistakes_are_told(text: str, parts: list[str]) -> None:
-    told = report(surrogate(text))
+def test_mistakes_are_reported(text, parts):
+    reported = report(surrogate(text))
     for part in parts:
-        assert part in told
+        assert part in reported
 
 
-def test_designs_and_surrogates_share_their_names() -> None:
-    told = report(surrogate('design = "training"', name="fresh"))
-    assert 'found "fresh", which is a design expected a name that no design has' in told
+def test_designs_and_surrogates_share_their_names():
+    reported = report(surrogate('design = "training"', name="fresh"))
+    assert 'found "fresh", which is a design expected a name that no design has' in reported
     assert "a name of letters, digits and _" in report(surrogate('design = "x"', name='"a-b"'))
 
 
-def test_the_kind_must_be_known() -> None:
+def test_the_kind_must_be_known():
     text = surrogate('design = "training"')
     assert "expected one of polynomial-chaos" in report(
         text.replace('kind = "polynomial-chaos"', "")
     )
-    told = report(text.replace('"polynomial-chaos"', '"polynomial"'))
-    assert 'did you mean "polynomial-chaos"?' in told
+    reported = report(text.replace('"polynomial-chaos"', '"polynomial"'))
+    assert 'did you mean "polynomial-chaos"?' in reported
 
 
-def test_a_mistake_in_a_design_is_not_told_twice() -> None:
-    told = report(surrogate('design = "training"').replace("runs = 200", "runs = 0"))
-    assert "surrogates" not in told
+def test_a_mistake_in_a_design_is_not_reported_twice():
+    reported = report(surrogate('design = "training"').replace("runs = 200", "runs = 0"))
+    assert "surrogates" not in reported
 
 
-def test_a_quadrature_serves_every_method() -> None:
+def test_a_quadrature_serves_every_method():
     for method in ("sparse", "least-squares", "projection"):
         text = surrogate(f'design = "nodes"\nmethod = "{method}"\ncheck = "fresh"')
         assert parse_study(text).surrogates["pce"].design == "nodes"
 
 
-def test_designs_of_moves_are_refused() -> None:
+def test_designs_of_moves_are_refused():
     text = surrogate('design = "steps"') + '[designs.steps]\nkind = "one-at-a-time"\n'
-    told = report(text)
-    assert "which makes steps from the nominal point expected a design that samples" in told
+    reported = report(text)
+    assert "which makes steps from the nominal point expected a design that samples" in reported

@@ -1,15 +1,10 @@
 """A design and a distribution from files of the user's own: in a study, its archive and checks."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import re
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +17,7 @@ from uqpen.execution import Progress
 from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_design, check_distribution
 from uqpen.verification.archived_study import archived_study
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
 ROOT = Path(__file__).parents[2]
@@ -54,23 +49,21 @@ order = 3
 """
 MEMBERS = "my_designs.py:Kronecker, my_distributions.py:Kumaraswamy"
 
-FreshProcess = Callable[..., Any]
-
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with the files."""
     _write_members(tmp_path)
     return tmp_path
 
 
-def _write_members(folder: Path) -> None:
+def _write_members(folder):
     (folder / "my_designs.py").write_text(DESIGNS)
     (folder / "my_distributions.py").write_text(DISTRIBUTIONS)
 
 
 @pytest.fixture
-def modules(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ModuleType, ...]]:
+def modules(folder, monkeypatch):
     """The modules, imported as a program or a test does."""
     monkeypatch.syspath_prepend(folder)
     names = ("my_designs", "my_distributions")
@@ -80,7 +73,7 @@ def modules(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Mod
 
 
 @pytest.fixture(scope="module")
-def archived(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def archived(tmp_path_factory):
     """The bytes of the study's archive."""
     folder = tmp_path_factory.mktemp("archived")
     _write_members(folder)
@@ -89,27 +82,27 @@ def archived(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.fixture
-def archive(archived: bytes, tmp_path: Path) -> Path:
+def archive(archived, tmp_path):
     """The archive of the study, in a folder without the files."""
     (tmp_path / "a.nc").write_bytes(archived)
     return tmp_path / "a.nc"
 
 
-def _checks(path: Path, **options: Any) -> dict[str, CheckResult]:
+def _checks(path, **options):
     return {check.name: check for check in verify(path, **options)}
 
 
-def _kinds(path: Path, **options: Any) -> set[tuple[str, str]]:
+def _kinds(path, **options):
     checks = _checks(path, **options).items()
     return {(name, check.verdict.name) for name, check in checks if check.verdict.name != "EQUAL"}
 
 
-def test_they_keep_their_contracts(modules: tuple[Any, ...]) -> None:
+def test_they_keep_their_contracts(modules):
     check_design(modules[0].Kronecker(runs=1_600))
     check_distribution(modules[1].Kumaraswamy(a=2, b=3, largest=3))
 
 
-def test_a_study_names_them(folder: Path) -> None:
+def test_a_study_names_them(folder):
     study = uqpen.parse_study(STUDY, folder=folder)
     assert study.designs["mine"].run_count(study.joint) == 160
     assert [file.path.name for file in study.files()] == ["my_distributions.py", "my_designs.py"]
@@ -121,8 +114,8 @@ def test_a_study_names_them(folder: Path) -> None:
     )
 
 
-def test_their_files_decide_the_runs(folder: Path) -> None:
-    def fingerprints() -> list[dict[str, str]]:
+def test_their_files_decide_the_runs(folder):
+    def fingerprints():
         study = uqpen.parse_study(STUDY, folder=folder)
         return [run_fingerprint(study, "", design) for design in ("mine", "mc")]
 
@@ -137,12 +130,12 @@ def test_their_files_decide_the_runs(folder: Path) -> None:
     assert "file my_distributions.py" in of_mc
 
 
-def test_runs_before_a_change_are_not_used(folder: Path) -> None:
+def test_runs_before_a_change_are_not_used(folder):
     class Interrupted(Progress):
-        def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        def advance(self, runs, failed, in_progress):
             raise KeyboardInterrupt
 
-    def make(**options: Any) -> None:
+    def make(**options):
         make_archive(uqpen.parse_study(STUDY, folder=folder), folder / "a.nc", **options)
 
     with pytest.raises(KeyboardInterrupt):
@@ -154,7 +147,7 @@ def test_runs_before_a_change_are_not_used(folder: Path) -> None:
 
 
 class TestArchive:
-    def test_without_trust_it_names_the_code(self, archive: Path) -> None:
+    def test_without_trust_it_names_the_code(self, archive):
         checks = _checks(archive, runs=None)
         assert _kinds(archive) == {("points", "UNCHECKED"), ("surrogates", "UNCHECKED")}
         assert checks["points"].text == (
@@ -162,13 +155,13 @@ class TestArchive:
         )
         assert "210 of 210 repeated" in checks["runs"].text
 
-    def test_with_trust_all_is_repeated(self, archive: Path) -> None:
+    def test_with_trust_all_is_repeated(self, archive):
         checks = _checks(archive, trust=True)
         assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
         assert checks["points"].text == "the first round of mine, mc drawn again: bit-equal"
 
     @pytest.mark.slow
-    def test_other_points_are_found(self, archive: Path) -> None:
+    def test_other_points_are_found(self, archive):
         groups = uqpen.open_archive(archive).to_dict()
         changed = groups["/runs/mine"].copy(deep=True)
         changed["x1"].values[3] += 0.01
@@ -180,7 +173,7 @@ class TestArchive:
         assert "x1" in points.details[0]
 
     @pytest.mark.slow
-    def test_only_a_design_leaves_all_statistics_checked(self, folder: Path) -> None:
+    def test_only_a_design_leaves_all_statistics_checked(self, folder):
         text = STUDY.replace('"my_distributions.py:Kumaraswamy"', "kumar").replace(
             "kumar = { a = 2, b = 3, largest = 3 }", "uniform = { lower = 0, upper = 3 }"
         )
@@ -188,7 +181,7 @@ class TestArchive:
         (folder / "my_designs.py").unlink()
         assert _kinds(folder / "b.nc") == {("points", "UNCHECKED")}
 
-    def test_a_design_that_is_not_loaded_has_the_archived_sampling(self, archive: Path) -> None:
+    def test_a_design_that_is_not_loaded_has_the_archived_sampling(self, archive):
         study = archived_study(uqpen.open_archive(archive), archive.parent, trust=False)
         design = study.designs["mine"]
         assert isinstance(design, UnloadedDesign)
@@ -197,9 +190,7 @@ class TestArchive:
             uqpen.run(study)
 
     @pytest.mark.slow
-    def test_code_is_executed_only_with_trust(
-        self, folder: Path, fresh_process: FreshProcess, command_line: Callable[..., Any]
-    ) -> None:
+    def test_code_is_executed_only_with_trust(self, folder, fresh_process, command_line):
         trace = folder / "executed"
         for name in ("my_designs.py", "my_distributions.py"):
             touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
@@ -216,14 +207,14 @@ class TestArchive:
         assert (folder / "a_rerun.nc").read_bytes() == (folder / "a.nc").read_bytes()
 
     @pytest.mark.slow
-    def test_workers_decide_nothing(self, folder: Path, archived: bytes) -> None:
+    def test_workers_decide_nothing(self, folder, archived):
         study = uqpen.parse_study(STUDY, folder=folder)
         uqpen.make_archive(study, folder / "two.nc", workers=2)
         assert (folder / "two.nc").read_bytes() == archived
 
 
 class TestPython:
-    def _study(self, folder: Path, design: object, distribution: object) -> uqpen.Study:
+    def _study(self, folder, design, distribution):
         return uqpen.Study(
             "ishigami",
             inputs={"x1": distribution, "x2": 1.0, "x3": uqpen.Uniform(-3, 3)},
@@ -233,7 +224,7 @@ class TestPython:
         )
 
     @pytest.mark.slow
-    def test_classes_of_the_folder_are_named(self, folder: Path, modules: tuple[Any, ...]) -> None:
+    def test_classes_of_the_folder_are_named(self, folder, modules):
         design = modules[0].Kronecker(runs=160)
         study = self._study(folder, design, modules[1].Kumaraswamy(2, 3, "3"))
         assert 'kind = "my_designs:Kronecker"' in study.to_toml()
@@ -247,9 +238,7 @@ class TestPython:
         assert _kinds(folder / "a.nc", trust=True) == set()
 
     @pytest.mark.slow
-    def test_classes_of_no_file_are_objects(
-        self, folder: Path, modules: tuple[Any, ...], command_line: Callable[..., Any]
-    ) -> None:
+    def test_classes_of_no_file_are_objects(self, folder, modules, command_line):
         class Own(modules[0].Kronecker):  # type: ignore[name-defined,misc]
             pass
 
@@ -258,10 +247,10 @@ class TestPython:
 
         study = self._study(folder, Own(160), OwnLaw(2, 3, "3"))
         assert "object = " in study.to_toml()
-        warnings: list[str] = []
+        warnings = []
 
         class Warned(Progress):
-            def warn(self, text: str) -> None:
+            def warn(self, text):
                 warnings.append(text)
 
         uqpen.make_archive(study, folder / "a.nc", progress=Warned())
@@ -304,13 +293,13 @@ class Kronecker(Design):
         ("if 0: yield", "it yields no points"),
     ],
 )
-def test_what_a_design_does_wrong_is_told(folder: Path, body: str, reason: str) -> None:
+def test_what_a_design_does_wrong_is_reported(folder, body, reason):
     (folder / "my_designs.py").write_text(FAILING.replace("BODY", body))
     with pytest.raises(StudyError, match=f"the design Kronecker fails: {re.escape(reason)}"):
         uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_a_distribution_that_raises_is_told(folder: Path) -> None:
+def test_a_distribution_that_raises_is_reported(folder):
     wrong = DISTRIBUTIONS.replace("return -np.expm1(self._log_sf(value))", "return 1 / 0")
     (folder / "my_distributions.py").write_text(wrong)
     with pytest.raises(StudyError, match="ZeroDivisionError"):
@@ -364,9 +353,7 @@ class Raising(Design):
         ('"my_distributions.py:Kumaraswamy"', "kumaraswamy", "x1", "an unknown distribution"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told_before_any_run(
-    folder: Path, before: str, after: str, key: str, found: str
-) -> None:
+def test_a_mistake_is_reported_before_any_run(folder, before, after, key, found):
     (folder / "wrong.py").write_text(WRONG)
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after), folder=folder)
@@ -376,9 +363,7 @@ def test_a_mistake_is_told_before_any_run(
 
 
 @pytest.mark.slow
-def test_an_installed_package_adds_names(
-    folder: Path, modules: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_installed_package_adds_names(folder, modules, monkeypatch):
     points = {
         "uqpen.designs": ("kronecker", "my_designs:Kronecker"),
         "uqpen.distributions": ("kumaraswamy", "my_distributions:Kumaraswamy"),

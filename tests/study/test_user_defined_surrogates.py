@@ -1,20 +1,14 @@
 """A surrogate from a file of the user's own: in a study, its archive, its page and its checks."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import json
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.archive.files import archived_files
@@ -26,7 +20,7 @@ from uqpen.results.output_tables import output_tables
 from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_surrogate
 from uqpen.verification.archived_study import refuse_user_defined_names
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.verify import verify
 
 ROOT = Path(__file__).parents[2]
@@ -60,14 +54,14 @@ design = "training"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with the file."""
     (tmp_path / "my_surrogates.py").write_text(KRIGING)
     return tmp_path
 
 
 @pytest.fixture
-def module(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+def module(folder, monkeypatch):
     """The module, imported as a program or a test does."""
     monkeypatch.syspath_prepend(folder)
     yield importlib.import_module("my_surrogates")
@@ -75,7 +69,7 @@ def module(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     """An archive of the study, in a folder without the file, whose code leaves a trace."""
     folder = tmp_path_factory.mktemp("surrogates")
     touch = f"import pathlib\npathlib.Path({str(folder / 'executed')!r}).touch()\n"
@@ -86,15 +80,15 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def tree(written: Path) -> xr.DataTree:
+def tree(written):
     return uqpen.open_archive(written)
 
 
-def _checks(path: Path, **options: Any) -> dict[str, CheckResult]:
+def _checks(path, **options):
     return {check.name: check for check in verify(path, **options)}
 
 
-def _others(path: Path, **options: Any) -> set[tuple[str, str]]:
+def _others(path, **options):
     checks = _checks(path, **options).items()
     return {(name, check.verdict.name) for name, check in checks if check.verdict.name != "EQUAL"}
 
@@ -102,16 +96,16 @@ def _others(path: Path, **options: Any) -> set[tuple[str, str]]:
 ONLY_IT = STUDY.partition("[surrogates.chaos]")[0]
 
 
-def _run(folder: Path, text: str = ONLY_IT) -> xr.DataTree:
+def _run(folder, text=ONLY_IT):
     return uqpen.run(uqpen.parse_study(text, folder=folder))
 
 
-def test_it_keeps_its_contract(module: Any) -> None:
+def test_it_keeps_its_contract(module):
     check_surrogate(module.Kriging(design="training"))
 
 
-def test_its_file_decides_no_run(folder: Path) -> None:
-    def fingerprint() -> dict[str, str]:
+def test_its_file_decides_no_run(folder):
+    def fingerprint():
         return run_fingerprint(uqpen.parse_study(STUDY, folder=folder), "", "training")
 
     before = fingerprint()
@@ -123,7 +117,7 @@ def test_its_file_decides_no_run(folder: Path) -> None:
 class TestShown:
     """Whatever shows an archive shows it, from what the archive says of it."""
 
-    def test_in_the_archive(self, tree: xr.DataTree) -> None:
+    def test_in_the_archive(self, tree):
         group = tree["surrogates/gp"]
         assert group.attrs["kind"] == "my_surrogates.py:Kriging"
         assert group["y/diagnostics"]["correlation_length"].attrs["units"] == "1"
@@ -137,14 +131,14 @@ class TestShown:
         assert estimators["mean"].startswith("by sampling the surrogate at")
         assert "pairs of draws" in estimators["first_order"]
 
-    def test_its_estimates_are_near_those_of_an_expansion(self, tree: xr.DataTree) -> None:
+    def test_its_estimates_are_near_those_of_an_expansion(self, tree):
         one, other = (tree[f"statistics/{name}/y"] for name in ("gp", "chaos"))
         for statistic in ("mean", "std", "first_order", "quantile"):
             alone = f"{statistic}_surrogate_estimate"
             found, known = (each[alone].values for each in (one, other))
             np.testing.assert_allclose(found, known, atol=0.05, err_msg=statistic)
 
-    def test_in_tables(self, tree: xr.DataTree) -> None:
+    def test_in_tables(self, tree):
         (table,) = (each for each in output_tables(tree) if each.title.startswith("gp: fit"))
         assert table.columns == [
             "correlation length, in std of inputs",
@@ -156,7 +150,7 @@ class TestShown:
         assert (output, cells[1]) == ("y", "30")
         assert cells[2] == "> 0.99999" or float(cells[2]) > 0.95
 
-    def test_in_json(self, tree: xr.DataTree) -> None:
+    def test_in_json(self, tree):
         found = json.loads(json.dumps(archive_json(tree)))["surrogates"]
         fit = found["gp"]["outputs"]["y"]["fit"]
         assert fit["check_runs"] == 30
@@ -167,23 +161,21 @@ class TestShown:
         assert found["gp"]["made_of"]["kind"] == "my_surrogates.py:Kriging"
         assert "fit_titles" not in found["chaos"]["outputs"]["y"]
 
-    def test_on_the_page(self, tree: xr.DataTree, tmp_path: Path) -> None:
+    def test_on_the_page(self, tree, tmp_path):
         uqpen.write_report(tree, tmp_path / "a.html")
         page = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "correlation length, in std of inputs" in page
         assert "my_surrogates.py:Kriging is not executed here, so no predictions are shown." in page
         assert "gp: y" in page  # its estimates, as runs correct them
 
-    def test_its_predictions_are_in_no_figure(self, tree: xr.DataTree) -> None:
+    def test_its_predictions_are_in_no_figure(self, tree):
         titles = [panel.title for panel in panels(tree, "surrogate")]
         assert len(titles) == 1
         assert "y by chaos" in titles[0]
 
 
 class TestChecked:
-    def test_without_trust_no_code_is_executed_and_it_is_named(
-        self, written: Path, tmp_path: Path
-    ) -> None:
+    def test_without_trust_no_code_is_executed_and_it_is_named(self, written, tmp_path):
         trace = written.parent / "executed"
         trace.unlink(missing_ok=True)
         tree = uqpen.open_archive(written)
@@ -202,11 +194,11 @@ class TestChecked:
         assert not trace.exists()
         refuse_user_defined_names(tree, written, trust=True)
 
-    def test_with_trust_all_is_repeated(self, written: Path) -> None:
+    def test_with_trust_all_is_repeated(self, written):
         checks = _checks(written, trust=True).values()
         assert {check.verdict for check in checks} == {CheckOutcome.EQUAL}
 
-    def test_it_is_served_only_with_trust(self, written: Path) -> None:
+    def test_it_is_served_only_with_trust(self, written):
         with pytest.raises(ModelError, match="gp follows from code that the archive names"):
             make_offers(f"{written}:gp")
         (offer,) = make_offers(f"{written}:gp", trust=True)
@@ -217,7 +209,7 @@ class TestChecked:
 
 
 class TestPython:
-    def _study(self, folder: Path, surrogate: object) -> uqpen.Study:
+    def _study(self, folder, surrogate):
         return uqpen.Study(
             "ishigami",
             inputs={"x1": uqpen.Uniform(-2, 2), "x2": 0.3, "x3": 0.5},
@@ -227,7 +219,7 @@ class TestPython:
             folder=folder,
         )
 
-    def test_a_class_of_the_folder_is_named(self, folder: Path, module: Any) -> None:
+    def test_a_class_of_the_folder_is_named(self, folder, module):
         study = self._study(folder, module.Kriging(design="training", nugget=1e-6))
         assert 'kind = "my_surrogates:Kriging"' in study.to_toml()
         assert "nugget = 1e-6" in study.to_toml().replace("1e-06", "1e-6")
@@ -237,7 +229,7 @@ class TestPython:
         )
         assert found.identical(again)
 
-    def test_a_class_of_no_file_is_an_object(self, folder: Path, module: Any) -> None:
+    def test_a_class_of_no_file_is_an_object(self, folder, module):
         class Own(module.Kriging):  # type: ignore[name-defined,misc]
             pass
 
@@ -308,9 +300,7 @@ class Kriging(OutputSurrogate):
         ("return Fit()", "return Prediction(points[:, 0])", "check_runs", "names of their own"),
     ],
 )
-def test_a_fit_that_fails_is_a_reason(
-    folder: Path, fit: str, predict: str, diagnostic: str, reason: str
-) -> None:
+def test_a_fit_that_fails_is_a_reason(folder, fit, predict, diagnostic, reason):
     text = FAILING.replace("FIT", fit).replace("PREDICT", predict or "pass")
     (folder / "my_surrogates.py").write_text(text.replace("DIAGNOSTIC", diagnostic))
     tree = _run(folder)
@@ -320,7 +310,7 @@ def test_a_fit_that_fails_is_a_reason(
     assert table.rows[0][1][0].startswith("not fitted")
 
 
-def test_predictions_that_fail_later_are_a_reason(folder: Path) -> None:
+def test_predictions_that_fail_later_are_a_reason(folder):
     predict = "return Prediction(points[: 50 if len(points) > 30 else None, 0])"
     text = FAILING.replace("FIT", "return Fit()").replace("PREDICT", predict)
     (folder / "my_surrogates.py").write_text(text.replace("DIAGNOSTIC", "d"))
@@ -330,7 +320,7 @@ def test_predictions_that_fail_later_are_a_reason(folder: Path) -> None:
     )
 
 
-def test_a_fit_of_the_whole_that_fails_is_a_reason(folder: Path) -> None:
+def test_a_fit_of_the_whole_that_fails_is_a_reason(folder):
     settings = KRIGING.partition("\n\ndef correlations")[0]
     text = f"{settings}\n    def fit(self, *arguments):\n        return None\n"
     (folder / "my_surrogates.py").write_text(text)
@@ -352,9 +342,7 @@ def test_a_fit_of_the_whole_that_fails_is_a_reason(folder: Path) -> None:
         ('check = "fresh"', "nuget = 1", "surrogates.gp.nuget", "an unknown key"),
     ],
 )
-def test_a_mistake_is_told_before_any_run(
-    folder: Path, before: str, after: str, key: str, found: str
-) -> None:
+def test_a_mistake_is_reported_before_any_run(folder, before, after, key, found):
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after), folder=folder)
     (message, *_) = [each for each in caught.value.problems if found in each.found]
@@ -362,9 +350,7 @@ def test_a_mistake_is_told_before_any_run(
     assert re.search(r"study\.toml:\d+ ", str(caught.value))
 
 
-def test_an_installed_package_adds_names(
-    folder: Path, module: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_installed_package_adds_names(folder, module, monkeypatch):
     point = importlib.metadata.EntryPoint("kriging", "my_surrogates:Kriging", "uqpen.surrogates")
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
     study = uqpen.parse_study(

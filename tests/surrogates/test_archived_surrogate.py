@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.surrogates.fitted_surrogate import Prediction
@@ -28,7 +27,7 @@ def bend(load, span, height):  # type: ignore[no-untyped-def]
 class LevelFit(OutputFit):
     level: float
 
-    def predict(self, points: np.ndarray) -> Prediction:
+    def predict(self, points):
         return Prediction(np.full(len(points), self.level), np.full(len(points), 2e-3))
 
 
@@ -38,12 +37,12 @@ class Level(OutputSurrogate):
 
     output_fit = LevelFit
 
-    def fit_output(self, points: np.ndarray, values: np.ndarray, rng: Any) -> LevelFit:
+    def fit_output(self, points, values, rng):
         return LevelFit(0.1)
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(tmp_path_factory):
     study = uqpen.Study(
         model=bend,
         inputs={
@@ -65,13 +64,13 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def archive(path: Path) -> uqpen.Archive:
+def archive(path):
     return uqpen.open_archive(path)
 
 
 def test_a_quantity_a_number_in_si_and_an_array_with_a_unit_are_the_same_point(
-    archive: uqpen.Archive,
-) -> None:
+    archive,
+):
     pce = archive.surrogate("pce")
     in_kn = xr.DataArray(15.0, attrs={"units": "kN"})
     found = [pce(load=load, span="150 cm") for load in ("15 kN", 15e3, in_kn)]
@@ -81,7 +80,7 @@ def test_a_quantity_a_number_in_si_and_an_array_with_a_unit_are_the_same_point(
     assert not found[0]["extrapolated"].any()
 
 
-def test_points_are_broadcast_by_their_dimensions(archive: uqpen.Archive) -> None:
+def test_points_are_broadcast_by_their_dimensions(archive):
     pce = archive.surrogate("pce")
     load = xr.DataArray([11e3, 13e3, 15e3], dims="load")
     span = xr.DataArray([1.2, 1.4], dims="span")
@@ -93,7 +92,7 @@ def test_points_are_broadcast_by_their_dimensions(archive: uqpen.Archive) -> Non
     np.testing.assert_allclose(pairs, [grid[0, 0], grid[1, 1]], rtol=1e-12)
 
 
-def test_its_own_training_runs_are_not_extrapolated(archive: uqpen.Archive) -> None:
+def test_its_own_training_runs_are_not_extrapolated(archive):
     runs = archive["runs/training"].to_dataset()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -101,7 +100,7 @@ def test_its_own_training_runs_are_not_extrapolated(archive: uqpen.Archive) -> N
     np.testing.assert_allclose(found["tip"], runs["tip"], rtol=1e-9)
 
 
-def test_a_point_outside_of_the_training_range_warns_and_is_marked(archive: uqpen.Archive) -> None:
+def test_a_point_outside_of_the_training_range_warns_and_is_marked(archive):
     pce = archive.surrogate("pce")
     with pytest.warns(uqpen.ExtrapolationWarning, match=r"1 of 2 points is .* load 10\.\d+ to"):
         found = pce(load=["15 kN", "30 kN"], span="1.5 m")
@@ -128,13 +127,13 @@ def test_a_point_outside_of_the_training_range_warns_and_is_marked(archive: uqpe
         ),
     ],
 )
-def test_mistakes(archive: uqpen.Archive, inputs: dict[str, Any], message: str) -> None:
+def test_mistakes(archive, inputs, message):
     with pytest.raises(uqpen.UqpenError) as caught:
         archive.surrogate("pce")(**inputs)
     assert message in str(caught.value)
 
 
-def test_a_class_from_outside_is_given_and_never_loaded(archive: uqpen.Archive) -> None:
+def test_a_class_from_outside_is_given_and_never_loaded(archive):
     with pytest.raises(uqpen.UqpenError, match="follows from code that the archive names"):
         archive.surrogate("level")
     # A constant says less of the runs than their mean.
@@ -147,28 +146,15 @@ def test_a_class_from_outside_is_given_and_never_loaded(archive: uqpen.Archive) 
         archive.surrogate("gp")
 
 
-SEVERAL = """
-seed = 1
-[models.one]
-use = "ishigami"
-[models.two]
-use = "ishigami"
-with = { x3 = 2 }
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = 1
-x3 = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 20
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "some"
-order = 1
-"""
+SEVERAL = study_text(
+    models={"one": {"use": "ishigami"}, "two": {"use": "ishigami", "with": {"x3": 2}}},
+    inputs={"x1": (-3, 3), "x2": 1, "x3": 1},
+    designs={"some": {"kind": "monte-carlo", "runs": 20}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "some", "order": 1}},
+)
 
 
-def test_of_several_models_each_has_its_own() -> None:
+def test_of_several_models_each_has_its_own():
     archive = uqpen.run(uqpen.parse_study(SEVERAL))
     with pytest.raises(uqpen.UqpenError, match='no surrogate "pce"; did you mean "two/pce"'):
         archive.surrogate("pce")
@@ -181,17 +167,17 @@ POINTS = "point,load [kN],span [cm]\n1,15,150\n2,25,150\n"
 
 
 @pytest.fixture
-def predict(path: Path, command_line: Callable[..., Any]) -> Callable[..., Any]:
+def predict(path, command_line):
     """The command with a table of points."""
 
-    def call(points: str, *arguments: str, name: str = "pce") -> Any:
+    def call(points, *arguments, name="pce"):
         Path("points.csv").write_text(points)
         return command_line("predict", f"{path}:{name}", "points.csv", *arguments)
 
     return call
 
 
-def test_a_table_of_points_gets_columns_of_predictions(predict: Callable[..., Any]) -> None:
+def test_a_table_of_points_gets_columns_of_predictions(predict):
     done = predict(POINTS)
     first, second = csv.DictReader(done.out.splitlines())
     assert list(first) == ["load [kN]", "span [cm]", "tip [mm]", "extrapolated"]
@@ -213,22 +199,18 @@ def test_a_table_of_points_gets_columns_of_predictions(predict: Callable[..., An
         ("load [kN],span [m]\n15,x\n", 'line 2, column "span": found "x", expected a number'),
     ],
 )
-def test_a_table_that_does_not_fit(predict: Callable[..., Any], points: str, message: str) -> None:
+def test_a_table_that_does_not_fit(predict, points, message):
     done = predict(points)
     assert (done.code, done.out) == (2, "")
     assert message in done.err
 
 
-def test_code_that_an_archive_names_is_not_executed(
-    predict: Callable[..., Any], command_line: Callable[..., Any]
-) -> None:
+def test_code_that_an_archive_names_is_not_executed(predict, command_line):
     assert "follows from code that the archive names" in predict(POINTS, name="level").err
     assert command_line("predict", "a.csv", "b.csv").err == "a.csv: expected ARCHIVE.nc:NAME\n"
 
 
-def test_a_surrogate_is_run_by_hand_in_the_units_of_its_study(
-    path: Path, command_line: Callable[..., Any]
-) -> None:
+def test_a_surrogate_is_run_by_hand_in_the_units_of_its_study(path, command_line):
     done = command_line("run", f"{path}:pce", "--set", "load=20 kN", "--set", "span=200 cm")
     assert done.out.splitlines()[2].split() == ["tip", "4", "mm"]
     assert done.err.startswith("the point is outside of the training range: load")

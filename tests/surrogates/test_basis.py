@@ -1,17 +1,13 @@
 """Polynomials: orthonormal under every law, as many as were asked for, the same in any batch."""
 
-from __future__ import annotations
-
 import itertools
 
 import chaospy
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from uqpen.core.lookup import resolve
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.measurements import Empirical
 from uqpen.distributions.univariate import (
     Beta,
@@ -36,7 +32,7 @@ from uqpen.surrogates.chaos.basis import (
 
 DEGREE = 8
 
-LAWS: list[Distribution] = [
+LAWS = [
     Normal(4e8, 4e7),
     Lognormal(7.0, 5.0),
     Uniform(-2.0, 5.0),
@@ -53,7 +49,7 @@ LAWS: list[Distribution] = [
 ]
 
 
-def averaged(distribution: Distribution, degree: int) -> npt.NDArray[np.float64]:
+def averaged(distribution, degree):
     """Means of all products of a law's polynomials, by panels of other sizes than the code's."""
     ends = 0.5 * 1.4 ** -np.arange(300.0)
     ends = np.union1d(ends, [distribution.cdf(np.array(0.3)), distribution.sf(np.array(0.3))])
@@ -70,7 +66,7 @@ def averaged(distribution: Distribution, degree: int) -> npt.NDArray[np.float64]
     return products
 
 
-def test_every_family_that_a_study_can_name_is_tested() -> None:
+def test_every_family_that_a_study_can_name_is_tested():
     assert {resolve(reference) for reference in DISTRIBUTIONS.values()} <= {
         *map(type, LAWS),
         Discrete,
@@ -78,12 +74,12 @@ def test_every_family_that_a_study_can_name_is_tested() -> None:
 
 
 @pytest.mark.parametrize("distribution", LAWS, ids=str)
-def test_polynomials_are_orthonormal_under_their_law(distribution: Distribution) -> None:
+def test_polynomials_are_orthonormal_under_their_law(distribution):
     # Sums of thousands of rounded terms, on both sides.
     np.testing.assert_allclose(averaged(distribution, DEGREE), np.eye(DEGREE + 1), atol=1e-11)
 
 
-def test_measured_values_have_polynomials_too() -> None:
+def test_measured_values_have_polynomials_too():
     distribution = Empirical(tuple(np.random.default_rng(3).normal(2.0, 0.3, 40)))
     table = univariate_basis("x", distribution, 4).polynomials(
         distribution.ppf((np.arange(400_000) + 0.5) / 400_000), 4
@@ -91,7 +87,7 @@ def test_measured_values_have_polynomials_too() -> None:
     np.testing.assert_allclose(table @ table.T / 400_000, np.eye(5), atol=1e-4)
 
 
-def test_the_logarithm_is_the_germ_where_its_law_is_simpler() -> None:
+def test_the_logarithm_is_the_germ_where_its_law_is_simpler():
     for distribution in (
         Lognormal(7.0, 5.0),
         LogUniform(0.1, 50.0),
@@ -102,7 +98,7 @@ def test_the_logarithm_is_the_germ_where_its_law_is_simpler() -> None:
     assert not univariate_basis("x", Gamma(2.0, 1.0), 2).is_logarithm
 
 
-def test_polynomials_of_what_has_no_logarithm_are_no_numbers() -> None:
+def test_polynomials_of_what_has_no_logarithm_are_no_numbers():
     assert np.isnan(
         univariate_basis("x", Lognormal(1.0, 1.0), 2).polynomials(np.array([-1.0]), 2)[1:]
     ).all()
@@ -110,9 +106,7 @@ def test_polynomials_of_what_has_no_logarithm_are_no_numbers() -> None:
 
 @pytest.mark.parametrize("truncation", [0.4, 0.5, 0.75, 1.0])
 @pytest.mark.parametrize(("dimension", "order"), [(1, 6), (2, 8), (3, 8), (4, 3)])
-def test_multi_indices_are_all_that_the_norm_allows(
-    truncation: float, dimension: int, order: int
-) -> None:
+def test_multi_indices_are_all_that_the_norm_allows(truncation, dimension, order):
     allowed = {
         degrees
         for degrees in itertools.product(range(order + 1), repeat=dimension)
@@ -125,12 +119,12 @@ def test_multi_indices_are_all_that_the_norm_allows(
     assert (np.diff(found.sum(axis=1)) >= 0).all()
 
 
-def test_too_many_terms_are_none() -> None:
+def test_too_many_terms_are_none():
     assert len(multi_indices(100, 4, 1.0)) == 0
     assert len(multi_indices(80, 2, 1.0)) < MOST_TERMS
 
 
-def test_nothing_depends_on_the_batch() -> None:
+def test_nothing_depends_on_the_batch():
     rng = np.random.default_rng(5)
     basis = ProductBasis(
         (
@@ -152,7 +146,7 @@ def test_nothing_depends_on_the_batch() -> None:
         np.testing.assert_array_equal(basis.evaluate(some, indices, [expansion])[0], whole[rows])
 
 
-def test_sums_are_those_of_the_matrix() -> None:
+def test_sums_are_those_of_the_matrix():
     rng = np.random.default_rng(6)
     basis = ProductBasis(
         (univariate_basis("a", Uniform(-1.0, 1.0), 5), univariate_basis("b", Normal(0.0, 1.0), 5))
@@ -169,7 +163,7 @@ def test_sums_are_those_of_the_matrix() -> None:
     np.testing.assert_allclose(found[0], expected, atol=1e-12)
 
 
-def test_the_basis_is_chaospys() -> None:
+def test_the_basis_is_chaospys():
     joint = chaospy.J(chaospy.Uniform(-1, 3), chaospy.Normal(2, 0.5), chaospy.Gamma(4, 0.5))
     theirs = chaospy.generate_expansion(3, joint, normed=True, graded=True, reverse=True)
     distributions = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))

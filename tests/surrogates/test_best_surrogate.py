@@ -1,15 +1,10 @@
 """The kind of surrogate that best predicts runs left out: the race, the fits, the archive."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 import uqpen
 from uqpen.results.surrogate_tables import fit_diagnostics
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice, ModelRace
 
@@ -28,7 +23,7 @@ class TestRace:
 
     values = np.array([0.0, 1.0, 2.0, 3.0])  # of variance 5/4
 
-    def test_the_least_mean_square_error_wins(self) -> None:
+    def test_the_least_mean_square_error_wins(self):
         near, far = self.values + 0.1, self.values + np.array([0.5, -0.5, 0.5, -0.3])
         race = ModelRace.of_predictions(self.values, {"far": far, "near": near})
         assert race.winner == "near"
@@ -40,14 +35,14 @@ class TestRace:
         assert race.is_decided
         assert race.text.endswith("is beyond the noise")
 
-    def test_a_lead_that_one_run_decides_is_noise(self) -> None:
+    def test_a_lead_that_one_run_decides_is_noise(self):
         one, other = self.values.copy(), self.values + 0.1
         one[0] += 0.15
         race = ModelRace.of_predictions(self.values, {"one": one, "other": other})
         assert not race.is_decided
         assert race.text.endswith("is within the noise")
 
-    def test_a_single_candidate_has_no_lead(self) -> None:
+    def test_a_single_candidate_has_no_lead(self):
         race = ModelRace.of_predictions(self.values, {"alone": self.values})
         assert np.isnan([race.lead, race.lead_error]).all()
         assert (
@@ -55,7 +50,7 @@ class TestRace:
             == "alone predicts the runs left out (Q² > 0.99999); no other kind could be fitted"
         )
 
-    def test_diagnostics_have_all_of_it(self) -> None:
+    def test_diagnostics_have_all_of_it(self):
         far = self.values + 0.2
         race = ModelRace.of_predictions(self.values, {"a-b": self.values + 0.1, "c": far})
         values = {each.name: each.value for each in race.diagnostics()}
@@ -63,14 +58,14 @@ class TestRace:
 
 
 def test_a_product_of_powers_is_fitted_by_its_logarithm(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     tree = uqpen.run(study_of("a**2.5 / b**1.5", STUDY, a=(1, 5), b=(1, 5)))
     made = tree["surrogates/chosen"]
     assert made["y"].attrs["chosen_kind"] == "polynomial-chaos-log"
-    told = fit_diagnostics(made, "y")
-    assert float(told["race_q2_polynomial_chaos_log"]) > 0.999
-    assert float(told["race_lead"]) > 0
+    reported = fit_diagnostics(made, "y")
+    assert float(reported["race_q2_polynomial_chaos_log"]) > 0.999
+    assert float(reported["race_lead"]) > 0
     assert "polynomial-chaos-log predicts the runs left out" in made["y"].attrs["fit"]
     # The estimates are those of any surrogate: corrected by its runs.
     mean = tree["statistics/chosen/y"]["mean"]
@@ -79,8 +74,8 @@ def test_a_product_of_powers_is_fitted_by_its_logarithm(
 
 
 def test_refits_keep_the_kind_that_was_chosen(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     study = study_of("np.sin(a) + b", STUDY, a=(1, 5), b=(1, 5))
     tree = uqpen.run(study)
     fitted = restore_surrogate(tree["surrogates/chosen"], "chosen")
@@ -90,8 +85,8 @@ def test_refits_keep_the_kind_that_was_chosen(
 
 
 def test_a_rule_is_no_sample_to_leave_out_runs_of(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     text = STUDY.replace('"latin-hypercube"\nruns = 60', '"quadrature"\norder = 4')
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
     reason = tree["surrogates/chosen/y"].attrs["not_fitted"]

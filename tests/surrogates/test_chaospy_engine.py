@@ -1,26 +1,20 @@
 """An expansion that chaospy fits is the same as one's own, and needs no chaospy afterwards."""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import chaospy
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
-from uqpen.core.arrays import Arrays
 from uqpen.core.errors import StudyError
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator, evaluate
 from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.surrogates.chaos import chaospy_engine
-from uqpen.surrogates.chaos.expansion import PolynomialChaosModel
 from uqpen.testing import check_surrogate
 from uqpen.verification.verify import verify
 
@@ -45,16 +39,16 @@ class Smooth(Model):
     name = "smooth"
     outputs = (Output("y", "m"),)
 
-    def __init__(self, joint: JointDistribution) -> None:
+    def __init__(self, joint):
         self.inputs = joint.variables
         self.sizes = joint.nominal()
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         parts = [values / (self.sizes[name] or 1.0) for name, values in inputs.items()]
         return Results.all_ok({"y": np.exp(sum(parts) / len(parts)) + parts[0] * parts[-1]})
 
 
-def joint_of(*distributions: Any) -> JointDistribution:
+def joint_of(*distributions):
     entries = (
         *(RandomInput(Input(f"x{i}", "1"), each, "1") for i, each in enumerate(distributions, 1)),
         FixedInput(Input("c", "1"), 3.0, "1"),
@@ -62,9 +56,7 @@ def joint_of(*distributions: Any) -> JointDistribution:
     return JointDistribution(entries, tuple(entry.variable for entry in entries))
 
 
-def fitted(
-    distributions: tuple[Any, ...], design: Design, engine: str, **settings: Any
-) -> PolynomialChaosModel:
+def fitted(distributions, design, engine, **settings):
     joint = joint_of(*distributions)
     model = Smooth(joint)
     points = next(design.rounds(joint, Stream(1, "designs", "training")))
@@ -93,9 +85,7 @@ def fitted(
         ),
     ],
 )
-def test_coefficients_are_those_of_uqpen(
-    distributions: tuple[Any, ...], design: Design, settings: dict[str, Any]
-) -> None:
+def test_coefficients_are_those_of_uqpen(distributions, design, settings):
     ours, theirs = (
         fitted(distributions, design, engine, **settings).expansions["y"]
         for engine in ("uqpen", "chaospy")
@@ -108,7 +98,7 @@ def test_coefficients_are_those_of_uqpen(
 
 
 @pytest.mark.filterwarnings("ignore:.newshape. keyword:DeprecationWarning")
-def test_indices_in_closed_form_are_those_of_chaospy() -> None:
+def test_indices_in_closed_form_are_those_of_chaospy():
     found = fitted(SQUARE, uqpen.MonteCarlo(60), "chaospy", order=3, method="least-squares")
     joint = chaospy.J(chaospy.Uniform(-2, 2), chaospy.Normal(1, 0.5))
     x = joint.sample(200, seed=1)
@@ -123,22 +113,22 @@ def test_indices_in_closed_form_are_those_of_chaospy() -> None:
     assert std == pytest.approx(float(chaospy.Std(theirs, joint)), rel=1e-9)
 
 
-def test_it_keeps_the_contract() -> None:
+def test_it_keeps_the_contract():
     settings = {"design": "training", "order": 4, "method": "least-squares"}
     check_surrogate(uqpen.PolynomialChaos(engine="chaospy", **settings))
 
 
 @pytest.fixture
-def without_chaospy(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+def without_chaospy(monkeypatch):
     """A function from whose call on chaospy is not installed."""
 
-    def remove() -> None:
+    def remove():
         monkeypatch.setitem(sys.modules, "chaospy", None)
 
     return remove
 
 
-def test_it_is_restored_without_chaospy(without_chaospy: Callable[[], None]) -> None:
+def test_it_is_restored_without_chaospy(without_chaospy):
     found = fitted(SQUARE, uqpen.MonteCarlo(60), "chaospy", order=3, method="least-squares")
     inputs = {"x1": np.linspace(-2, 2, 9), "x2": np.linspace(0, 2, 9)}
     expected = found.predict(inputs)["y"].mean
@@ -147,35 +137,30 @@ def test_it_is_restored_without_chaospy(without_chaospy: Callable[[], None]) -> 
     np.testing.assert_array_equal(again.predict(inputs)["y"].mean, expected)
 
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -1, upper = 1 } }
-x2 = { normal = { mean = 0, std = 0.3 } }
-x3 = 0.5
-[designs.training]
-kind = "latin-hypercube"
-runs = 40
-replicates = 1
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "training"
-method = "least-squares"
-engine = "chaospy"
-order = 3
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-1, 1), "x2": {"normal": {"mean": 0, "std": 0.3}}, "x3": 0.5},
+    designs={"training": {"kind": "latin-hypercube", "runs": 40, "replicates": 1}},
+    surrogates={
+        "pce": {
+            "kind": "polynomial-chaos",
+            "design": "training",
+            "method": "least-squares",
+            "engine": "chaospy",
+            "order": 3,
+        }
+    },
+)
 
 
-def test_a_study_names_it_and_its_archive_is_verified(tmp_path: Any) -> None:
+def test_a_study_names_it_and_its_archive_is_verified(tmp_path):
     tree = uqpen.run(uqpen.parse_study(STUDY))
     assert tree["surrogates/pce/y"].attrs["method"] == "least-squares, by chaospy"
     uqpen.write(tree, tmp_path / "a.nc")
     assert {check.verdict.name for check in verify(tmp_path / "a.nc")} == {"EQUAL"}
 
 
-def test_the_fits_of_the_correction_share_one_expansion(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_fits_of_the_correction_share_one_expansion(monkeypatch):
     """To build it takes most of a fit."""
     chaospy_engine._expansion.cache_clear()
     built, build = [], chaospy.generate_expansion
@@ -201,7 +186,7 @@ def test_the_fits_of_the_correction_share_one_expansion(monkeypatch: pytest.Monk
         ),
     ],
 )
-def test_a_mistake_is_told(before: str, after: str, key: str, expected: str) -> None:
+def test_a_mistake_is_reported(before, after, key, expected):
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(before, after))
     (problem,) = caught.value.problems

@@ -1,14 +1,8 @@
 """Choice of truncation, order and terms by cross-validation."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
-from uqpen.core.arrays import Arrays
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -29,7 +23,7 @@ from uqpen.surrogates.chaos.term_selection import (
 pytestmark = pytest.mark.processor
 
 
-def points_of(dimension: int, runs: int, seed: int = 1) -> tuple[FitPoints, Arrays]:
+def points_of(dimension, runs, seed=1):
     """Uniform points in a cube around the origin, and their values."""
     variables = tuple(Input(f"x{i}", "1") for i in range(dimension))
     joint = JointDistribution(
@@ -41,13 +35,13 @@ def points_of(dimension: int, runs: int, seed: int = 1) -> tuple[FitPoints, Arra
 
 
 def chosen(
-    function: Callable[[Arrays], Any],
-    dimension: int,
-    runs: int,
-    noise: float = 0.0,
-    order: int | None = None,
-    seed: int = 1,
-) -> tuple[Terms, float]:
+    function,
+    dimension,
+    runs,
+    noise=0.0,
+    order=None,
+    seed=1,
+):
     """Terms chosen from noisy values of a function, and their error at fresh points.
 
     The error is a share of the variance of the function; so is the square of the noise.
@@ -65,32 +59,32 @@ def chosen(
     return found, float(np.mean((predicted - truth) ** 2) / spread**2)
 
 
-def degrees(found: Terms) -> set[tuple[int, ...]]:
+def degrees(found):
     return {tuple(index) for index in found.indices.tolist()}
 
 
-def test_a_sparse_polynomial_is_found_exactly() -> None:
+def test_a_sparse_polynomial_is_found_exactly():
     found, error = chosen(lambda x: 2 + x["x0"] * x["x1"] * x["x2"] + x["x3"] ** 5, 6, 100)
     assert error < 1e-20
     assert degrees(found) >= {(1, 1, 1, 0, 0, 0), (0, 0, 0, 5, 0, 0)}
     assert len(found.coefficients) == 5
 
 
-def test_a_sum_of_functions_needs_no_interactions() -> None:
+def test_a_sum_of_functions_needs_no_interactions():
     found, error = chosen(lambda x: sum(np.exp(x[f"x{i}"] * i) for i in range(1, 4)), 4, 60)
     assert error < 1e-4
     assert found.truncation == TRUNCATIONS[0]
     assert ((found.indices > 0).sum(axis=1) <= 1).all()
 
 
-def test_a_function_of_a_product_needs_interactions() -> None:
+def test_a_function_of_a_product_needs_interactions():
     found, error = chosen(lambda x: np.exp(x["x0"] * x["x1"]), 2, 50)
     assert error < 1e-6
     assert found.truncation > 0.5
 
 
-def test_it_is_better_than_a_truncation_that_does_not_suit() -> None:
-    def smooth(x: Arrays) -> Any:
+def test_it_is_better_than_a_truncation_that_does_not_suit():
+    def smooth(x):
         return np.sin(2 * x["x0"]) * x["x1"] ** 2 + np.cos(3 * x["x2"])
 
     _, error = chosen(smooth, 3, 100)
@@ -103,8 +97,8 @@ def test_it_is_better_than_a_truncation_that_does_not_suit() -> None:
     assert error < 1e-3 * of_fixed
 
 
-def test_noise_does_not_explode() -> None:
-    def smooth(x: Arrays) -> Any:
+def test_noise_does_not_explode():
+    def smooth(x):
         return x["x0"] * x["x1"] + x["x2"] + x["x0"] ** 3
 
     errors = [chosen(smooth, 4, 60, noise=0.5, seed=seed)[1] for seed in range(7)]
@@ -113,7 +107,7 @@ def test_noise_does_not_explode() -> None:
     assert max(errors) < 1
 
 
-def test_pure_noise_is_a_constant() -> None:
+def test_pure_noise_is_a_constant():
     points, _ = points_of(3, 200)
     values = np.random.default_rng(8).normal(size=200)
     found = chosen_terms(points, values, None, np.random.default_rng(4))
@@ -122,8 +116,8 @@ def test_pure_noise_is_a_constant() -> None:
     assert found.cross_validation > 0.9
 
 
-def test_a_hundred_inputs() -> None:
-    def some_matter(x: Arrays) -> Any:
+def test_a_hundred_inputs():
+    def some_matter(x):
         return x["x3"] + x["x50"] ** 2 + 2 * x["x7"] * x["x99"]
 
     found, error = chosen(some_matter, 100, 210)
@@ -131,13 +125,13 @@ def test_a_hundred_inputs() -> None:
     assert len(found.coefficients) == 4
 
 
-def test_a_given_order_is_kept() -> None:
+def test_a_given_order_is_kept():
     found, _ = chosen(lambda x: np.exp(x["x0"] + x["x1"]), 2, 60, order=3)
     assert found.order == 3
     assert found.indices.max() <= 3
 
 
-def test_each_error_is_of_runs_left_out() -> None:
+def test_each_error_is_of_runs_left_out():
     points, inputs = points_of(2, 40)
     values = np.exp(inputs["x0"]) * inputs["x1"]
     matrix = points.matrix(points.basis.indices(2, 1.0))
@@ -160,7 +154,7 @@ def test_each_error_is_of_runs_left_out() -> None:
     assert found.columns[1] == 1 + int(np.argmin(left))
 
 
-def test_columns_that_depend_on_others_are_not_taken() -> None:
+def test_columns_that_depend_on_others_are_not_taken():
     rng = np.random.default_rng(5)
     x = rng.normal(size=50)
     matrix = np.column_stack([np.ones(50), x, 3 * x, x + 2, x**2])
@@ -177,17 +171,17 @@ class TwoOutputs(Model):
     inputs = (Input("a", "1"), Input("b", "1"), Input("c", "1"))
     outputs = (Output("sum", "m"), Output("product", "m"))
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         a, b, c = inputs.values()
         return Results.all_ok({"sum": np.exp(a) + np.sin(b) + c, "product": a * b * c})
 
 
 @pytest.fixture(scope="module")
-def fitted() -> PolynomialChaosModel:
+def fitted():
     return fit()
 
 
-def fit(**settings: Any) -> PolynomialChaosModel:
+def fit(**settings):
     model = TwoOutputs()
     joint = JointDistribution(
         tuple(RandomInput(each, Normal(0.0, 1.0), "1") for each in model.inputs), model.inputs
@@ -198,17 +192,17 @@ def fit(**settings: Any) -> PolynomialChaosModel:
     return surrogate.fit("pce", runs, model, joint, Stream(1, "surrogates", "pce"))
 
 
-def test_each_output_has_a_truncation_of_its_own(fitted: PolynomialChaosModel) -> None:
+def test_each_output_has_a_truncation_of_its_own(fitted):
     of_sum, of_product = (fitted.expansions[name] for name in ("sum", "product"))
     assert of_sum.truncation < of_product.truncation
     assert fit(truncation=0.9).expansions["sum"].truncation == 0.9
 
 
-def test_the_choice_is_the_same_again(fitted: PolynomialChaosModel) -> None:
+def test_the_choice_is_the_same_again(fitted):
     assert fit().identity() == fitted.identity()
 
 
-def test_an_archive_states_the_truncation_of_each_output(fitted: PolynomialChaosModel) -> None:
+def test_an_archive_states_the_truncation_of_each_output(fitted):
     tree = fitted.to_tree()
     restored = PolynomialChaosModel.from_tree(tree, "pce", None)
     for name, expansion in fitted.expansions.items():

@@ -1,7 +1,5 @@
 """Diagnostics of fits, as a reader sees them."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -21,11 +19,11 @@ from uqpen.surrogates.diagnostics import Diagnostic
         (math.nan, ""),
     ],
 )
-def test_a_quality_below_1_is_never_shown_as_1(q2: float, text: str) -> None:
+def test_a_quality_below_1_is_never_shown_as_1(q2, text):
     for name in ("q2", "check_q2_of_output"):
         assert Diagnostic(name, q2, "Q²").text == text
 
 
-def test_other_diagnostics_have_five_digits_and_their_unit() -> None:
+def test_other_diagnostics_have_five_digits_and_their_unit():
     assert Diagnostic("length_scale", 0.31415926, "length scale", "m").text == "0.31416 m"
     assert Diagnostic("terms", 35, "terms").text == "35"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,12 +14,12 @@ import xarray as xr
 from campbell import CURVE, JOINT, exact
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_text import study_text
 
 import uqpen
 from uqpen.core.labels import BOUND, INTERVAL_LABEL, NOTE
 from uqpen.core.model import Dimension, Input, Model, Output, Results
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
@@ -43,7 +41,6 @@ from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
 from uqpen.surrogates.separate_fits import OutputFit
-from uqpen.surrogates.surrogate import Surrogate
 from uqpen.verification.check_result import CheckOutcome
 
 TIME = Dimension("time", "s", values=tuple(np.linspace(0, 3, 21)))
@@ -62,7 +59,7 @@ class RankTwo(Model):
         Output("course", "m", dims=(TIME,), may_end=True),
     )
 
-    def evaluate(self, inputs: Mapping[str, Any]) -> Results:
+    def evaluate(self, inputs):
         time, depth = np.meshgrid(TIME.values, DEPTH.values, indexing="ij")
         x, z = (inputs[name][:, None, None] for name in ("x", "z"))
         fields = {
@@ -83,7 +80,7 @@ NORMALS = JointDistribution(
 class LineFit(OutputFit):
     slopes: np.ndarray
 
-    def predict(self, points: np.ndarray) -> Prediction:
+    def predict(self, points):
         mean = self.slopes[0] + points @ self.slopes[1:]
         return Prediction(mean, np.full(len(points), 0.1))
 
@@ -95,19 +92,19 @@ class Line(OutputSurrogate):
     output_fit = LineFit
     least: float = 0.0
 
-    def fit_output(self, points: np.ndarray, values: np.ndarray, rng: Any) -> LineFit | str:
+    def fit_output(self, points, values, rng):
         if values.std() < self.least:
             return "its values are too small"
         columns = np.column_stack([np.ones(len(points)), points])
         return LineFit(np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def runs_of(model: Model, joint: JointDistribution, design: Design, seed: int = 1) -> xr.Dataset:
+def runs_of(model, joint, design, seed=1):
     points = next(iter(design.rounds(joint, Stream(seed, "designs", "some"))))
     return evaluate(Evaluator(model), points, {})
 
 
-def fitted(surrogate: Surrogate, design: Design, model: Model | None = None) -> FieldSurrogate:
+def fitted(surrogate, design, model=None):
     model = model or RankTwo()
     joint = JOINT if isinstance(model, Campbell) else NORMALS
     runs = runs_of(model, joint, design)
@@ -132,7 +129,7 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize(("surrogate", "design"), SETTINGS.values(), ids=list(SETTINGS))
-def test_a_field_of_rank_two_is_reproduced(surrogate: Surrogate, design: Design) -> None:
+def test_a_field_of_rank_two_is_reproduced(surrogate, design):
     found = fitted(surrogate, design)
     inputs, completed = found.completed_runs(OTHERS)
     np.testing.assert_allclose(
@@ -152,9 +149,7 @@ CHOICE = dict.fromkeys(("peak", *(score_name("field", i) for i in (0, 1))), "gau
 @pytest.mark.parametrize(
     "surrogate", [GaussianProcess(design="t"), FixedChoice("t", choice=CHOICE)]
 )
-def test_values_are_evaluated_without_deviations(
-    surrogate: Surrogate, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_are_evaluated_without_deviations(surrogate, monkeypatch):
     found = fitted(surrogate, MonteCarlo(runs=40))
     inputs, _ = found.completed_runs(OTHERS)
     predicted = found.predict(inputs)
@@ -164,7 +159,7 @@ def test_values_are_evaluated_without_deviations(
 
 
 @pytest.mark.parametrize(("surrogate", "design"), SETTINGS.values(), ids=list(SETTINGS))
-def test_its_group_alone_predicts_the_same_bits(surrogate: Surrogate, design: Design) -> None:
+def test_its_group_alone_predicts_the_same_bits(surrogate, design):
     found = fitted(surrogate, design).with_check(OTHERS)
     tree = found.to_tree()
     whole = xr.DataTree.from_dict({f"/pce{node.path}": node.dataset for node in tree.subtree})
@@ -183,11 +178,11 @@ def test_its_group_alone_predicts_the_same_bits(surrogate: Surrogate, design: De
         assert np.array_equal(alone[0], found.predict(inputs)["field"].mean[3])
 
 
-def test_a_scalar_output_is_fitted_as_without_fields() -> None:
+def test_a_scalar_output_is_fitted_as_without_fields():
     class Scalar(RankTwo):
         outputs = (Output("peak", "K"),)
 
-        def evaluate(self, inputs: Mapping[str, Any]) -> Results:
+        def evaluate(self, inputs):
             return Results.all_ok({"peak": super().evaluate(inputs).outputs["peak"]})
 
     surrogate, design = SETTINGS["sparse"]
@@ -197,7 +192,7 @@ def test_a_scalar_output_is_fitted_as_without_fields() -> None:
     assert alone.to_tree()["peak"].to_dataset().identical(beside["peak"].to_dataset())
 
 
-def test_a_standard_deviation_adds_those_of_the_scores_and_the_truncation() -> None:
+def test_a_standard_deviation_adds_those_of_the_scores_and_the_truncation():
     surrogate = dataclasses.replace(SETTINGS["outside"][0], components=1)
     found = fitted(surrogate, SETTINGS["outside"][1])
     inputs, _ = found.completed_runs(OTHERS)
@@ -208,7 +203,7 @@ def test_a_standard_deviation_adds_those_of_the_scores_and_the_truncation() -> N
     np.testing.assert_allclose(std[5].ravel() ** 2, variance)
 
 
-def test_a_field_without_one_of_its_scores_has_a_reason() -> None:
+def test_a_field_without_one_of_its_scores_has_a_reason():
     surrogate = dataclasses.replace(SETTINGS["outside"][0], least=1.3)
     found = fitted(surrogate, SETTINGS["outside"][1], RankTwo())
     assert [output.name for output in found.outputs] == ["peak"]
@@ -219,9 +214,7 @@ def test_a_field_without_one_of_its_scores_has_a_reason() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 6), st.booleans())
-def test_the_truncation_is_the_share_that_the_components_leave(
-    seed: int, count: int, is_weighted: bool
-) -> None:
+def test_the_truncation_is_the_share_that_the_components_leave(seed, count, is_weighted):
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(12, 7)) @ rng.normal(size=(7, 7)) + rng.normal(size=7)
     grid = np.sort(rng.uniform(size=7)).tolist()
@@ -240,8 +233,8 @@ def test_the_truncation_is_the_share_that_the_components_leave(
     assert (found.components.max(axis=1) >= -found.components.min(axis=1)).all()
 
 
-def test_a_finer_grid_changes_no_score() -> None:
-    def of_grid(times: np.ndarray) -> PrincipalComponents:
+def test_a_finer_grid_changes_no_score():
+    def of_grid(times):
         rng = np.random.default_rng(1)
         values = sum(rng.normal(size=(50, 1)) / (k + 1) * np.cos(k * times / 2) for k in range(4))
         dimension = Dimension("time", "s", values=tuple(times))
@@ -254,7 +247,7 @@ def test_a_finer_grid_changes_no_score() -> None:
     assert finer.truncation == pytest.approx(coarse.truncation, rel=1e-2)
 
 
-def test_a_place_that_never_varies_has_no_scatter_of_rounding() -> None:
+def test_a_place_that_never_varies_has_no_scatter_of_rounding():
     values = np.column_stack([np.full(9, 0.1), np.arange(9.0), np.sqrt(np.arange(9.0))])
     weights = Dimension("time", "s", values=(0.0, 1.0, 2.0)).weights
     found = PrincipalComponents.of_runs(values, weights, 0.5)
@@ -262,14 +255,14 @@ def test_a_place_that_never_varies_has_no_scatter_of_rounding() -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> FieldSurrogate:
+def found():
     surrogate = PolynomialChaos(design="t", components=6, order=8, truncation=0.75)
     fit = fitted(surrogate, LatinHypercube(runs=200, replicates=1), Campbell())
     return fit.with_check(runs_of(Campbell(), JOINT, MonteCarlo(runs=500), seed=3))
 
 
 @pytest.fixture(scope="module")
-def statistics(found: FieldSurrogate) -> dict[str, xr.DataArray]:
+def statistics(found):
     draws = SurrogateDraws(found, JOINT, (), {}, Stream(1, "draws"))
     quantity = QuantityOfInterest(CURVE, "1")
     groups = ["moments", "sensitivity"]
@@ -279,7 +272,7 @@ def statistics(found: FieldSurrogate) -> dict[str, xr.DataArray]:
 class TestCampbell:
     """Campbell's curve, fitted to 200 runs."""
 
-    def test_few_components_have_nearly_all_of_the_variance(self) -> None:
+    def test_few_components_have_nearly_all_of_the_variance(self):
         runs = runs_of(Campbell(), JOINT, LatinHypercube(runs=200, replicates=1))
         values, weights = runs[CURVE.name].values, CURVE.place_weights
         shares = {0.9: 2, 0.95: 2, 0.99: 3, 0.999: 6, 0.9999: 10}
@@ -287,9 +280,7 @@ class TestCampbell:
             count = PrincipalComponents.of_runs(values, weights, share).count
             assert abs(count - expected) <= 1, share
 
-    def test_it_leaves_little_more_than_its_truncation_and_says_so(
-        self, found: FieldSurrogate
-    ) -> None:
+    def test_it_leaves_little_more_than_its_truncation_and_says_so(self, found):
         fit = found.fields[CURVE.name]
         assert fit.components.truncation == pytest.approx(8e-4, rel=0.2)
         assert fit.check is not None
@@ -299,9 +290,7 @@ class TestCampbell:
         assert fit.text.endswith("% of that by the truncation")
         assert np.median(fit.check.q2) > 0.998
 
-    def test_its_statistics_are_those_of_the_curve(
-        self, statistics: dict[str, xr.DataArray]
-    ) -> None:
+    def test_its_statistics_are_those_of_the_curve(self, statistics):
         known = exact()
         for name, error in (
             ("mean", 0.03),
@@ -316,16 +305,14 @@ class TestCampbell:
         shapley = statistics["shapley"].sel({BOUND: "estimate"})
         np.testing.assert_allclose(shapley.sum("input"), 1)
 
-    def test_they_say_what_the_surrogate_leaves(
-        self, found: FieldSurrogate, statistics: dict[str, xr.DataArray]
-    ) -> None:
+    def test_they_say_what_the_surrogate_leaves(self, found, statistics):
         for array in statistics.values():
             assert np.isnan(array.values[..., 1:]).all()
             assert set(array.coords[INTERVAL_LABEL].values.ravel()) == {"none"}
             assert set(array.coords[NOTE].values.ravel()) == {found.fields[CURVE.name].text}
 
 
-def test_indices_by_draws_agree_with_the_exact_ones() -> None:
+def test_indices_by_draws_agree_with_the_exact_ones():
     """The surrogate of a user's own has no coefficients; here it is linear, as the field is."""
     found = fitted(*SETTINGS["outside"])
     draws = SurrogateDraws(found, NORMALS, (), {}, Stream(1, "draws"))
@@ -350,28 +337,21 @@ def test_indices_by_draws_agree_with_the_exact_ones() -> None:
     np.testing.assert_allclose(estimates["generalized_total_order"], expected, atol=5e-3)
 
 
-STUDY = """\
-seed = 11
-[model]
-python = "model.py:simulate"
-[model.inputs]
-x = "m"
-[model.outputs]
-curve = { unit = "cm", along = { time = { unit = "min", values = [0, 1, 4] } } }
-y = "mm"
-[inputs]
-x = "(2 ± 1) cm"
-[outputs.curve]
-exceeds = ["2 cm"]
-[designs.mc]
-kind = "monte-carlo"
-runs = 30
-[surrogates.pce]
-kind = "polynomial-chaos"
-design = "mc"
-order = 1
-components = 1
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "inputs": {"x": "m"},
+        "outputs": {
+            "curve": {"unit": "cm", "along": {"time": {"unit": "min", "values": [0, 1, 4]}}},
+            "y": "mm",
+        },
+    },
+    seed=11,
+    inputs={"x": "(2 ± 1) cm"},
+    outputs={"curve": {"exceeds": ["2 cm"]}},
+    designs={"mc": {"kind": "monte-carlo", "runs": 30}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "mc", "order": 1, "components": 1}},
+)
 MODEL = """\
 def simulate(x):
     return {"curve": [100 * x, 200 * x, 300 * x], "y": 1000 * x}
@@ -379,7 +359,7 @@ def simulate(x):
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fields")
     (folder / "model.py").write_text(MODEL)
     uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "study.nc")
@@ -389,7 +369,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestArchive:
     """An archive with a surrogate of a field."""
 
-    def test_it_predicts_fields_with_their_coordinates(self, path: Path) -> None:
+    def test_it_predicts_fields_with_their_coordinates(self, path):
         pce = uqpen.open_archive(path).surrogate("pce")
         found = pce(x=["1 cm", "3 cm"])
         assert found["curve"].dims == ("run", "time")
@@ -400,9 +380,7 @@ class TestArchive:
         with pytest.raises(uqpen.UqpenError, match="inputs along time, a dimension of an output"):
             pce(x=xr.DataArray([0.01], dims="time"))
 
-    def test_a_long_table_is_the_same_by_parts(
-        self, path: Path, command_line: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_long_table_is_the_same_by_parts(self, path, command_line, monkeypatch):
         Path("points.csv").write_text("x [cm]\n1\n3\n2\n")
         words = ["predict", f"{path}:pce", "points.csv"]
         whole = command_line(*words)
@@ -411,9 +389,7 @@ class TestArchive:
         assert (parts.out, parts.err) == (whole.out, whole.err)
         assert len(parts.out.splitlines()) == 1 + 3 + 9
 
-    def test_it_predicts_a_long_table_or_a_file(
-        self, path: Path, command_line: Callable[..., Any]
-    ) -> None:
+    def test_it_predicts_a_long_table_or_a_file(self, path, command_line):
         Path("points.csv").write_text("x [cm]\n1\n3\n")
         command_line("predict", f"{path}:pce", "points.csv", "-o", "out.csv")
         table = pd.read_csv("out.csv")
@@ -427,27 +403,27 @@ class TestArchive:
         with xr.open_dataset("out.nc") as written:
             assert written["curve"].sizes == {"run": 2, "time": 3}
 
-    def test_it_is_told_in_short(self, path: Path, command_line: Callable[..., Any]) -> None:
+    def test_it_is_reported_in_short(self, path, command_line):
         shown = command_line("show", str(path)).out
         assert "curve   1            " in shown
         assert "1 principal component leaves none of the variance" in " ".join(shown.split())
-        told = json.loads(command_line("show", str(path), "--json").out)
-        fit = told["surrogates"]["pce"]["outputs"]["curve"]["fit"]
+        reported = json.loads(command_line("show", str(path), "--json").out)
+        fit = reported["surrogates"]["pce"]["outputs"]["curve"]["fit"]
         assert fit["components"] == 1
         assert fit["truncation"] == pytest.approx(0, abs=1e-12)
 
-    def test_its_statistics_lie_along_the_field(self, path: Path) -> None:
+    def test_its_statistics_lie_along_the_field(self, path):
         group = uqpen.open_archive(path)["statistics/pce/curve"]
         assert group["exceedance"].dims == ("time", "threshold", BOUND)
         np.testing.assert_allclose(group["exceedance"].values[0, 0, 0], 0.5, atol=0.1)
         assert group["generalized_first_order"].dims == ("input", BOUND)
 
-    def test_verify_computes_it_again_to_the_bit(self, path: Path) -> None:
+    def test_verify_computes_it_again_to_the_bit(self, path):
         results = uqpen.verify(path, folder=path.parent, trust=True)
         assert {each.verdict for each in results} == {CheckOutcome.EQUAL}
 
 
 @pytest.mark.parametrize("wrong", [0, 0.0, 1.0, -2, True, "all"])
-def test_a_wrong_number_of_components_is_refused(wrong: Any) -> None:
+def test_a_wrong_number_of_components_is_refused(wrong):
     with pytest.raises(uqpen.UqpenError, match="a share of the variance between 0 and 1, or"):
         PolynomialChaos(design="t", components=wrong)

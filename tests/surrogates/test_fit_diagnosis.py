@@ -1,17 +1,13 @@
 """What is said of a fit is of the fit that is kept."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.arrays import Arrays
 from uqpen.core.labels import RUN
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
@@ -19,14 +15,11 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.results.json import archive_json
-from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.chaos.basis import ProductBasis
 from uqpen.surrogates.chaos.coefficients import cross_validation, sparse_regression
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.chaos.term_selection import FitPoints, Terms, regression_terms
 from uqpen.surrogates.diagnostics import shown_diagnostics
-
-MakeStudy = Callable[..., ValidatedStudy]
 
 PAIR = JointDistribution(
     tuple(RandomInput(Input(name, "1"), Uniform(0.0, 1.0), "1") for name in "ab"),
@@ -41,15 +34,15 @@ class Line(Model):
     inputs = PAIR.variables
     outputs = (Output("y", "m"),)
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         return Results.all_ok({"y": inputs["a"] + 2 * inputs["b"] + inputs["a"] ** 2})
 
 
-def chess(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def chess(a, b):
     return np.sign(np.sin(40 * a) * np.sin(37 * b))
 
 
-def fit_of_chess(seed: int, runs: int) -> tuple[FitPoints, np.ndarray, np.ndarray, Terms]:
+def fit_of_chess(seed, runs):
     """Points, values and folds of a fit that no polynomial of a few runs is any good for."""
     inputs = dict(zip("ab", np.random.default_rng(seed).random((2, runs)), strict=True))
     points = FitPoints(ProductBasis.from_distribution(PAIR, 20, logarithms=True), inputs, 1.0)
@@ -61,7 +54,7 @@ def fit_of_chess(seed: int, runs: int) -> tuple[FitPoints, np.ndarray, np.ndarra
     return points, values, folds, terms
 
 
-def test_a_fit_is_not_judged_by_the_terms_of_others() -> None:
+def test_a_fit_is_not_judged_by_the_terms_of_others():
     others = []
     for seed in range(40):
         points, values, folds, terms = fit_of_chess(seed, 14)
@@ -93,8 +86,8 @@ order = 3
 
 @pytest.mark.slow
 def test_archive_json_and_table_tell_the_q2_of_the_constant_that_is_kept(
-    study_of: MakeStudy,
-) -> None:
+    study_of,
+):
     study = study_of("np.sign(np.sin(40 * a) * np.sin(37 * b))", STUDY, a=(0, 1), b=(0, 1))
     tree = uqpen.run(study)
     fit = tree["surrogates/pce/y"]
@@ -105,7 +98,7 @@ def test_archive_json_and_table_tell_the_q2_of_the_constant_that_is_kept(
     assert [each.text for each in shown_diagnostics(fit) if each.name == "q2"] == ["-0.04348"]
 
 
-def test_an_error_that_the_runs_cannot_tell_is_no_q2() -> None:
+def test_an_error_that_the_runs_cannot_tell_is_no_q2():
     runs = evaluate(
         Evaluator(Line(), ()),
         xr.Dataset({"a": (RUN, np.linspace(0, 1, 12)), "b": (RUN, np.linspace(0, 1, 12) ** 2)}),
@@ -114,5 +107,5 @@ def test_an_error_that_the_runs_cannot_tell_is_no_q2() -> None:
     fit = PolynomialChaos(design="training", order=1).fit("pce", runs, Line(), PAIR, Stream(1, "s"))
     unknown = dataclasses.replace(fit.expansions["y"], cross_validation=math.inf)
     assert math.isnan(unknown.q2)
-    told = xr.DataTree(unknown.to_dataset())
-    assert [each.text for each in shown_diagnostics(told) if each.name == "q2"] == [""]
+    reported = xr.DataTree(unknown.to_dataset())
+    assert [each.text for each in shown_diagnostics(reported) if each.name == "q2"] == [""]

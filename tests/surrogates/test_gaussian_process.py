@@ -1,22 +1,15 @@
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Lognormal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.known_functions import Campbell
 from uqpen.surrogates.archived_surrogate import restore_surrogate
-from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess, LeftOutErrors
 from uqpen.surrogates.gaussian_process_fit import (
@@ -37,21 +30,21 @@ class OneOutput(Model):
     name = "example"
     outputs = (Output("y", "m"),)
 
-    def __init__(self, function: Callable[[FloatArray], FloatArray], inputs: int) -> None:
+    def __init__(self, function, inputs):
         self.inputs = tuple(Input(f"x{number + 1}", "1") for number in range(inputs))
         self.function = function
 
-    def evaluate(self, inputs: Mapping[str, FloatArray]) -> Results:
+    def evaluate(self, inputs):
         points = np.column_stack([inputs[variable.name] for variable in self.inputs])
         return Results.all_ok({"y": self.function(points)})
 
 
 def fitted(
-    function: Callable[[FloatArray], FloatArray],
-    runs: int,
-    distributions: list[Distribution],
-    **settings: object,
-) -> tuple[SeparateFits, FloatArray]:
+    function,
+    runs,
+    distributions,
+    **settings,
+):
     """Return a process fitted to a function, and the points of its runs."""
     model = OneOutput(function, len(distributions))
     random = map(RandomInput, model.inputs, distributions, ["1"] * len(distributions))
@@ -63,25 +56,25 @@ def fitted(
     return found, np.column_stack([made[variable.name].values for variable in model.inputs])
 
 
-def predicted(surrogate: SeparateFits, points: FloatArray) -> Prediction:
+def predicted(surrogate, points):
     names = surrogate.random_inputs
     return surrogate.predict(dict(zip(names, points.T, strict=True)))["y"]
 
 
-def wave(points: FloatArray) -> FloatArray:
+def wave(points):
     return np.sin(3 * points[:, 0]) + points[:, -1] ** 2
 
 
-def noisy(points: FloatArray) -> FloatArray:
+def noisy(points):
     return wave(points) + np.random.default_rng(5).normal(0, 0.2, len(points))
 
 
-def friedman(points: FloatArray) -> FloatArray:
+def friedman(points):
     x1, x2, x3, x4, x5 = points.T
     return 10 * np.sin(np.pi * x1 * x2) + 20 * (x3 - 0.5) ** 2 + 10 * x4 + 5 * x5
 
 
-def example_data(smoothness: float = 2.5, *, is_linear: bool = False) -> ProcessData:
+def example_data(smoothness=2.5, *, is_linear=False):
     rng = np.random.default_rng(3)
     points = rng.normal(size=(12, 3))
     trend = np.hstack([np.ones((12, 1)), points if is_linear else np.empty((12, 0))])
@@ -94,11 +87,11 @@ PARAMETERS = Parameters(np.array([0.7, 1.5, 4.0]), 0.02)
 
 @pytest.mark.parametrize("smoothness", [1.5, 2.5])
 @pytest.mark.parametrize("is_linear", [False, True])
-def test_the_gradient_is_that_of_differences(smoothness: float, is_linear: bool) -> None:
+def test_the_gradient_is_that_of_differences(smoothness, is_linear):
     data = example_data(smoothness, is_linear=is_linear)
     at = np.log([*PARAMETERS.lengths, PARAMETERS.nugget])
 
-    def loss(logarithms: FloatArray) -> float:
+    def loss(logarithms):
         return negative_log_likelihood(
             data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1]))
         )[0]
@@ -112,7 +105,7 @@ def test_the_gradient_is_that_of_differences(smoothness: float, is_linear: bool)
     )
 
 
-def test_errors_at_runs_left_out_are_those_without_the_run() -> None:
+def test_errors_at_runs_left_out_are_those_without_the_run():
     data = example_data(is_linear=True)
     process = ConditionedProcess.of_runs(data, PARAMETERS)
     assert process is not None
@@ -128,18 +121,18 @@ def test_errors_at_runs_left_out_are_those_without_the_run() -> None:
         assert found[run] == pytest.approx(data.values[run] - mean, rel=1e-9)
 
 
-def matern(distance: FloatArray) -> FloatArray:
+def matern(distance):
     root = np.sqrt(5) * distance
     return (1 + root + root**2 / 3) * np.exp(-root)
 
 
 def universal_kriging(
-    matrix: FloatArray,
-    kernel: FloatArray,
-    trend: FloatArray,
-    trend_there: FloatArray,
-    values: FloatArray,
-) -> tuple[float, float]:
+    matrix,
+    kernel,
+    trend,
+    trend_there,
+    values,
+):
     """Return mean and variance by the weights that are unbiased and of least variance."""
     terms = len(trend_there)
     bordered = np.block([[matrix, trend], [trend.T, np.zeros((terms, terms))]])
@@ -148,7 +141,7 @@ def universal_kriging(
 
 
 @pytest.mark.parametrize("trend", ["constant", "linear"])
-def test_predictions_are_those_of_universal_kriging(trend: str) -> None:
+def test_predictions_are_those_of_universal_kriging(trend):
     surrogate, points = fitted(wave, 9, [UNIT, UNIT], trend=trend, nugget=0.01)
     fit = surrogate.fitted["y"].fit
     values, place = wave(points), np.array([0.3, 0.8])
@@ -167,7 +160,7 @@ def test_predictions_are_those_of_universal_kriging(trend: str) -> None:
     assert found.std == pytest.approx([std], rel=1e-6)
 
 
-def test_without_a_nugget_it_goes_through_the_runs() -> None:
+def test_without_a_nugget_it_goes_through_the_runs():
     # Of a smoother function, correlations are singular to rounding, and so errors are larger.
     surrogate, points = fitted(lambda x: np.sin(9 * x.sum(axis=1)), 30, [UNIT, UNIT], nugget=0.0)
     found = predicted(surrogate, points)
@@ -176,14 +169,14 @@ def test_without_a_nugget_it_goes_through_the_runs() -> None:
     assert found.std.max() < 1e-3
 
 
-def test_the_nugget_is_the_variance_of_the_noise() -> None:
+def test_the_nugget_is_the_variance_of_the_noise():
     surrogate, _ = fitted(noisy, 200, [UNIT, UNIT])
     fit = surrogate.fitted["y"].fit
     noise = np.sqrt(fit.nugget) * fit.std / fit.std_factor * fit.scale
     assert noise == pytest.approx(0.2, rel=0.2)
 
 
-def test_intervals_hold_95_of_100_fresh_points() -> None:
+def test_intervals_hold_95_of_100_fresh_points():
     surrogate, _ = fitted(friedman, 100, [UNIT] * 5)
     points = np.random.default_rng(2).random((2000, 5))
     found, truth = predicted(surrogate, points), friedman(points)
@@ -193,7 +186,7 @@ def test_intervals_hold_95_of_100_fresh_points() -> None:
     assert np.mean((truth - found.mean) ** 2) < 8.7e-4 * np.var(truth)
 
 
-def test_parameters_that_have_seen_a_run_would_make_its_error_too_small() -> None:
+def test_parameters_that_have_seen_a_run_would_make_its_error_too_small():
     surrogate, points = fitted(noisy, 25, [UNIT] * 6)
     fit = surrogate.fitted["y"].fit
     coordinates = (points - points.mean(axis=0)) / points.std(axis=0)
@@ -205,7 +198,7 @@ def test_parameters_that_have_seen_a_run_would_make_its_error_too_small() -> Non
     assert 1 - fit.q2 > np.mean(seen**2)
 
 
-def test_a_restored_fit_predicts_the_same_without_the_study() -> None:
+def test_a_restored_fit_predicts_the_same_without_the_study():
     surrogate, points = fitted(
         lambda x: np.exp(wave(x)), 40, [UNIT, Lognormal(1.0, 0.3)], transform={"y": "log"}
     )
@@ -222,7 +215,7 @@ def test_a_restored_fit_predicts_the_same_without_the_study() -> None:
     assert np.array_equal(values.outputs["y"], found.mean)
 
 
-def test_a_lognormal_input_is_taken_by_its_logarithm() -> None:
+def test_a_lognormal_input_is_taken_by_its_logarithm():
     points = np.exp(np.random.default_rng(1).normal(size=(50, 2)))
     inputs = StandardisedInputs.of_runs([Lognormal(1.0, 1.0), UNIT], points)
     assert list(inputs.is_logarithm) == [1, 0]
@@ -243,16 +236,14 @@ def test_a_lognormal_input_is_taken_by_its_logarithm() -> None:
         (40, 2, {"kernel": "matern-3/2", "trend": "linear"}),
     ],
 )
-def test_it_predicts_better_than_the_mean(
-    runs: int, inputs: int, settings: dict[str, object]
-) -> None:
+def test_it_predicts_better_than_the_mean(runs, inputs, settings):
     surrogate, _ = fitted(wave, runs, [UNIT] * inputs, **settings)
     points = np.random.default_rng(4).random((500, inputs))
     errors = wave(points) - predicted(surrogate, points).mean
     assert np.mean(errors**2) < 0.5 * np.var(wave(points))
 
 
-def test_runs_may_repeat_and_inputs_may_be_constant() -> None:
+def test_runs_may_repeat_and_inputs_may_be_constant():
     rng = np.random.default_rng(8)
     points = np.column_stack(
         [np.repeat(rng.random(20), 2), np.full(40, 0.5), np.repeat(rng.random(20), 2)]
@@ -276,21 +267,19 @@ def test_runs_may_repeat_and_inputs_may_be_constant() -> None:
         (9, {"transform": {"y": "log"}}, "it has no logarithm where it is not positive"),
     ],
 )
-def test_what_cannot_be_fitted_has_a_reason(
-    runs: int, settings: dict[str, object], reason: str
-) -> None:
+def test_what_cannot_be_fitted_has_a_reason(runs, settings, reason):
     surrogate, _ = fitted(lambda x: wave(x) - 0.5, runs, [UNIT, UNIT], **settings)
     assert surrogate.reasons["y"].startswith(reason)
 
 
-def test_the_factor_is_that_with_which_intervals_hold_95_of_100_runs() -> None:
+def test_the_factor_is_that_with_which_intervals_hold_95_of_100_runs():
     errors = np.random.default_rng(6).standard_t(4, 999)
     found = LeftOutErrors(errors, np.full(999, 0.5))
     held = np.abs(errors) <= 1.959964 * found.std_factor * 0.5
     assert held.sum() == 950
 
 
-def test_a_field_has_the_deviations_of_its_scores() -> None:
+def test_a_field_has_the_deviations_of_its_scores():
     angles = Campbell.outputs[0].dims[0].values
     joint = JointDistribution(
         tuple(RandomInput(each, Uniform(-1.0, 5.0), "1") for each in Campbell.inputs),

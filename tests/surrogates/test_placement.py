@@ -1,7 +1,5 @@
 """Placement of runs where a surrogate expects to err, with weights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,13 +8,13 @@ from uqpen.surrogates.refinement import PredictedError, place
 POINTS, EACH = 4000, 16
 
 
-def error_at(cube: np.ndarray, *, is_of_event: bool = False) -> PredictedError:
+def error_at(cube, *, is_of_event=False):
     """Errors in a corner of a tenth of the draws."""
     return PredictedError(np.where(cube > 0.9, 0.5, 1e-6), is_of_event)
 
 
 @pytest.mark.parametrize("is_of_event", [False, True])
-def test_weighted_points_estimate_without_bias(*, is_of_event: bool) -> None:
+def test_weighted_points_estimate_without_bias(*, is_of_event):
     rng = np.random.default_rng(1)
     cube = rng.random(POINTS * EACH)
     placed = place([error_at(cube, is_of_event=is_of_event)], POINTS, EACH, 1.0, rng)
@@ -28,13 +26,13 @@ def test_weighted_points_estimate_without_bias(*, is_of_event: bool) -> None:
         assert abs(terms.mean() - truth) < 4 * terms.std() / np.sqrt(POINTS)
 
 
-def test_each_point_is_of_candidates_of_its_own() -> None:
+def test_each_point_is_of_candidates_of_its_own():
     rng = np.random.default_rng(2)
     placed = place([error_at(rng.random(POINTS * EACH))], POINTS, EACH, 1.0, rng)
     assert (placed.candidates // EACH == np.arange(POINTS)).all()
 
 
-def test_points_are_plain_draws_where_a_placement_promises_nothing() -> None:
+def test_points_are_plain_draws_where_a_placement_promises_nothing():
     rng = np.random.default_rng(3)
     even = PredictedError(np.full(POINTS * EACH, 0.3), is_of_event=False)
     # Few disagreements: the one that nobody has seen decides, and it has the largest weight.

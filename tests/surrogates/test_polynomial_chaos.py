@@ -5,28 +5,25 @@ from __future__ import annotations
 import math
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.arrays import Arrays, BoolArray
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import STATUS
 from uqpen.core.model import Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Gamma, Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
@@ -60,18 +57,18 @@ class Formula(Model):
     name = "formula"
 
     @property
-    def outputs(self) -> tuple[Output, ...]:  # type: ignore[override]
+    def outputs(self):  # type: ignore[override]
         kinds = (Category("low", "low"), Category("high", "high"))
         return tuple(
             Output(name, "m", categories=kinds if name in self.kinds else ())
             for name in self.formulas
         )
 
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+    def conditions(self, inputs):
         first = self.inputs[0].name
         yield inputs[first] < self.limit, f"{first} < {self.limit:g}"
 
-    def evaluate(self, inputs: Arrays) -> Results:
+    def evaluate(self, inputs):
         runs = len(inputs[self.inputs[0].name])
         return Results.all_ok(
             {
@@ -81,7 +78,7 @@ class Formula(Model):
         )
 
 
-def law_of(*distributions: Distribution, **fixed: float) -> JointDistribution:
+def law_of(*distributions, **fixed):
     random = [
         RandomInput(Input(f"x{number}", "1"), distribution, "1")
         for number, distribution in enumerate(distributions, start=1)
@@ -92,12 +89,12 @@ def law_of(*distributions: Distribution, **fixed: float) -> JointDistribution:
 
 
 def runs_of(
-    model: Model,
-    joint: JointDistribution,
-    design: Design,
-    seed: int = 1,
-    keep: tuple[str, ...] = (),
-) -> xr.Dataset:
+    model,
+    joint,
+    design,
+    seed=1,
+    keep=(),
+):
     units = {variable.name: variable.unit for variable in joint.variables}
     points = next(design.rounds(joint, Stream(seed, "designs", "training")))
     constraints = [parse_constraint(text, units) for text in keep]
@@ -105,21 +102,21 @@ def runs_of(
 
 
 def fitted(
-    formula: Callable[[Arrays], Any],
-    joint: JointDistribution,
-    design: Design,
+    formula,
+    joint,
+    design,
     *,
-    seed: int = 1,
-    keep: tuple[str, ...] = (),
-    **settings: Any,
-) -> PolynomialChaosModel:
+    seed=1,
+    keep=(),
+    **settings,
+):
     model = Formula({"y": formula}, joint.variables)
     runs = runs_of(model, joint, design, seed, keep)
     surrogate = PolynomialChaos(design="training", **settings)
     return surrogate.fit("pce", runs, model, joint, Stream(seed, "surrogates", "pce"))
 
 
-def rosenbrock(x: Arrays) -> Any:
+def rosenbrock(x):
     return 100 * (x["x2"] - x["x1"] ** 2) ** 2 + (1 - x["x1"]) ** 2
 
 
@@ -141,7 +138,7 @@ SQUARE = law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0))
     ],
     ids=str,
 )
-def test_rosenbrocks_function_is_exact(design: Design, settings: dict[str, Any]) -> None:
+def test_rosenbrocks_function_is_exact(design, settings):
     found = fitted(rosenbrock, SQUARE, design, **settings).expansions["y"]
     terms = found.indices, found.coefficients
     # The term of degrees 2 and 1 is of order 3, and of a higher one by a truncation below 1.
@@ -153,7 +150,7 @@ def test_rosenbrocks_function_is_exact(design: Design, settings: dict[str, Any])
     np.testing.assert_allclose(input_shares(*terms).first, exact, rtol=0, atol=1e-12)
 
 
-def test_any_polynomial_is_reproduced() -> None:
+def test_any_polynomial_is_reproduced():
     joint = law_of(Normal(3.0, 0.5), Lognormal(2.0, 0.3), Gamma(2.0, 0.7))
     found = fitted(
         lambda x: 5e3 * (x["x1"] ** 2 * np.log(x["x2"]) - x["x3"] ** 3 + x["x1"] * x["x3"]),
@@ -170,7 +167,7 @@ def test_any_polynomial_is_reproduced() -> None:
     assert error.max() < 1e-12 * np.abs(truth).max()
 
 
-def test_a_product_and_a_sum() -> None:
+def test_a_product_and_a_sum():
     unit = Uniform(0.0, 1.0)
     joint = law_of(unit, unit, unit)
     found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], joint, LatinHypercube(40, 1))
@@ -187,7 +184,7 @@ def test_a_product_and_a_sum() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_ishigami_from_two_hundred_runs(seed: int) -> None:
+def test_ishigami_from_two_hundred_runs(seed):
     side = Uniform(-math.pi, math.pi)
     model, joint = Ishigami(), law_of(side, side, side)
     runs = runs_of(model, joint, LatinHypercube(200, 1), seed)
@@ -206,10 +203,10 @@ def test_ishigami_from_two_hundred_runs(seed: int) -> None:
     assert found.expansions["y"].noise.first.max() < 1e-4
 
 
-def test_sobols_g_function_roughly() -> None:
+def test_sobols_g_function_roughly():
     a = np.array([0.0, 1.0, 4.5, 9.0])
 
-    def g(x: Arrays) -> Any:
+    def g(x):
         columns = [(abs(4 * x[f"x{i + 1}"] - 2) + a[i]) / (1 + a[i]) for i in range(4)]
         return np.prod(columns, axis=0)
 
@@ -222,7 +219,7 @@ def test_sobols_g_function_roughly() -> None:
     assert 1e-3 < found.cross_validation < 0.2
 
 
-def test_closed_forms_of_many_terms_take_no_time() -> None:
+def test_closed_forms_of_many_terms_take_no_time():
     joint = law_of(*[Uniform(-1.0, 1.0)] * 6)
     found = fitted(
         lambda x: sum(x[f"x{i}"] for i in range(1, 7)) ** 4,
@@ -239,7 +236,7 @@ def test_closed_forms_of_many_terms_take_no_time() -> None:
     assert time.perf_counter() - start < 0.1
 
 
-def test_a_logarithm_is_fitted_where_it_is_asked_for() -> None:
+def test_a_logarithm_is_fitted_where_it_is_asked_for():
     joint = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
     found = fitted(
         lambda x: np.exp(1 + x["x1"] + 0.5 * x["x2"] ** 2),
@@ -257,7 +254,7 @@ def test_a_logarithm_is_fitted_where_it_is_asked_for() -> None:
     assert results.status.tolist() == [Status.OK, Status.NOT_FINITE]
 
 
-def test_it_admits_what_its_model_admits() -> None:
+def test_it_admits_what_its_model_admits():
     joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0), c=2.5)
     model = Formula({"y": lambda x: x["x1"] * x["c"] + x["x2"]}, joint.variables, limit=0.9)
     runs = runs_of(model, joint, LatinHypercube(50, 1))
@@ -274,9 +271,9 @@ def test_it_admits_what_its_model_admits() -> None:
     assert list(found.missing_inputs({"x1"})) == ["x2"]
 
 
-def test_what_cannot_be_fitted_says_why() -> None:
+def test_what_cannot_be_fitted_says_why():
     joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0))
-    formulas: dict[str, Callable[[Arrays], Any]] = {
+    formulas = {
         "good": lambda x: x["x1"],
         "constant": lambda x: 4.0,
         "negative": lambda x: x["x1"] - 0.5,
@@ -325,17 +322,17 @@ def test_what_cannot_be_fitted_says_why() -> None:
         ),
     ],
 )
-def test_too_few_runs_are_told(design: Design, settings: dict[str, Any], reason: str) -> None:
+def test_too_few_runs_are_reported(design, settings, reason):
     assert fitted(rosenbrock, SQUARE, design, **settings).reasons == {"y": reason}
 
 
-def test_an_order_beyond_memory_is_told() -> None:
+def test_an_order_beyond_memory_is_reported():
     joint = law_of(*[Uniform(0.0, 1.0)] * 30)
     found = fitted(lambda x: x["x1"], joint, MonteCarlo(100), order=9, truncation=1)
     assert found.reasons["y"].startswith("order 9 has more than 100_000 terms, too many for")
 
 
-def test_a_rule_that_lost_nodes_is_no_rule() -> None:
+def test_a_rule_that_lost_nodes_is_no_rule():
     found = fitted(
         rosenbrock, SQUARE, Quadrature(6), method="projection", keep=("x1 < 1.8",), order=4
     )
@@ -344,7 +341,7 @@ def test_a_rule_that_lost_nodes_is_no_rule() -> None:
     assert mean(expansion.indices, expansion.coefficients) == pytest.approx(455 + 2 / 3, rel=1e-11)
 
 
-def test_no_runs_and_other_inputs_are_told() -> None:
+def test_no_runs_and_other_inputs_are_reported():
     joint = law_of(Uniform(0.0, 1.0), c=1.0)
     model = Formula({"y": lambda x: x["x1"]}, joint.variables)
     runs = runs_of(model, joint, MonteCarlo(20))
@@ -357,8 +354,8 @@ def test_no_runs_and_other_inputs_are_told() -> None:
     assert reason == "its design varies c, which has no distribution"
 
 
-def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
-    def rough(x: Arrays) -> Any:
+def test_fit_noise_shrinks_with_runs_and_is_keyed():
+    def rough(x):
         return np.abs(x["x1"]) + x["x2"]
 
     few, many = (
@@ -376,9 +373,9 @@ def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
 
 
 @pytest.mark.slow
-def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
+def test_it_comes_back_from_an_archive(tmp_path):
     joint = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
-    formulas: dict[str, Callable[[Arrays], Any]] = {
+    formulas = {
         "y": lambda x: np.exp(x["x1"] * x["x2"]),
         "z": lambda x: x["c"] * x["x1"] + x["x2"] ** 2,
         "w": lambda x: 1.0,
@@ -411,7 +408,7 @@ def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
     assert again.identity()["coefficients_sha256"] == found.identity()["coefficients_sha256"]
 
 
-def test_it_can_be_sent_to_a_worker() -> None:
+def test_it_can_be_sent_to_a_worker():
     model, joint = Ishigami(), law_of(*[Uniform(-1.0, 1.0)] * 3)
     runs = runs_of(model, joint, LatinHypercube(60, 1))
     found = PolynomialChaos(design="t").fit("pce", runs, model, joint, Stream(1, "s"))
@@ -422,7 +419,7 @@ def test_it_can_be_sent_to_a_worker() -> None:
     )
 
 
-def test_dependent_inputs_have_no_closed_form() -> None:
+def test_dependent_inputs_have_no_closed_form():
     found = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4)
     assert found.closed_form_problem("y") == ""
     dependent = replace(found, training=replace(found.training, is_independent=False))
@@ -431,7 +428,7 @@ def test_dependent_inputs_have_no_closed_form() -> None:
     assert not again.has_closed_form("y")
 
 
-def test_an_output_may_have_any_name() -> None:
+def test_an_output_may_have_any_name():
     names = ("x1_recurrence", "fixed_c", "x1_degree", "term", "kind", "coefficient")
     joint = law_of(Uniform(0.0, 1.0), c=3.0)
     model = Formula({name: lambda x: x["x1"] ** 2 for name in names}, joint.variables)
@@ -440,7 +437,7 @@ def test_an_output_may_have_any_name() -> None:
     assert set(names) < set(found.to_tree().children)
 
 
-def test_the_kind_that_is_named_decides_what_is_restored() -> None:
+def test_the_kind_that_is_named_decides_what_is_restored():
     tree = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4).to_tree()
     assert tree.attrs["kind"] in SURROGATES
     tree.attrs["kind"] = "polynomial-caos"
@@ -448,5 +445,5 @@ def test_the_kind_that_is_named_decides_what_is_restored() -> None:
         restore_surrogate(tree, "pce")
 
 
-def test_the_family_has_it() -> None:
+def test_the_family_has_it():
     assert "polynomial-chaos" in SURROGATES

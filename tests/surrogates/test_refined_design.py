@@ -1,11 +1,5 @@
 """A surrogate's design goes on where the surrogate expects to err."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -15,8 +9,6 @@ from uqpen.core.errors import StudyError
 from uqpen.core.labels import REFINED_FOR, ROUND, RUN, STATUS, WEIGHT
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.execution import Map
-from uqpen.study.study import ValidatedStudy
 from uqpen.study.summary import design_rows
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.workflow import Progress, run, run_design
@@ -37,19 +29,17 @@ REFINED = f"{DESIGN}refine = 30\n"
 # A jump in a corner, where no polynomial follows.
 BODY = "a + 2.0 * ((a > 0.7) & (b > 0.6))"
 
-Studies = Callable[..., ValidatedStudy]
 
-
-def refined(study_of: Studies, text: str = REFINED, body: str = BODY) -> ValidatedStudy:
+def refined(study_of, text=REFINED, body=BODY):
     return study_of(body, text, a=(0, 1), b=(0, 1))
 
 
-def runs_of(study: ValidatedStudy, map: Map = map) -> xr.Dataset:
+def runs_of(study, map=map):
     stream = Stream(study.seed, "designs", "some")
     return run_design(study, study.designs["some"], stream, map=map, progress=Progress())[""]
 
 
-def test_the_first_round_is_the_plain_design_and_all_runs_are_counted(study_of: Studies) -> None:
+def test_the_first_round_is_the_plain_design_and_all_runs_are_counted(study_of):
     study = refined(study_of)
     assert study.runs == 70
     assert design_rows(study) == [("some", "monte-carlo, refined by pce", "70")]
@@ -62,7 +52,7 @@ def test_the_first_round_is_the_plain_design_and_all_runs_are_counted(study_of: 
         assert (first[name].values == plain[name].values).all()
 
 
-def test_runs_are_placed_where_the_surrogate_errs(study_of: Studies) -> None:
+def test_runs_are_placed_where_the_surrogate_errs(study_of):
     text, body = DESIGN + "refine = 200\n", "np.exp(4 * a * b)"
     runs = runs_of(refined(study_of, text, body))
     placed = runs.isel({RUN: np.flatnonzero(runs[WEIGHT] != 1)})
@@ -72,17 +62,15 @@ def test_runs_are_placed_where_the_surrogate_errs(study_of: Studies) -> None:
     assert float(runs[WEIGHT].mean()) == pytest.approx(1, abs=0.1)
 
 
-def test_placed_runs_follow_from_the_seed_alone(study_of: Studies) -> None:
-    def backwards(work: Callable[[Any], Any], batches: Iterable[Any]) -> Iterator[Any]:
+def test_placed_runs_follow_from_the_seed_alone(study_of):
+    def backwards(work, batches):
         return reversed([work(each) for each in reversed([*batches])])
 
     study = refined(study_of)
     xr.testing.assert_identical(runs_of(study), runs_of(study, backwards))
 
 
-def test_failed_runs_are_data_and_an_archive_proves_itself(
-    study_of: Studies, tmp_path: Path
-) -> None:
+def test_failed_runs_are_data_and_an_archive_proves_itself(study_of, tmp_path):
     body = f"np.where((a > 0.8) & (b > 0.9), np.nan, {BODY})"
     tree = run(refined(study_of, body=body))
     runs = tree["runs/some"].to_dataset()
@@ -98,7 +86,7 @@ def test_failed_runs_are_data_and_an_archive_proves_itself(
     assert found["runs"] == found["statistics"] == CheckOutcome.EQUAL
 
 
-def test_inadmissible_points_are_not_placed(study_of: Studies) -> None:
+def test_inadmissible_points_are_not_placed(study_of):
     runs = runs_of(refined(study_of, f'[constraints]\nkeep = ["a + b < 1.2"]\n{REFINED}'))
     is_inadmissible = runs[STATUS].values == Status.INADMISSIBLE
     assert is_inadmissible[:40].any()
@@ -126,9 +114,7 @@ def test_inadmissible_points_are_not_placed(study_of: Studies) -> None:
         ),
     ],
 )
-def test_a_refinement_that_is_not_possible_says_so(
-    study_of: Studies, text: str, expected: str
-) -> None:
+def test_a_refinement_that_is_not_possible_says_so(study_of, text, expected):
     with pytest.raises(StudyError) as caught:
         refined(study_of, text)
     assert expected in " ".join(str(caught.value).split())

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import uqpen
 from uqpen.charts.source_comparison import compared_statistics
@@ -64,7 +60,7 @@ class KernelFit(OutputFit):
     points: np.ndarray
     weights: np.ndarray
 
-    def predict(self, points: np.ndarray) -> Prediction:
+    def predict(self, points):
         return Prediction(_kernel(points, self.points) @ self.weights)
 
 
@@ -74,12 +70,12 @@ class LongLength(OutputSurrogate):
 
     output_fit = KernelFit
 
-    def fit_output(self, points: np.ndarray, values: np.ndarray, rng: Any) -> KernelFit:
+    def fit_output(self, points, values, rng):
         nugget = 1e-9 * np.eye(len(points))
         return KernelFit(points, np.linalg.solve(_kernel(points, points) + nugget, values))
 
 
-def _kernel(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _kernel(left, right):
     return np.exp(-((left[:, None] - right[None]) ** 2).sum(axis=-1) / 8)
 
 
@@ -87,7 +83,7 @@ def _kernel(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 class RootFit(OutputFit):
     lowest: float
 
-    def predict(self, points: np.ndarray) -> Prediction:
+    def predict(self, points):
         with np.errstate(invalid="ignore"):
             return Prediction(np.sqrt(points[:, 0] - self.lowest))
 
@@ -98,14 +94,13 @@ class Root(OutputSurrogate):
 
     output_fit = RootFit
 
-    def fit_output(self, points: np.ndarray, values: np.ndarray, rng: Any) -> RootFit:
+    def fit_output(self, points, values, rng):
         return RootFit(float(points[:, 0].min()))
 
 
 LEAST_SQUARES = {"method": "least-squares", "order": 6}
 LOG = {"transform": {"y": "log"}}
-Made = Callable[[str | None], Any]
-CASES: dict[str, tuple[Any, str | None, Made]] = {
+CASES = {
     "beyond the training runs": (
         two_stages,
         "many",
@@ -136,7 +131,7 @@ CASES: dict[str, tuple[Any, str | None, Made]] = {
 }
 
 
-def study_of(name: str) -> uqpen.Study:
+def study_of(name):
     model, check, made = CASES[name]
     return uqpen.Study(
         model=model,
@@ -149,11 +144,11 @@ def study_of(name: str) -> uqpen.Study:
 
 
 @pytest.fixture(scope="module", params=CASES)
-def tree(request: pytest.FixtureRequest) -> xr.DataTree:
+def tree(request):
     return uqpen.run(study_of(request.param))
 
 
-def numbers(content: Any) -> Iterator[float]:
+def numbers(content):
     """Yield the numbers of the estimates in JSON."""
     if isinstance(content, dict):
         for key, each in content.items():
@@ -163,7 +158,7 @@ def numbers(content: Any) -> Iterator[float]:
                 yield from numbers(each)
 
 
-def test_no_estimate_is_a_number_and_all_have_the_reason(tree: xr.DataTree) -> None:
+def test_no_estimate_is_a_number_and_all_have_the_reason(tree):
     found = SourceStatistics(tree).statistics("cheap", "y")
     assert {"mean", "quantile", "exceedance", "first_order", "shapley"} <= set(found)
     for array in found.values():
@@ -172,7 +167,7 @@ def test_no_estimate_is_a_number_and_all_have_the_reason(tree: xr.DataTree) -> N
             assert all("is refuted" in note for note in np.ravel(array.coords[NOTE].values))
 
 
-def test_no_figure_of_theirs_is_in_any_table_or_file(tree: xr.DataTree) -> None:
+def test_no_figure_of_theirs_is_in_any_table_or_file(tree):
     for table in output_tables(tree, everything=True):
         if "cheap" in table.columns and "runs" in [label for label, _ in table.rows]:
             place = table.columns.index("cheap")
@@ -190,7 +185,7 @@ def test_no_figure_of_theirs_is_in_any_table_or_file(tree: xr.DataTree) -> None:
         assert "cheap" not in compared.available_estimates
 
 
-def test_the_page_says_it_and_asks_the_runs(tree: xr.DataTree) -> None:
+def test_the_page_says_it_and_asks_the_runs(tree):
     blocks = list(answer(ArchiveView(tree, "")))
     for block in blocks:
         assert "cheap" not in repr(block) or isinstance(block, Alerts)
@@ -200,9 +195,7 @@ def test_the_page_says_it_and_asks_the_runs(tree: xr.DataTree) -> None:
     assert any(isinstance(each, Findings | Quote) for each in blocks)
 
 
-def test_a_prediction_and_a_rehearsal_say_it(
-    tmp_path: Path, command_line: Callable[..., Any]
-) -> None:
+def test_a_prediction_and_a_rehearsal_say_it(tmp_path, command_line):
     path = tmp_path / "delay.nc"
     uqpen.make_archive(study_of("beyond the training runs"), path)
     reason = r"cheap, y: the surrogate is refuted: the mean of its predictions is beyond all 230"
@@ -211,14 +204,14 @@ def test_a_prediction_and_a_rehearsal_say_it(
         surrogate(a=0.0, b=0.0)
     (tmp_path / "points.csv").write_text("a,b\n0,0\n")
     for command in (["predict", f"{path}:cheap", "points.csv"], ["run", f"{path}:cheap"]):
-        told = command_line(*command)
-        assert told.code == 0
-        assert reason in " ".join(told.err.split())
+        reported = command_line(*command)
+        assert reported.code == 0
+        assert reason in " ".join(reported.err.split())
     with open_rehearsed(path) as rehearsed, pytest.raises(SettingsError, match="is refuted"):
         assert rehearsed.study
 
 
-def test_a_poor_surrogate_has_only_figures_that_runs_correct() -> None:
+def test_a_poor_surrogate_has_only_figures_that_runs_correct():
     # A line in a explains 1 / (1 + 2 * 0.8**2) = 44 % of the variance.
     tree = uqpen.run(
         uqpen.Study(

@@ -1,7 +1,5 @@
 """Fits: exact where they can be, with the leave-one-out error that leaving one out gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,13 +15,13 @@ from uqpen.surrogates.chaos.coefficients import (
 pytestmark = pytest.mark.processor
 
 
-def problem(runs: int = 40, terms: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def problem(runs=40, terms=12):
     rng = np.random.default_rng(11)
     matrix = np.column_stack([np.ones(runs), rng.normal(size=(runs, terms - 1))])
     return matrix, matrix @ rng.normal(size=terms) + rng.normal(size=runs)
 
 
-def brute_force(matrix: np.ndarray, values: np.ndarray) -> float:
+def brute_force(matrix, values):
     errors = []
     for left_out in range(len(values)):
         kept = np.arange(len(values)) != left_out
@@ -32,7 +30,7 @@ def brute_force(matrix: np.ndarray, values: np.ndarray) -> float:
     return float(np.mean(np.square(errors)) / np.var(values, ddof=1))
 
 
-def test_leave_one_out_is_what_leaving_one_out_gives() -> None:
+def test_leave_one_out_is_what_leaving_one_out_gives():
     matrix, values = problem()
     fit = least_squares(matrix, values)
     assert fit is not None
@@ -42,7 +40,7 @@ def test_leave_one_out_is_what_leaving_one_out_gives() -> None:
     )
 
 
-def test_the_correction_is_chapelles() -> None:
+def test_the_correction_is_chapelles():
     matrix, values = problem()
     fit = least_squares(matrix, values)
     assert fit is not None
@@ -50,7 +48,7 @@ def test_the_correction_is_chapelles() -> None:
     assert fit.corrected == pytest.approx(fit.leave_one_out * 40 / 28 * (1 + trace), rel=1e-10)
 
 
-def test_a_sparse_fit_has_the_error_of_least_squares_on_its_terms() -> None:
+def test_a_sparse_fit_has_the_error_of_least_squares_on_its_terms():
     matrix, values = problem()
     fit = sparse_regression(matrix, values)
     assert fit is not None
@@ -60,7 +58,7 @@ def test_a_sparse_fit_has_the_error_of_least_squares_on_its_terms() -> None:
     assert fit.corrected == pytest.approx(again.corrected, rel=1e-9)
 
 
-def test_a_sparse_fit_finds_the_terms_among_more_than_there_are_runs() -> None:
+def test_a_sparse_fit_finds_the_terms_among_more_than_there_are_runs():
     rng = np.random.default_rng(2)
     matrix = np.column_stack([np.ones(60), rng.normal(size=(60, 400))])
     values = 3 + matrix[:, [17, 230, 399]] @ [1.0, -2.0, 0.5]
@@ -70,13 +68,13 @@ def test_a_sparse_fit_finds_the_terms_among_more_than_there_are_runs() -> None:
     np.testing.assert_allclose(fit.coefficients, [3.0, 1.0, -2.0, 0.5], atol=1e-13)
 
 
-def test_columns_that_depend_on_each_other_have_no_least_squares() -> None:
+def test_columns_that_depend_on_each_other_have_no_least_squares():
     matrix, values = problem()
     assert least_squares(np.column_stack([matrix, matrix[:, 3]]), values) is None
     assert least_squares(matrix[:12], values[:12]) is None
 
 
-def test_a_rule_is_exact_up_to_its_degree() -> None:
+def test_a_rule_is_exact_up_to_its_degree():
     nodes, weights = np.polynomial.legendre.leggauss(4)
     scale = np.sqrt(2 * np.arange(5) + 1)
     matrix = np.polynomial.legendre.legvander(nodes, 4) * scale
@@ -88,7 +86,7 @@ def test_a_rule_is_exact_up_to_its_degree() -> None:
     )
 
 
-def test_cross_validation_is_not_taken_in_by_choosing() -> None:
+def test_cross_validation_is_not_taken_in_by_choosing():
     """Of values that follow no term at all, the chosen ones still seem to predict them."""
     rng = np.random.default_rng(8)
     matrix = np.column_stack([np.ones(100), rng.normal(size=(100, 600))])

@@ -1,21 +1,17 @@
 """``uqpen verify``, ``diff`` and ``rerun`` as their user meets them."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen as package
 from uqpen.archive.netcdf import write_tree
 from uqpen.execution.processes import ProcessPool
-from uqpen.verification.archived_study import Runs
 from uqpen.verification.repetition import Repetition
 
 pytestmark = pytest.mark.slow
@@ -41,7 +37,7 @@ use = "ishigami"
 kind = "latin-hypercube"
 runs = 40
 """
-# Apart, as what is told of it takes longer than all the rest.
+# Apart, as what is reported of it takes longer than all the rest.
 SURROGATE = f"""\
 {PLAIN}
 [surrogates.chaos]
@@ -57,20 +53,11 @@ use = "ishigami"
 with = {{ x3 = 0.5 }}
 {INPUTS}
 """
-OWN = """\
-seed = 1
-[model]
-python = "own.py:f"
-[model.inputs]
-x = "1"
-[model.outputs]
-y = "cm"
-[inputs]
-x = "0 ± 1"
-[designs.some]
-kind = "monte-carlo"
-runs = 60
-"""
+OWN = study_text(
+    {"python": "own.py:f", "inputs": {"x": "1"}, "outputs": {"y": "cm"}},
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 60}},
+)
 # Leaves a trace wherever it is executed.
 SOURCE = """\
 import pathlib
@@ -89,11 +76,8 @@ STUDIES = {
 }
 
 
-Command = Callable[..., Any]
-
-
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """A folder with an archive of each study."""
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
@@ -107,11 +91,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def uqpen(made: Path, command_line: Command, tmp_path: Path) -> Command:
+def uqpen(made, command_line, tmp_path):
     """The command line beside copies of the archives."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
 
-    def call(*arguments: str) -> Any:
+    def call(*arguments):
         done = command_line(*arguments)
         assert "Traceback" not in done.err
         assert max(map(len, done.out.splitlines()), default=0) <= 80
@@ -120,7 +104,7 @@ def uqpen(made: Path, command_line: Command, tmp_path: Path) -> Command:
     return call
 
 
-def damage(how: str) -> None:
+def damage(how):
     """Damage a copy of the plain archive, as a careless or malicious hand might."""
     shutil.copy("plain.nc", "damaged.nc")
     if how == "group":
@@ -142,7 +126,7 @@ def damage(how: str) -> None:
             dataset.version_numpy = "1.0.0"
 
 
-def without_files(archive: str) -> None:
+def without_files(archive):
     """Take the files that its study names out of an archive."""
     tree = package.open_archive(archive)
     del tree["files"]
@@ -171,7 +155,7 @@ class TestVerify:
     @pytest.mark.parametrize(
         ("name", "how"), [("plain", ("--runs", "30")), ("surrogate", ()), ("several", ("--all",))]
     )
-    def test_a_fresh_archive_passes(self, uqpen: Command, name: str, how: tuple[str, ...]) -> None:
+    def test_a_fresh_archive_passes(self, uqpen, name, how):
         done = uqpen("verify", f"{name}.nc", *how)
         assert done.code == 0, done.out
         assert done.out.count("bit-equal") == 2
@@ -179,12 +163,12 @@ class TestVerify:
         repeated = {"--runs": 30, "--all": held}.get(how[0] if how else "", 100)
         assert f"{repeated} of {held} repeated" in done.out
 
-    def test_a_model_of_somebody_else_is_run_with_trust(self, uqpen: Command) -> None:
+    def test_a_model_of_somebody_else_is_run_with_trust(self, uqpen):
         done = uqpen("verify", "own.nc", "--trust", "--all")
         assert done.code == 0, done.out
         assert "60 of 60 repeated: bit-equal" in done.out
 
-    def test_without_trust_nothing_is_executed(self, uqpen: Command) -> None:
+    def test_without_trust_nothing_is_executed(self, uqpen):
         done = uqpen("verify", "own.nc")
         assert done.code == 0, done.out
         assert "--trust" in done.out
@@ -196,7 +180,7 @@ class TestVerify:
         assert not Path("executed").exists()
 
     @pytest.mark.parametrize("how", list(DAMAGES))
-    def test_damage_is_caught(self, uqpen: Command, how: str) -> None:
+    def test_damage_is_caught(self, uqpen, how):
         damage(how)
         done = uqpen("verify", "damaged.nc", "--all")
         assert done.code == 4
@@ -204,14 +188,14 @@ class TestVerify:
         assert of_hashes in done.said
         assert besides in done.said
 
-    def test_a_group_that_was_added_is_named(self, uqpen: Command) -> None:
+    def test_a_group_that_was_added_is_named(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.createGroup("extra")
         done = uqpen("verify", "plain.nc")
         assert done.code == 4
         assert "/extra was added" in done.out
 
-    def test_a_damage_that_was_hashed_anew_is_found_by_repeating(self, uqpen: Command) -> None:
+    def test_a_damage_that_was_hashed_anew_is_found_by_repeating(self, uqpen):
         damage("bit")
         package.write(package.open_archive("damaged.nc"), Path("damaged.nc"))
         done = uqpen("verify", "damaged.nc", "--all")
@@ -220,7 +204,7 @@ class TestVerify:
         assert "y of run 17 is" in done.out
         assert "of the largest value" in done.said
 
-    def test_an_archive_that_lacks_what_it_must_have_is_told(self, uqpen: Command) -> None:
+    def test_an_archive_that_lacks_what_it_must_have_is_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.renameGroup("runs", "walks")
         done = uqpen("verify", "plain.nc")
@@ -229,14 +213,14 @@ class TestVerify:
         assert "/runs/monte_carlo is missing" in done.out
         assert "/walks/monte_carlo was added" in done.out
 
-    def test_runs_that_are_not_those_of_the_text_are_told(self, uqpen: Command) -> None:
+    def test_runs_that_are_not_those_of_the_text_are_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.study_text = dataset.study_text.replace("designs.monte_carlo", "designs.mc")
         done = uqpen("verify", "plain.nc")
         assert done.code == 4
         assert "its text names other designs than it holds: mc, latin_hypercube" in done.said
 
-    def test_other_versions_are_named_and_may_change_last_bits(self, uqpen: Command) -> None:
+    def test_other_versions_are_named_and_may_change_last_bits(self, uqpen):
         tree = package.open_archive("plain.nc")
         tree.attrs["version_numpy"] = "1.0.0"
         values = tree["runs/monte_carlo"]["y"].values
@@ -250,7 +234,7 @@ class TestVerify:
         package.write(tree, Path("plain.nc"))
         assert uqpen("verify", "plain.nc", "--all").code == 4
 
-    def test_what_an_earlier_version_did_not_tell_is_no_difference(self, uqpen: Command) -> None:
+    def test_what_an_earlier_version_did_not_tell_is_no_difference(self, uqpen):
         tree = package.open_archive("plain.nc")
         del tree["failures"]["monte_carlo"]
         del tree["statistics/monte_carlo/y"]["mean"].attrs["note"]
@@ -264,7 +248,7 @@ class TestVerify:
         assert "/failures/monte_carlo is missing" in done.out
         assert "/statistics/monte_carlo/y: attribute note is missing of mean" in done.said
 
-    def test_hashes_that_were_taken_out_are_told(self, uqpen: Command) -> None:
+    def test_hashes_that_were_taken_out_are_reported(self, uqpen):
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.delncattr("content_sha256")
         assert uqpen("show", "plain.nc").code == 0
@@ -272,7 +256,7 @@ class TestVerify:
         assert done.code == 4
         assert "hashes no longer recorded in the archive" in done.said
 
-    def test_files_that_were_taken_out_are_told(self, uqpen: Command, made: Path) -> None:
+    def test_files_that_were_taken_out_are_reported(self, uqpen, made):
         without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("verify", "own.nc", "--trust")
@@ -283,7 +267,7 @@ class TestVerify:
         assert done.code == 4
         assert "expected none, as the archive has no such file" in done.said
 
-    def test_another_source_than_that_which_was_taken_out_is_told(self, uqpen: Command) -> None:
+    def test_another_source_than_that_which_was_taken_out_is_reported(self, uqpen):
         without_files("own.nc")
         Path("own.py").write_text(f"{SOURCE}# the same, but for this\n")
         done = uqpen("verify", "own.nc", "--trust")
@@ -292,9 +276,7 @@ class TestVerify:
         assert "source not the source of the models that it was made with" in done.said
         assert "own.py:f and what it imports: found the SHA-256" in done.said
 
-    def test_another_source_of_a_built_in_model_is_like_another_version(
-        self, uqpen: Command, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_another_source_of_a_built_in_model_is_like_another_version(self, uqpen, monkeypatch):
         here = package.parse_study(PLAIN).model.identity()["source_sha256"]
         tree = package.open_archive("plain.nc")
         tree.attrs["model_source_sha256"] = "0123456789abcdef"
@@ -306,7 +288,7 @@ class TestVerify:
         assert f"made with source of ishigami 01234567 (here {here[:8]})" in done.said
         assert "equal within 1e-09" in done.said
 
-    def test_methods_head_to_head_have_their_hashes_checked(self, uqpen: Command) -> None:
+    def test_methods_head_to_head_have_their_hashes_checked(self, uqpen):
         Path("plain.toml").write_text(PLAIN)
         short = ("--budget", "16", "--repeats", "10", "--reference", "64", "-o", "contest.nc")
         assert uqpen("compare", "plain.toml", *short).code == 0
@@ -318,7 +300,7 @@ class TestVerify:
         assert "benchmark of methods" in refused.err
 
     @pytest.mark.parametrize(
-        ("arguments", "told"),
+        ("arguments", "reported"),
         [
             (("own.py",), "is not an archive"),
             (("absent.nc",), "there is no such file"),
@@ -326,28 +308,26 @@ class TestVerify:
             (("plain.nc", "--runs", "5", "--all"), "exclude each other"),
         ],
     )
-    def test_a_mistake_leaves_with_2(
-        self, uqpen: Command, arguments: tuple[str, ...], told: str
-    ) -> None:
+    def test_a_mistake_leaves_with_2(self, uqpen, arguments, reported):
         done = uqpen("verify", *arguments)
         assert done.code == 2
-        assert told in done.err
+        assert reported in done.err
 
 
 class TestDiff:
     @pytest.mark.parametrize("name", ["surrogate", "several", "own"])
-    def test_the_same_is_the_same(self, uqpen: Command, name: str) -> None:
+    def test_the_same_is_the_same(self, uqpen, name):
         done = uqpen("diff", f"{name}.nc", f"{name}.nc")
         assert (done.code, done.out) == (0, "the same\n")
 
     @pytest.mark.parametrize("how", list(DAMAGES))
-    def test_damage_is_named(self, uqpen: Command, how: str) -> None:
+    def test_damage_is_named(self, uqpen, how):
         damage(how)
         done = uqpen("diff", "plain.nc", "damaged.nc")
         assert done.code == 4
         assert DAMAGES[how][2] in done.said
 
-    def test_two_seeds_are_explained(self, uqpen: Command) -> None:
+    def test_two_seeds_are_explained(self, uqpen):
         done = uqpen("diff", "plain.nc", "other.nc")
         assert done.code == 4
         assert "-seed = 1" in done.out
@@ -358,14 +338,14 @@ class TestDiff:
         assert "outputs\n  /runs/monte_carlo: y of run 0" in done.out
         assert "made with" not in done.out
 
-    def test_two_versions_are_explained(self, uqpen: Command) -> None:
+    def test_two_versions_are_explained(self, uqpen):
         damage("version")
         done = uqpen("diff", "plain.nc", "damaged.nc")
         assert done.code == 4
         assert done.out.startswith("made with\n  numpy: ")
         assert done.out.endswith(" and 1.0.0\n")
 
-    def test_figures_outside_each_others_intervals_are_counted(self, uqpen: Command) -> None:
+    def test_figures_outside_each_others_intervals_are_counted(self, uqpen):
         with netCDF4.Dataset("other.nc", "a") as dataset:
             mean = dataset["statistics/monte_carlo/y/mean"]
             mean[:] = np.asarray(mean[:]) + 100
@@ -373,18 +353,18 @@ class TestDiff:
         assert "outside each other's intervals" in done.out
         assert "/statistics/monte_carlo/y: mean: " in done.out
 
-    def test_other_studies_are_explained(self, uqpen: Command) -> None:
+    def test_other_studies_are_explained(self, uqpen):
         done = uqpen("diff", "plain.nc", "own.nc")
         assert done.code == 4
         assert "/runs/monte_carlo is in the first only" in done.out
         assert "more lines" in done.out
 
-    def test_a_surrogate_more_is_named(self, uqpen: Command) -> None:
+    def test_a_surrogate_more_is_named(self, uqpen):
         done = uqpen("diff", "plain.nc", "surrogate.nc")
         assert done.code == 4
         assert "/surrogates/chaos is in the second only" in done.out
 
-    def test_what_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
+    def test_what_is_no_archive_leaves_with_2(self, uqpen):
         assert uqpen("diff", "plain.nc", "own.py").code == 2
 
 
@@ -393,20 +373,18 @@ class TestRerun:
     @pytest.mark.parametrize(
         ("name", "arguments"), [("surrogate", ()), ("several", ()), ("own", ("--trust",))]
     )
-    def test_it_writes_the_same_bytes(
-        self, uqpen: Command, name: str, arguments: tuple[str, ...]
-    ) -> None:
+    def test_it_writes_the_same_bytes(self, uqpen, name, arguments):
         done = uqpen("rerun", f"{name}.nc", *arguments)
         assert done.code == 0, done.err
         assert done.out.endswith(f"compare: uqpen diff {name}.nc {name}_rerun.nc\n")
         assert Path(f"{name}_rerun.nc").read_bytes() == Path(f"{name}.nc").read_bytes()
 
-    def test_it_does_not_overwrite_what_it_repeats(self, uqpen: Command) -> None:
+    def test_it_does_not_overwrite_what_it_repeats(self, uqpen):
         done = uqpen("rerun", "plain.nc", "-o", "./plain.nc")
         assert done.code == 2
         assert "not overwritten" in done.err
 
-    def test_a_function_that_is_not_there_is_told(self, uqpen: Command) -> None:
+    def test_a_function_that_is_not_there_is_reported(self, uqpen):
         without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("rerun", "own.nc", "--trust")
@@ -414,13 +392,11 @@ class TestRerun:
         assert 'there is no file "own.py"' in done.err
 
 
-def test_runs_are_repeated_on_the_workers_that_were_asked_for(
-    uqpen: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[str] = []
+def test_runs_are_repeated_on_the_workers_that_were_asked_for(uqpen, monkeypatch):
+    asked = []
 
     class Watched(ProcessPool):
-        def __call__(self, work: Any, batches: Any, pickled: bytes = b"") -> Any:
+        def __call__(self, work, batches, pickled=b""):
             asked.append("workers")
             return super().__call__(work, batches, pickled)
 
@@ -429,7 +405,7 @@ def test_runs_are_repeated_on_the_workers_that_were_asked_for(
     assert asked
 
 
-def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
+def test_the_runs_that_are_repeated_are_the_same_each_time():
     study = package.parse_study(PLAIN)
     runs = xr.Dataset(coords={"run": np.arange(1000)})
     archived = {"": {"monte_carlo": runs, "latin_hypercube": runs}}
@@ -439,13 +415,13 @@ def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
     assert all(len(set(positions)) == len(positions) > 20 for positions in first.values())
 
 
-def drawn_by_design(study: package.Study, runs: Runs, number: int) -> dict[str, list[int]]:
+def drawn_by_design(study, runs, number):
     drawn = Repetition(study, runs, number).drawn_runs()
     return {design: list(positions) for _, design, positions in drawn}
 
 
 @pytest.mark.parametrize("command", ["verify", "rerun", "serve"])
-def test_a_folder_that_is_not_there_is_told(made: Path, uqpen: Command, command: str) -> None:
+def test_a_folder_that_is_not_there_is_reported(made, uqpen, command):
     done = uqpen(command, "own.nc", "--folder", "nowhere")
     assert done.code == 2
     assert "Directory 'nowhere' does not exist" in done.err

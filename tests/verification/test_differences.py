@@ -1,7 +1,5 @@
 """Differences of groups: in the order of the archive, and of fields with a place."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 
@@ -12,7 +10,7 @@ from uqpen.verification.diff import disjoint_intervals
 TIME = xr.Variable("time", [0.0, 86_400.0, 172_800.0], {"units": "s", "display_units": "day"})
 
 
-def group(**apart: list[float]) -> xr.Dataset:
+def group(**apart):
     """Estimates 1, with an interval of 0.1 to both sides, moved at some places."""
     sides = np.array([0.0, -0.1, 0.1])
     own = {"time": TIME, "probability": [0.5], BOUND: list(BOUNDS)}
@@ -26,7 +24,7 @@ def group(**apart: list[float]) -> xr.Dataset:
     )
 
 
-def test_there_is_a_line_for_each_statistic_with_its_first_place() -> None:
+def test_there_is_a_line_for_each_statistic_with_its_first_place():
     other = group(mean=[1.0, 2.0, 2.0], quantile=[1.0, 1.0, 3.0])
     assert list(disjoint_intervals(group(), other)) == [
         "mean at time = 1 day: 1.00 ± 0.10 and 2.00 ± 0.10 m; 2 of 3 are apart",
@@ -36,7 +34,7 @@ def test_there_is_a_line_for_each_statistic_with_its_first_place() -> None:
     assert not list(disjoint_intervals(group(), group()))
 
 
-def test_differences_come_in_the_order_of_the_archive() -> None:
+def test_differences_come_in_the_order_of_the_archive():
     names = ["mean", "std", "skewness", "kurtosis", "quantile", "delta", "spearman", "pearson"]
     one, other = (
         xr.Dataset({name: ("entry", np.full(2, value)) for name in names}) for value in (1.0, 2.0)

@@ -1,40 +1,26 @@
 """Archives that keep the files of their studies, repeated with no file around."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen as package
 
 pytestmark = pytest.mark.slow
 
-STUDY = """\
-seed = 1
-[model]
-python = "models/own.py:f"
-[model.inputs]
-x = "1"
-z = "1"
-[model.outputs]
-y = "cm"
-[inputs]
-x = { measured = { file = "../measured.csv" } }
-z = 1
-[designs.some]
-kind = "monte-carlo"
-runs = 30
-[designs.given]
-kind = "table"
-file = "points.csv"
-"""
+STUDY = study_text(
+    {"python": "models/own.py:f", "inputs": {"x": "1", "z": "1"}, "outputs": {"y": "cm"}},
+    inputs={"x": {"measured": {"file": "../measured.csv"}}, "z": 1},
+    designs={
+        "some": {"kind": "monte-carlo", "runs": 30},
+        "given": {"kind": "table", "file": "points.csv"},
+    },
+)
 # Leaves a trace wherever it is executed, and imports what only a run can tell.
 OWN = """\
 import pathlib
@@ -51,11 +37,9 @@ FILES = {
 }
 NAMES = ["../measured.csv", "beside.py", "models/own.py", "points.csv"]
 
-Command = Callable[..., Any]
-
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """A folder with the study, its files and its archive."""
     folder = tmp_path_factory.mktemp("made")
     for name, text in FILES.items():
@@ -69,15 +53,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def uqpen(
-    made: Path, command_line: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Command]:
+def uqpen(made, command_line, tmp_path, monkeypatch):
     """The command line beside a copy of the archive alone; it leaves no files behind."""
     Path("own.nc").write_bytes((made / "own.nc").read_bytes())
     (tmp_path / "for_the_moment").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "for_the_moment"))
 
-    def call(*arguments: str) -> Any:
+    def call(*arguments):
         done = command_line(*arguments)
         assert "Traceback" not in done.err
         return done
@@ -86,7 +68,7 @@ def uqpen(
     assert list((tmp_path / "for_the_moment").iterdir()) == []
 
 
-def change(variable: str, name: str, value: object, *, hashed_anew: bool = False) -> None:
+def change(variable, name, value, *, hashed_anew=False):
     """Change what the archive has of a file."""
     with netCDF4.Dataset("own.nc", "a") as dataset:
         files = dataset["files"]
@@ -95,7 +77,7 @@ def change(variable: str, name: str, value: object, *, hashed_anew: bool = False
         package.write(package.open_archive("own.nc"), Path("own.nc"))
 
 
-def test_all_files_are_kept_by_their_names(made: Path) -> None:
+def test_all_files_are_kept_by_their_names(made):
     files = package.open_archive(made / "own.nc")["files"]
     assert files["name"].values.tolist() == NAMES
     held = {**FILES, "study/../measured.csv": FILES["measured.csv"]}
@@ -107,7 +89,7 @@ def test_all_files_are_kept_by_their_names(made: Path) -> None:
     assert str(made).encode() not in (made / "own.nc").read_bytes()
 
 
-def test_it_is_repeated_with_no_file_around(uqpen: Command, made: Path) -> None:
+def test_it_is_repeated_with_no_file_around(uqpen, made):
     done = uqpen("verify", "own.nc", "--trust", "--all")
     assert done.code == 0, done.out
     assert "files 4 archived, with the recorded hashes" in done.said
@@ -117,7 +99,7 @@ def test_it_is_repeated_with_no_file_around(uqpen: Command, made: Path) -> None:
     assert Path("own_rerun.nc").read_bytes() == (made / "own.nc").read_bytes()
 
 
-def test_without_trust_its_code_is_not_executed(uqpen: Command) -> None:
+def test_without_trust_its_code_is_not_executed(uqpen):
     done = uqpen("verify", "own.nc")
     assert done.code == 0, done.out
     assert "computed again: bit-equal" in done.out
@@ -125,7 +107,7 @@ def test_without_trust_its_code_is_not_executed(uqpen: Command) -> None:
     assert not Path("executed").exists()
 
 
-def test_other_files_around_do_not_count(uqpen: Command) -> None:
+def test_other_files_around_do_not_count(uqpen):
     Path("points.csv").write_text("x,z\n5,5\n6,6\n")
     Path("beside.py").write_text("def cube(x):\n    return 0\n")
     assert uqpen("verify", "own.nc", "--trust", "--all").code == 0
@@ -133,7 +115,7 @@ def test_other_files_around_do_not_count(uqpen: Command) -> None:
 
 @pytest.mark.parametrize("hashed_anew", [False, True])
 @pytest.mark.parametrize(
-    ("variable", "value", "told"),
+    ("variable", "value", "reported"),
     [
         ("content", "def cube(x):\n    return x**4 \n", '"beside.py" is changed: found 30 bytes'),
         ("size", 7, '"beside.py" is changed: found 29 bytes with the SHA-256'),
@@ -141,17 +123,17 @@ def test_other_files_around_do_not_count(uqpen: Command) -> None:
         ("encoding", "rot13", '"beside.py" is not encoded as the archive says'),
     ],
 )
-def test_a_file_that_was_changed_is_told_and_not_used(
-    uqpen: Command, variable: str, value: object, told: str, hashed_anew: bool
-) -> None:
+def test_a_file_that_was_changed_is_reported_and_not_used(
+    uqpen, variable, value, reported, hashed_anew
+):
     change(variable, "beside.py", value, hashed_anew=hashed_anew)
     done = uqpen("verify", "own.nc", "--trust")
     assert done.code == 4
     assert ("/files is changed" in done.out) != hashed_anew
-    assert f"files not those of its study {told}" in done.said
+    assert f"files not those of its study {reported}" in done.said
     done = uqpen("rerun", "own.nc", "--trust")
     assert done.code == 2
-    assert told in " ".join(done.err.split())
+    assert reported in " ".join(done.err.split())
     assert not Path("executed").exists()
 
 
@@ -169,7 +151,7 @@ def test_a_file_that_was_changed_is_told_and_not_used(
         "models/own.py/",
     ],
 )
-def test_no_name_leads_out_of_the_folder(uqpen: Command, tmp_path: Path, name: str) -> None:
+def test_no_name_leads_out_of_the_folder(uqpen, tmp_path, name):
     change("name", "beside.py", name, hashed_anew=True)
     before = {path for path in tmp_path.rglob("*") if "for_the_moment" not in path.parts}
     done = uqpen("rerun", "own.nc", "--trust")
@@ -189,13 +171,13 @@ def test_no_name_leads_out_of_the_folder(uqpen: Command, tmp_path: Path, name: s
 class TestFilesOfAFolder:
     """With ``--folder``, in place of those that the archive keeps."""
 
-    def test_the_same_are_the_same(self, uqpen: Command, made: Path) -> None:
+    def test_the_same_are_the_same(self, uqpen, made):
         where = ("--trust", "--folder", str(made / "study"))
         assert uqpen("verify", "own.nc", *where, "--all").code == 0
         assert uqpen("rerun", "own.nc", *where).code == 0
         assert Path("own_rerun.nc").read_bytes() == (made / "own.nc").read_bytes()
 
-    def test_others_are_told(self, uqpen: Command, made: Path, tmp_path: Path) -> None:
+    def test_others_are_reported(self, uqpen, made, tmp_path):
         for name, text in FILES.items():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_text(text)
@@ -210,7 +192,7 @@ class TestFilesOfAFolder:
         done = uqpen("diff", "own.nc", "own_rerun.nc")
         assert "files\n  beside.py differs\n" in done.out
 
-    def test_one_that_is_not_there_is_told(self, uqpen: Command) -> None:
+    def test_one_that_is_not_there_is_reported(self, uqpen):
         done = uqpen("verify", "own.nc", "--folder", ".")
         assert done.code == 2
         assert "there is no file" in done.said
@@ -221,7 +203,7 @@ class TestLargeFiles:
     """Kept by their hashes alone."""
 
     @pytest.fixture
-    def large(self, uqpen: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    def large(self, uqpen, tmp_path, monkeypatch):
         # A lower limit than theirs: half a million runs would show no more.
         monkeypatch.setattr("uqpen.core.files.LARGEST", 2**12)
         text = "x\n" + "0.5\n1.5\n" * 2**9
@@ -237,7 +219,7 @@ class TestLargeFiles:
         Path("large/points.csv").rename("aside.csv")
         return uqpen
 
-    def test_they_are_looked_for_and_must_be_the_same(self, large: Command) -> None:
+    def test_they_are_looked_for_and_must_be_the_same(self, large):
         files = package.open_archive("large.nc")["files"]
         assert files["encoding"].values.tolist() == ["utf-8", "none"]
         assert files["content"].values.tolist()[1] == ""
@@ -268,9 +250,7 @@ class TestLargeFiles:
         assert done.code == 0, done.out
 
 
-def test_a_file_named_by_an_absolute_path_is_kept_without_it(
-    uqpen: Command, tmp_path: Path
-) -> None:
+def test_a_file_named_by_an_absolute_path_is_kept_without_it(uqpen, tmp_path):
     elsewhere = tmp_path / "elsewhere" / "points.csv"
     elsewhere.parent.mkdir()
     elsewhere.write_text("x,z\n1,1\n3,3\n")
@@ -311,7 +291,7 @@ file = '{elsewhere}'
     assert "folder not the archived ones points-2.csv: found" in done.said
 
 
-def test_a_file_that_no_text_can_hold_is_kept_whole(uqpen: Command, tmp_path: Path) -> None:
+def test_a_file_that_no_text_can_hold_is_kept_whole(uqpen, tmp_path):
     with netCDF4.Dataset("points.nc", "w") as dataset:
         dataset.createDimension("point", 2)
         dataset.createVariable("x", "f8", ("point",))[:] = np.array([1.0, 2.0])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -36,22 +36,15 @@ PAIRS = [
 
 # The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
 # rounding.
-RUNS = """\
-title = "Small"
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { lognormal = { mean = 1, std = 0.3 } }
-x3 = "0 ± 1"
-[designs.sample]
-kind = "monte-carlo"
-runs = 60
-[designs.rule]
-kind = "quadrature"
-order = 3
-"""
+RUNS = study_text(
+    "ishigami",
+    title="Small",
+    inputs={"x1": (-3, 3), "x2": {"lognormal": {"mean": 1, "std": 0.3}}, "x3": "0 ± 1"},
+    designs={
+        "sample": {"kind": "monte-carlo", "runs": 60},
+        "rule": {"kind": "quadrature", "order": 3},
+    },
+)
 # Most of the time that it takes to verify an archive: one whose runs are changed has none.
 STUDY = f"""\
 {RUNS}
@@ -68,12 +61,12 @@ class Made(NamedTuple):
     folder: Path
     verified: dict[str, dict[str, tuple[int, str]]]
 
-    def attributes(self, name: str) -> Mapping[Any, Any]:
+    def attributes(self, name):
         return uqpen.open_archive(self.folder / f"{name}.nc").attrs
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., Any]) -> Made:
+def made(tmp_path_factory, fresh_process):
     """Archives in a folder, verified under each switch, in one process for each."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "small.toml").write_text(STUDY)
@@ -83,7 +76,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., 
     tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
     write_tree(tree, folder / "damaged.nc")
     tree = uqpen.open_archive(folder / "runs.nc")
-    # Above what another processor may change; a last bit is told where nothing else differs.
+    # Above what another processor may change; a last bit is reported where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
     uqpen.write(tree, folder / "forged.nc")
     verified = {}
@@ -94,15 +87,13 @@ def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., 
         lines = [["verify", f"{name}.nc", "--all"] for name in names]
         outcomes = fresh_process(folder, *makes, *lines, variables=SWITCHES[here])
         assert all(done.code == 0 for done in outcomes[: len(makes)]), outcomes
-        told = [(done.code, done.said) for done in outcomes[len(makes) :]]
-        verified[here] = dict(zip(names, told, strict=True))
+        reported = [(done.code, done.said) for done in outcomes[len(makes) :]]
+        verified[here] = dict(zip(names, reported, strict=True))
     return Made(folder, verified)
 
 
 @pytest.mark.parametrize(("there", "here"), PAIRS)
-def test_an_honest_archive_is_verified_on_another_processor(
-    made: Made, there: str, here: str
-) -> None:
+def test_an_honest_archive_is_verified_on_another_processor(made, there, here):
     code, said = made.verified[here][there]
     assert code == 0, said
     differences = list(provenance_differences(made.attributes(there), made.attributes(here)))
@@ -114,42 +105,42 @@ def test_an_honest_archive_is_verified_on_another_processor(
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_changed_run_is_told_everywhere(made: Made, switch: str) -> None:
+def test_a_changed_run_is_reported_everywhere(made, switch):
     code, said = made.verified[switch]["damaged"]
     assert code == 4
     assert "/runs/sample is changed" in said
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
-def test_a_run_that_is_changed_and_hashed_anew_is_told_everywhere(made: Made, switch: str) -> None:
+def test_a_run_that_is_changed_and_hashed_anew_is_reported_everywhere(made, switch):
     code, said = made.verified[switch]["forged"]
     assert code == 4
     assert "sample: y of run 17 is" in said
 
 
-def differences(**changed: str) -> Iterator[tuple[str, str, str]]:
-    here: Mapping[str, str] = provenance()
+def differences(**changed):
+    here = provenance()
     return provenance_differences({**here, **changed}, here)
 
 
-def test_only_features_that_differ_are_named() -> None:
+def test_only_features_that_differ_are_named():
     features = provenance()["cpu_features"].split()
     name, then, now = next(differences(cpu_features=" ".join([*features[1:], "NEON_9"])))
     assert (name, then, now) == ("cpu features", "NEON_9", features[0])
 
 
-def test_an_archive_of_before_features_were_recorded_says_so() -> None:
+def test_an_archive_of_before_features_were_recorded_says_so():
     here = provenance()
     earlier = {name: value for name, value in here.items() if name != "blas"}
     assert list(provenance_differences(earlier, here)) == [("blas", "not recorded", here["blas"])]
 
 
-def test_two_processors_are_told_from_two_results(made: Made) -> None:
+def test_two_processors_are_distinguished_from_two_results(made):
     one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
-    told = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
-    assert told.pop("made with").startswith("cpu features: ")
+    reported = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
+    assert reported.pop("made with").startswith("cpu features: ")
     # Some features change no bit of this study: AVX2 does not, where there is no AVX-512.
-    if told:
-        assert told["equal"].startswith("all numbers, within 1e-09 ")
+    if reported:
+        assert reported["equal"].startswith("all numbers, within 1e-09 ")

@@ -1,37 +1,24 @@
 """What another uqpen has made otherwise is left out: surrogates, and intervals of estimates."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.labels import RECIPE
-from uqpen.study.study import ValidatedStudy
 from uqpen.verification import unrepeated
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.unrepeated import leave_out
 from uqpen.verification.verify import verify
 
-STUDY = """\
-seed = 1
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[designs.hypercubes]
-kind = "latin-hypercube"
-runs = 40
-replicates = 4
-"""
+STUDY = study_text(
+    "ishigami",
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    designs={"hypercubes": {"kind": "latin-hypercube", "runs": 40, "replicates": 4}},
+)
 GROUP = "statistics/hypercubes/y"
 OF_STATISTICS_ALONE = f"""\
 {STUDY}keep = "statistics"
@@ -53,19 +40,19 @@ order = 1
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def archive(tmp_path_factory):
     path = tmp_path_factory.mktemp("recipes") / "now.nc"
     uqpen.write(uqpen.run(uqpen.parse_study(STUDY)), path)
     return path
 
 
 @pytest.fixture
-def tree(archive: Path) -> xr.DataTree:
+def tree(archive):
     return uqpen.open_archive(archive)
 
 
 @pytest.fixture
-def of_later_means(monkeypatch: pytest.MonkeyPatch) -> None:
+def of_later_means(monkeypatch):
     """This uqpen makes the intervals of means by another recipe than the archive's."""
     recipe, statistics = INTERVAL_RECIPE + 1, unrepeated._STATISTICS
     mean = replace(statistics["mean"], recipe=recipe)
@@ -73,23 +60,23 @@ def of_later_means(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unrepeated, "_STATISTICS", {**statistics, "mean": mean})
 
 
-def checks_in_order(tree: xr.DataTree, folder: Path) -> list[CheckResult]:
+def checks_in_order(tree, folder):
     """What `verify` says of an archive."""
     uqpen.write(tree, folder / "changed.nc")
     return list(verify(folder / "changed.nc", runs=5))
 
 
-def checks(tree: xr.DataTree, folder: Path) -> dict[str, CheckResult]:
+def checks(tree, folder):
     """What `verify` says of an archive, by part."""
     return {each.name: each for each in checks_in_order(tree, folder)}
 
 
-def move_bounds(tree: xr.DataTree, statistic: str) -> None:
+def move_bounds(tree, statistic):
     tree[GROUP][statistic].values[..., 1:] *= 1.5
     tree[GROUP][statistic].attrs["interval"] = "another rule"
 
 
-def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_an_archive_states_the_recipe_of_its_intervals(tree, tmp_path):
     assert tree.attrs[RECIPE] == INTERVAL_RECIPE
     found = checks(tree, tmp_path)
     assert "intervals" not in found
@@ -97,9 +84,7 @@ def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_pa
 
 
 @pytest.mark.usefixtures("of_later_means")
-def test_intervals_of_an_earlier_recipe_are_no_difference(
-    tree: xr.DataTree, tmp_path: Path
-) -> None:
+def test_intervals_of_an_earlier_recipe_are_no_difference(tree, tmp_path):
     move_bounds(tree, "mean")
     found = checks(tree, tmp_path)
     assert found["statistics"].verdict is CheckOutcome.EQUAL
@@ -108,32 +93,26 @@ def test_intervals_of_an_earlier_recipe_are_no_difference(
     assert found["intervals"].text == f"{made}; only the estimates are compared"
 
 
-def test_the_same_intervals_of_this_recipe_are_a_difference(
-    tree: xr.DataTree, tmp_path: Path
-) -> None:
+def test_the_same_intervals_of_this_recipe_are_a_difference(tree, tmp_path):
     move_bounds(tree, "mean")
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
 
 @pytest.mark.usefixtures("of_later_means")
 @pytest.mark.parametrize("statistic", ["mean", "quantile"])
-def test_estimates_of_an_earlier_recipe_are_compared(
-    tree: xr.DataTree, tmp_path: Path, statistic: str
-) -> None:
+def test_estimates_of_an_earlier_recipe_are_compared(tree, tmp_path, statistic):
     values = tree[GROUP][statistic].values
     values[..., 0] = np.nextafter(values[..., 0], np.inf)
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
 
 @pytest.mark.usefixtures("of_later_means")
-def test_intervals_that_no_recipe_has_changed_are_compared(
-    tree: xr.DataTree, tmp_path: Path
-) -> None:
+def test_intervals_that_no_recipe_has_changed_are_compared(tree, tmp_path):
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
     assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
 
 
-def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_intervals_of_a_later_recipe_are_not_compared(tree, tmp_path):
     tree.attrs[RECIPE] = INTERVAL_RECIPE + 1
     tree[GROUP]["quantile"].values[..., 1:] *= 1.5
     tree["failures/hypercubes"]["probability"].values[..., 1:] *= 1.5
@@ -142,22 +121,22 @@ def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_pat
     assert found["intervals"].text == "made by a later recipe (2, here 1): not compared"
 
 
-def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_a_recipe_that_is_no_number_is_damage(tree, tmp_path):
     tree.attrs[RECIPE] = "new"
     found = checks(tree, tmp_path)
     assert found["structure"].text == "damaged: /: interval_recipe is no count"
 
 
-def test_an_archive_without_a_recipe_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_an_archive_without_a_recipe_is_damage(tree, tmp_path):
     del tree.attrs[RECIPE]
     assert checks(tree, tmp_path)["structure"].text == "damaged: no interval_recipe at its root"
 
 
 def test_only_surrogates_of_the_recipe_of_today_are_repeated(
-    study_of: Callable[..., ValidatedStudy],
-) -> None:
+    study_of,
+):
     study = study_of("a + b", SURROGATE, a=(0, 1), b=(0, 1))
-    tree: xr.DataTree = uqpen.run(study)
+    tree = uqpen.run(study)
     assert leave_out(study, tree, trust=True) == (study, tree, [])
     tree["statistics/pce"].attrs["surrogate_recipe"] += 1
     bare, kept, (result,) = leave_out(study, tree, trust=True)
@@ -167,7 +146,7 @@ def test_only_surrogates_of_the_recipe_of_today_are_repeated(
     assert "/statistics/training/y" in kept.groups
 
 
-def test_a_group_of_designs_without_runs_is_no_difference(tmp_path: Path) -> None:
+def test_a_group_of_designs_without_runs_is_no_difference(tmp_path):
     tree = uqpen.run(uqpen.parse_study(OF_STATISTICS_ALONE))
     assert set(tree["failures"].children) == set(tree["joint_probabilities"].children)
     assert "rule" not in tree["failures"].children

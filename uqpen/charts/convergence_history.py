@@ -19,9 +19,9 @@ from uqpen.core.labels import BY_RUNS, INTERVAL_LEVEL, REPLICATE, RUNS, RUNS_SO_
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import replicate_count, run_count
+from uqpen.results.acceptance import unseen_text
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number, percent_text
-from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
     Conversion,
     OutputTable,

@@ -30,7 +30,6 @@ from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.labels import INPUT, INTERVAL_LEVEL, NOTE, RUN
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import (
     count_text,
     estimate_text,
@@ -39,10 +38,9 @@ from uqpen.results.digits import (
     percent_text,
     typeset_unit,
 )
-from uqpen.results.input_measures import index_titles
-from uqpen.results.input_ranking import input_label
-from uqpen.results.source_statistics import best_sources
-from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
+from uqpen.results.fields import CurveEstimates, curves
+from uqpen.results.input_measures import index_titles, input_label
+from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES, best_sources
 from uqpen.results.table import entry_label, first_runs, quantile_label
 from uqpen.results.texts import capitalized, join_names, plain_text, unit_suffix
 

@@ -22,7 +22,7 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import run_count, status_counts
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_texts
-from uqpen.results.input_ranking import input_label
+from uqpen.results.input_measures import input_label
 from uqpen.results.table import OutputTable, identity
 
 __all__ = [

@@ -26,8 +26,14 @@ from uqpen.core.labels import CATEGORY, INPUT
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.input_measures import index_titles, without_arbitrary_zeros
-from uqpen.results.input_ranking import InputOrder, input_label, input_order, input_ranking
+from uqpen.results.input_measures import (
+    InputOrder,
+    index_titles,
+    input_label,
+    input_order,
+    input_ranking,
+    without_arbitrary_zeros,
+)
 from uqpen.results.source_statistics import best_sources
 from uqpen.results.table import (
     Conversion,

@@ -14,21 +14,19 @@ from uqpen.charts.marks import Band, Dots, Line, Mark, Points, Rule, Shade, seri
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATED, SINGLE
 from uqpen.results.archive_view import ArchiveView, output_heading
-from uqpen.results.benchmark_tables import (
+from uqpen.results.digits import estimate_text, grouped_number, percent_text
+from uqpen.results.method_comparison import (
     IS_DOUBTFUL,
     IS_LEVEL,
     WINS,
-    percentage_text,
-    reference_remarks,
-    replicated_verdicts,
-    standing_mark,
-)
-from uqpen.results.digits import estimate_text, grouped_number, percent_text
-from uqpen.results.method_comparison import (
     ComparedEntry,
     ComparedMethod,
     MethodComparison,
     lowest_expected_coverage,
+    percentage_text,
+    reference_remarks,
+    replicated_verdicts,
+    standing_mark,
 )
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import capitalized, unit_suffix

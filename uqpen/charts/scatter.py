@@ -27,7 +27,7 @@ from uqpen.results.digits import (
     number_text,
     range_text,
 )
-from uqpen.results.input_ranking import input_label, input_order
+from uqpen.results.input_measures import input_label, input_order
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, plain_text, title_with_unit, unit_suffix
 

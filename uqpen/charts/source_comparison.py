@@ -28,7 +28,7 @@ from uqpen.execution import run_count
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, grouped_number
 from uqpen.results.output_tables import runs_spent
-from uqpen.results.statistic_entries import (
+from uqpen.results.source_statistics import (
     COMPARED,
     described_statistics,
     labelled_entries,

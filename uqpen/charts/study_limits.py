@@ -11,7 +11,7 @@ from uqpen.charts.marks import Rule
 from uqpen.core.arrays import FloatArray
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.statistic_entries import THRESHOLD_PROBABILITIES
+from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.texts import plain_text, typeset_quantity
 
 __all__ = ["LimitMarks", "StudyLimit", "limit_marks", "output_span", "study_limits"]

@@ -51,7 +51,7 @@ from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.models.source import BuiltInModel
 from uqpen.results.digits import grouped_number
-from uqpen.results.progress_texts import duration_text
+from uqpen.results.texts import duration_text
 from uqpen.study.identity import StudyIdentity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.repetition import (

@@ -17,8 +17,10 @@ from uqpen.benchmark.compare import BenchmarkProgress
 from uqpen.cli.console import show_table, standard_output
 from uqpen.cli.messages import screen_text
 from uqpen.cli.options import is_quiet
-from uqpen.results.benchmark_tables import (
+from uqpen.results.digits import grouped_number
+from uqpen.results.method_comparison import (
     LEGEND,
+    MethodComparison,
     entry_table,
     methods_table,
     reference_remarks,
@@ -26,9 +28,7 @@ from uqpen.results.benchmark_tables import (
     single_set_verdicts,
     standings_table,
 )
-from uqpen.results.digits import grouped_number
-from uqpen.results.method_comparison import MethodComparison
-from uqpen.results.progress_texts import duration_text
+from uqpen.results.texts import duration_text
 
 __all__ = ["show_benchmark", "show_progress"]
 

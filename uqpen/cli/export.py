@@ -103,10 +103,10 @@ def export(
     """
     from uqpen.archive.read import is_benchmark, open_archive
     from uqpen.core.errors import ExportError
-    from uqpen.results.long_table import long_table
-    from uqpen.results.runs_table import (
+    from uqpen.results.long_table import (
         designs_without_runs,
         has_runs,
+        long_table,
         run_table_parts,
     )
 

@@ -171,7 +171,7 @@ def _amount(size: float) -> str:
 
 def _cells(required: RequiredRuns, rate: float | None) -> Iterator[str]:
     """Yield the number of runs, its interval and the time, given the runs per second."""
-    from uqpen.results.progress_texts import duration_text
+    from uqpen.results.texts import duration_text
 
     if not math.isfinite(required.runs):
         yield from ("unknown", "no interval in the pilot", "")

@@ -19,7 +19,7 @@ from uqpen.cli.options import is_quiet
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.progress import Progress, ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
-from uqpen.results.progress_texts import duration_text, runs_text, step_text
+from uqpen.results.texts import duration_text, runs_text, step_text
 
 __all__ = ["progress_lines", "show_progress", "show_step"]
 

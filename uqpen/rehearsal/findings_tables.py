@@ -13,12 +13,12 @@ from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUNDS, EQUAL, STATED
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_text, grouped_number, number_text, percent_text
-from uqpen.results.estimate_json import json_value
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
     conversion,
     entry_label,
+    json_value,
     label_with_unit,
 )
 from uqpen.statistics.estimate import LEVEL

@@ -39,7 +39,7 @@ from uqpen.rehearsal.rehearsed_study import (
     tail_record,
 )
 from uqpen.results.digits import grouped_number
-from uqpen.results.progress_texts import duration_text
+from uqpen.results.texts import duration_text
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.running_estimates import RunningEstimates

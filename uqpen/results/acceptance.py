@@ -1,4 +1,4 @@
-"""Verdicts on probabilities: whether an interval lies within the acceptance limits of a study."""
+"""Verdicts: on the requirements of a study, and of designs that decided a claim by themselves."""
 
 from __future__ import annotations
 
@@ -10,11 +10,42 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.core.labels import EVENT, LOWER_THRESHOLD, THRESHOLD
-from uqpen.results.digits import percent_text
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.errors import QuantityError
+from uqpen.core.labels import (
+    DECISION,
+    DECISION_CLAIM,
+    DECISION_LOWER,
+    DECISION_PROBABILITY,
+    DECISION_RUNS,
+    DECISION_UPPER,
+    EVENT,
+    LOWER_THRESHOLD,
+    RUN,
+    STOPPING_AT_MOST,
+    STOPPING_CLAIM,
+    STOPPING_RULE,
+    THRESHOLD,
+)
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.status import Status
+from uqpen.designs.stopping.acceptance_claim import ERROR, parse_claim
+from uqpen.execution import status_counts
+from uqpen.results.digits import estimate_text, grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = ["Acceptance", "AcceptanceVerdict", "acceptance_json", "add_verdicts"]
+__all__ = [
+    "Acceptance",
+    "AcceptanceVerdict",
+    "StatedDecision",
+    "acceptance_json",
+    "add_verdicts",
+    "stopping_text",
+    "unseen_text",
+]
+
+
+# Verdicts on probabilities: whether an interval lies within the acceptance limits of a study.
 
 
 # What has acceptance limits lies along one of these.
@@ -94,3 +125,122 @@ def acceptance_json(array: xr.DataArray) -> dict[str, Any]:
     """Return the acceptance limits of a probability and the verdict; empty without limits."""
     found = Acceptance.from_array(array)
     return {**asdict(found), "verdict": str(found.verdict)} if found else {}
+
+
+# Designs whose runs decided their own number: the rule, its limits, the decision.
+
+# By the rule of three: what has this probability times 1/n is missed by n runs in 5 % of studies.
+_UNSEEN = 3
+
+# The attributes with the fields of a decision, in their order, and the types of these.
+_FIELDS: dict[str, type] = {
+    DECISION_CLAIM: str,
+    DECISION: str,
+    DECISION_RUNS: int,
+    DECISION_PROBABILITY: float,
+    DECISION_LOWER: float,
+    DECISION_UPPER: float,
+}
+
+
+def stopping_text(runs: xr.Dataset) -> str:
+    """Return by which rule a design has ended, and whether at its largest number of runs.
+
+    Empty for a design whose number of runs was fixed.
+    """
+    if STOPPING_RULE not in runs.attrs:
+        return ""
+    text = str(runs.attrs[STOPPING_RULE])
+    if STOPPING_CLAIM in runs.attrs:
+        return text
+    if runs.sizes[RUN] == runs.attrs.get(STOPPING_AT_MOST):
+        text += "; that number ended it, so the precision may not be reached"
+    return "; ".join(filter(None, (text, unseen_text(runs))))
+
+
+def unseen_text(runs: xr.Dataset) -> str:
+    """Return which part of an output a stopping rule cannot exclude; empty for a fixed number."""
+    completed = status_counts(runs)[Status.OK]
+    if STOPPING_RULE not in runs.attrs or STOPPING_CLAIM in runs.attrs or completed <= _UNSEEN:
+        return ""
+    share = percent_text(float(f"{_UNSEEN / completed:.2g}"))
+    return (
+        f"no rule can exclude a part of the output that fewer than {_UNSEEN} in "
+        f"{grouped_number(completed)} runs ({share}) meet"
+    )
+
+
+@dataclass(frozen=True)
+class StatedDecision:
+    """Decision on a claim, as an archive states it.
+
+    Parameters
+    ----------
+    claim, verdict : str
+        The claim; ``"held"``, ``"not held"`` or ``"undecided"``.
+    runs : int
+        Number of runs after which it was decided.
+    probability, lower, upper : float
+        Share of the completed runs with the event, and the interval of its probability.
+    """
+
+    claim: str
+    verdict: str
+    runs: int
+    probability: float
+    lower: float
+    upper: float
+
+    @classmethod
+    def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:
+        """Return the decision among the attributes of a source; None without one."""
+        if not attributes.keys() >= _FIELDS.keys():
+            return None
+        return cls(*(kind(attributes[key]) for key, kind in _FIELDS.items()))
+
+    @property
+    def output(self) -> str:
+        """Name of the output that the claim concerns; empty if the claim cannot be read."""
+        try:
+            return parse_claim(self.claim).output
+        except QuantityError:
+            return ""
+
+    def concerns(self, output: str, statistic: str, value: float, unit: str) -> bool:
+        """Check whether a probability is that of the claim's event.
+
+        Parameters
+        ----------
+        output, statistic : str
+        value : float
+            The threshold, in the output's SI unit.
+        unit : str
+            That unit.
+        """
+        try:
+            claim = parse_claim(self.claim)
+            limit = parse_quantity(claim.value, unit).value
+        except QuantityError:  # an archive can claim anything
+            return False
+        event = CATALOGUE[statistic].shown.event if statistic in CATALOGUE else ""
+        is_event = bool(event) and (event == "above") is claim.is_above
+        return is_event and output == claim.output and math.isclose(value, limit, rel_tol=1e-12)
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict, and after how many runs."""
+        comma = "," if self.verdict == "not held" else ""
+        return f"{self.verdict}{comma} after {grouped_number(self.runs)} runs"
+
+    @property
+    def guarantee(self) -> str:
+        """The probability of a wrong answer, and what is known of the probability, in words."""
+        estimate = estimate_text(self.probability, self.lower, self.upper)
+        return (
+            f"a wrong answer has a probability of at most {percent_text(ERROR)}, whenever one "
+            f"looks; the probability is {estimate}, an interval that holds whenever one stops"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its fields, and the largest probability of a wrong answer."""
+        return {**asdict(self), "error": ERROR}

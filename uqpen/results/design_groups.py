@@ -11,9 +11,15 @@ from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, Group, group_names
 from uqpen.core.labels import BOUND
 from uqpen.core.lookup import resolve
 from uqpen.results.digits import number_text
-from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import NOTHING, OutputTable, label_with_unit
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    entries_json,
+    estimate_json,
+    json_value,
+    label_with_unit,
+)
 
 __all__ = ["design_json", "group_tables"]
 

@@ -30,9 +30,8 @@ from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.execution import status_counts
 from uqpen.results.digits import number_text
-from uqpen.results.estimate_json import estimate_json, json_value
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import OutputTable, label_with_unit, shown_unit
+from uqpen.results.table import OutputTable, estimate_json, json_value, label_with_unit, shown_unit
 
 __all__ = [
     "FailedRuns",

@@ -12,9 +12,8 @@ import xarray as xr
 from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import DESIGN_POINT, INPUT, JOINT_GROUP, SENSITIVITY_EVENT
 from uqpen.results.acceptance import acceptance_json, add_verdicts
-from uqpen.results.estimate_json import entries_json, estimate_json
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import OutputTable
+from uqpen.results.table import OutputTable, entries_json, estimate_json
 
 __all__ = ["Disagreement", "disagreements", "joint_json", "joint_tables"]
 

@@ -31,12 +31,17 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import acceptance_json
 from uqpen.results.design_groups import design_json
-from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.input_measures import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics, user_defined
 from uqpen.results.surrogate_tables import fit_json, fit_settings, fitted_outputs
-from uqpen.results.table import cut_coordinates, output_names
+from uqpen.results.table import (
+    cut_coordinates,
+    entries_json,
+    estimate_json,
+    json_value,
+    output_names,
+)
 
 __all__ = ["archive_identity", "archive_json"]
 

@@ -31,7 +31,7 @@ from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.execution import run_count, status_counts
-from uqpen.results.acceptance import add_verdicts
+from uqpen.results.acceptance import add_verdicts, stopping_text
 from uqpen.results.archive_view import is_logarithmic, linear_scale_note
 from uqpen.results.design_groups import group_tables
 from uqpen.results.digits import (
@@ -43,9 +43,14 @@ from uqpen.results.digits import (
     tolerance_limit_text,
 )
 from uqpen.results.input_measures import generalized_table, named_tables
-from uqpen.results.source_statistics import SourceStatistics, source_entries, user_defined
-from uqpen.results.statistic_entries import SHOWN, described_statistics, labelled_entries
-from uqpen.results.stopping_texts import stopping_text
+from uqpen.results.source_statistics import (
+    SHOWN,
+    SourceStatistics,
+    described_statistics,
+    labelled_entries,
+    source_entries,
+    user_defined,
+)
 from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
 from uqpen.results.table import (
     NOTHING,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,20 +37,28 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import RECORD, RECORD_NUMBERS, RECORD_WORDS, Shown, Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.stopping_texts import StatedDecision
+from uqpen.results.acceptance import StatedDecision
 from uqpen.results.table import (
     cut_text,
+    entry_label,
     first_runs,
     label_with_unit,
     output_names,
     shown_unit,
 )
+from uqpen.results.texts import plain_text
 
 __all__ = [
+    "COMPARED",
+    "SHOWN",
+    "THRESHOLD_PROBABILITIES",
     "SourceStatistics",
     "best_sources",
+    "described_statistics",
     "is_sample_design",
+    "labelled_entries",
     "source_entries",
     "user_defined",
 ]
@@ -377,3 +385,83 @@ def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -
         samples = [source for source in samples if source in with_intervals]
     # Those without a value stay, as they say why.
     return dedicated + sorted(samples, key=lambda source: -runs[source])[:1]
+
+
+# The single numbers among the statistics of an output, each under its label in a table.
+
+# The statistics that tables show, in the order of their rows.
+SHOWN = sorted(
+    (each for each in CATALOGUE.values() if each.shown.label), key=lambda each: each.shown.row
+)
+
+# Those by which sources, models and archives are compared, in the order of the catalogue.
+COMPARED = [each for each in CATALOGUE.values() if each.shown.is_compared]
+
+# Probabilities of lying beyond a value that the study asks for.
+THRESHOLD_PROBABILITIES = [each for each in COMPARED if each.shown.has_verdict]
+
+
+def labelled_entries(
+    statistic: Statistic, arrays: Mapping[str, xr.DataArray]
+) -> Iterator[tuple[str, dict[str, xr.DataArray]]]:
+    """Yield the entries of a statistic that tables show, with their labels.
+
+    Parameters
+    ----------
+    statistic : Statistic
+    arrays : dict of str to DataArray
+        Estimate arrays by source.
+
+    Yields
+    ------
+    label : str
+    estimates : dict of str to DataArray
+        By source, along ``bound`` alone.
+    """
+    if not statistic.dims:
+        yield entry_label(statistic, ""), dict(arrays)
+        return
+    if statistic.name not in CATALOGUE:
+        by_label: dict[str, dict[str, xr.DataArray]] = {}
+        for source, array in arrays.items():
+            for entry, each in zip(array[statistic.dims[0]].values.tolist(), array, strict=True):
+                by_label.setdefault(entry_label(statistic, entry), {})[source] = each
+        yield from by_label.items()
+        return
+    coordinate = statistic.shown.coordinate or statistic.dims[0]
+    for entry, found in source_entries(arrays, coordinate):
+        yield entry_label(statistic, entry), found
+
+
+def described_statistics(statistics: SourceStatistics, output: str) -> list[Statistic]:
+    """Return the records of an output's user-defined statistics, as their attributes have them."""
+    found: dict[str, Statistic] = {}
+    for source in statistics.sources:
+        for name, array in user_defined(statistics.statistics(source, output)).items():
+            if name not in found and (record := _described(name, array)):
+                own = "1" if record.unit is UnitRule.NONE else statistics.si_unit(output)
+                if array.attrs.get("units") == own:
+                    found[name] = record
+    return list(found.values())
+
+
+def _described(name: str, array: xr.DataArray) -> Statistic | None:
+    """Return the record of a statistic from its attributes; None where these have none.
+
+    The words of an archive are a stranger's: plain text without any meaning of their own.
+    """
+    attributes = array.attrs
+    found: dict[str, Any] = {
+        key: plain_text(str(attributes[RECORD + key]), 300)
+        for key in RECORD_WORDS
+        if RECORD + key in attributes
+    }
+    for key in RECORD_NUMBERS:
+        if isinstance(number := attributes.get(RECORD + key), int | float | np.number):
+            found[key] = int(np.nan_to_num(np.clip(number, -999, 999)))
+    rule = str(attributes.get("unit_rule", "none")).upper()
+    if not found.get("label") or array.ndim > 2 or rule not in UnitRule.__members__:
+        return None
+    title = plain_text(str(attributes.get("long_name", name)), 100)
+    shown = replace(Shown(row=999), **found)
+    return Statistic(name, title, tuple(map(str, array.dims[:-1])), UnitRule[rule], shown=shown)

@@ -26,14 +26,13 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_text, grouped_number, number_text
-from uqpen.results.estimate_json import json_value
-from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.statistic_entries import COMPARED, labelled_entries
+from uqpen.results.source_statistics import COMPARED, SourceStatistics, labelled_entries
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
     conversion,
     first_runs,
+    json_value,
     label_with_unit,
     shown_unit,
 )

@@ -1,4 +1,4 @@
-"""A table for a person: the content of its cells, and the notes below it."""
+"""Estimates for a person, as the cells of a table with its notes, and for a script, as JSON."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
@@ -14,14 +15,18 @@ from uqpen.archive.fields import coordinate_text
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    BOUND,
     COMPARISON_GROUP,
+    EQUIVALENT_RUNS,
     ESTIMATOR,
     INPUT,
+    INTERVAL,
     INTERVAL_LABEL,
     NOTE,
     PAIR,
     ROLE,
     RUNS,
+    SURROGATE_ESTIMATE,
     THRESHOLD,
 )
 from uqpen.core.statistic import Shown, Statistic, UnitRule
@@ -36,13 +41,16 @@ __all__ = [
     "conversion",
     "cut_coordinates",
     "cut_text",
+    "entries_json",
     "entry_label",
     "entry_text",
+    "estimate_json",
     "estimate_remark",
     "exceedance_label",
     "first_runs",
     "headed_models",
     "identity",
+    "json_value",
     "label_with_unit",
     "output_names",
     "quantile_label",
@@ -51,6 +59,7 @@ __all__ = [
     "shown_unit",
     "telling_note",
 ]
+
 
 Conversion = Callable[[Any], Any]
 
@@ -266,3 +275,54 @@ def output_names(runs: xr.Dataset) -> list[str]:
     # As an array each would take time by the number of all variables.
     variables = runs.variables
     return [str(key) for key in runs.data_vars if variables[key].attrs.get(ROLE) == "output"]
+
+
+# Estimates as JSON.
+
+
+def estimate_json(array: xr.DataArray) -> dict[str, Any]:
+    """Return an estimate, its bounds, and how they were made.
+
+    Those of a field are lists along its dimensions.
+    """
+    bounds = zip(array[BOUND].values.tolist(), np.moveaxis(array.values, -1, 0), strict=True)
+    content: dict[str, Any] = {str(bound): json_value(value) for bound, value in bounds}
+    content |= {what: _texts_json(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
+    if note := _texts_json(array, NOTE):
+        content[NOTE] = note
+    corrections = (name for name in (SURROGATE_ESTIMATE, EQUIVALENT_RUNS) if name in array.coords)
+    return content | {name: json_value(array.coords[name].values) for name in corrections}
+
+
+def _texts_json(array: xr.DataArray, name: str) -> Any:
+    """Return a text on an interval; a list along the dimensions of a field where it differs."""
+    if name not in array.coords:
+        return ""
+    texts = array.coords[name].values
+    found = set(np.ravel(texts).tolist())
+    return str(found.pop()) if len(found) == 1 else texts.tolist()
+
+
+def entries_json(
+    array: xr.DataArray, entry_json: Callable[[xr.DataArray], Any] = estimate_json
+) -> dict[str, Any]:
+    """Return the entries of an estimate array, by the coordinate along each of its dimensions.
+
+    A single entry lies along ``bound`` alone, behind the dimensions of its field if it has one.
+    """
+    for dim in array.dims:
+        # Only the coordinates of a field have a unit for display.
+        if dim != BOUND and "display_units" not in array[dim].attrs:
+            return {
+                str(label): entries_json(array[{dim: position}], entry_json)
+                for position, label in enumerate(array[dim].values)
+            }
+    return entry_json(array)
+
+
+def json_value(value: Any) -> Any:
+    """Return a value as JSON knows it, which has no NaN and no infinity."""
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(plain, list):
+        return [json_value(each) for each in plain]
+    return None if isinstance(plain, float) and not math.isfinite(plain) else plain

@@ -1,22 +1,27 @@
-"""Texts of an archive for figures and tables: plain, short, with typeset units."""
+"""Texts for figures, tables and progress: plain, short, with typeset units."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
+from uqpen.core.progress import StudyProgress
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.results.digits import typeset_unit
+from uqpen.results.digits import grouped_number, typeset_unit
 
 __all__ = [
     "capitalized",
+    "duration_text",
     "join_names",
     "plain_text",
+    "runs_text",
+    "step_text",
     "title_with_name",
     "title_with_unit",
     "typeset_quantity",
     "unit_suffix",
 ]
+
 
 _LONGEST = 80
 
@@ -84,3 +89,56 @@ def title_with_unit(title: str, unit: str) -> str:
     """Return the title of an axis: a quantity and, in brackets, its unit, if it has one."""
     head = plain_text(title, 50)
     return head if unit == DIMENSIONLESS else f"{head} [{plain_text(typeset_unit(unit), 30)}]"
+
+
+# Progress of a study in words: on a terminal, in a notebook, on the page of a running study.
+
+# Of a design's name on a line of 80 characters, which is to tell more.
+_LONGEST_NAME = 24
+
+
+def step_text(progress: StudyProgress) -> str:
+    """Return what is done now, with its place in the study.
+
+    >>> step_text(StudyProgress(step="fitting polynomial_chaos", step_number=8, steps=12))
+    'step 8 of 12: fitting polynomial_chaos'
+    >>> step_text(StudyProgress(design="monte_carlo", design_number=2, designs=4))
+    'design 2 of 4: monte_carlo'
+    >>> step_text(StudyProgress(design="a_latin_hypercube_of_the_rod", design_number=1, designs=1))
+    'a_latin_hypercube_of_th…'
+    """
+    if progress.step:
+        number, total, what = progress.step_number, progress.steps, "step"
+        name = progress.step
+    else:
+        number, total, what = progress.design_number, progress.designs, "design"
+        name = progress.design
+        if len(name) > _LONGEST_NAME:
+            name = f"{name[: _LONGEST_NAME - 1]}…"
+    return f"{what} {number} of {total}: {name}" if total > 1 else name
+
+
+def runs_text(progress: StudyProgress) -> str:
+    """Return the counts of the runs of all designs, and how long the others will take.
+
+    >>> runs_text(StudyProgress(runs=500, done=100, failed=3, runs_per_second=10.0))
+    '100 of 500 runs, 3 failed, about 40 s left'
+    """
+    counts = {"failed": progress.failed, "under way": progress.in_progress}
+    texts = [f"{grouped_number(progress.done)} of {grouped_number(progress.runs)} runs"]
+    texts += [f"{grouped_number(count)} {what}" for what, count in counts.items() if count]
+    if progress.seconds_left is not None and progress.done < progress.runs:
+        texts.append(f"about {duration_text(progress.seconds_left)} left")
+    return ", ".join(texts)
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration in words.
+
+    >>> duration_text(0.2), duration_text(75), duration_text(7000)
+    ('1 s', '75 s', '117 min')
+    """
+    for length, unit, most in ((1, "s", 120), (60, "min", 180), (3600, "h", 72)):
+        if seconds < most * length:
+            return f"{max(1, round(seconds / length))} {unit}"
+    return f"{round(seconds / 86_400)} days"

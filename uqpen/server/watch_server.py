@@ -18,8 +18,8 @@ from uqpen.core.status import STATUS_TEXT
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import failure_causes
 from uqpen.results.output_tables import statistics_tables
-from uqpen.results.progress_texts import duration_text, runs_text, step_text
 from uqpen.results.table import OutputTable
+from uqpen.results.texts import duration_text, runs_text, step_text
 from uqpen.server.model_server import LimitsConnections
 from uqpen.workflow.running_results import RunningResults
 

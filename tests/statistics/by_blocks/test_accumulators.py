@@ -1,14 +1,11 @@
 """Accumulators: what they find of pieces is what the whole column has."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uqpen.core.arrays import FloatArray
 from uqpen.statistics.by_blocks.blocked_sample import PowerSums
 from uqpen.statistics.by_blocks.cells import CellCounts, OrderedValues, Splitters
 
@@ -19,13 +16,13 @@ COLUMNS = arrays(np.float64, st.integers(4, 60), elements=NUMBERS)
 CUTS = st.lists(st.integers(0, 60), min_size=1, max_size=4)
 
 
-def pieces(column: FloatArray, cuts: list[int]) -> list[FloatArray]:
+def pieces(column, cuts):
     return np.split(column, sorted(min(cut, column.size) for cut in cuts))
 
 
 @given(COLUMNS, CUTS)
 @settings(max_examples=60, deadline=None)
-def test_power_sums_of_pieces_are_those_of_the_whole(column: FloatArray, cuts: list[int]) -> None:
+def test_power_sums_of_pieces_are_those_of_the_whole(column, cuts):
     parts = pieces(column, cuts)
     found = PowerSums.empty(len(parts))
     for group, part in enumerate(parts):
@@ -45,9 +42,7 @@ def test_power_sums_of_pieces_are_those_of_the_whole(column: FloatArray, cuts: l
 
 @given(COLUMNS, COLUMNS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
-def test_a_cell_lies_between_its_splitters_or_at_one(
-    some: FloatArray, column: FloatArray, most: int
-) -> None:
+def test_a_cell_lies_between_its_splitters_or_at_one(some, column, most):
     splitters = Splitters.from_values(some, most)
     assert splitters.values.size <= max(most, np.unique(some).size if most > some.size else most)
     cells = splitters.locate(np.concatenate([column, some]))
@@ -57,7 +52,7 @@ def test_a_cell_lies_between_its_splitters_or_at_one(
 
 
 @pytest.mark.parametrize("power", [1, 20])
-def test_what_lies_beyond_all_splitters_has_the_outer_cells(power: int) -> None:
+def test_what_lies_beyond_all_splitters_has_the_outer_cells(power):
     # Of the twentieth power, nearly all splitters are in one entry of the table.
     splitters = Splitters.from_values(np.random.default_rng(1).random(5000) ** power, 1000)
     values = splitters.values
@@ -68,9 +63,7 @@ def test_what_lies_beyond_all_splitters_has_the_outer_cells(power: int) -> None:
 
 @given(COLUMNS, CUTS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
-def test_order_statistics_are_those_of_the_sorted_values(
-    column: FloatArray, cuts: list[int], most: int
-) -> None:
+def test_order_statistics_are_those_of_the_sorted_values(column, cuts, most):
     parts = pieces(column, cuts)
     counts = CellCounts.empty(Splitters.from_values(column[::2], most), len(parts))
     for group, part in enumerate(parts):

@@ -1,14 +1,9 @@
 """Large samples go by blocks, with the estimates that their runs have in memory."""
 
-from __future__ import annotations
-
 import tracemalloc
-from collections.abc import Iterable
 from functools import cache
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 
@@ -16,7 +11,7 @@ from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import ABSENT, REPLICATE, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
 from uqpen.core.status import Status
-from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
+from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.by_blocks.grouping import Grouping
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.joint_probability import joint_probabilities
@@ -51,11 +46,11 @@ RUNS, REPLICATES = 3000, 6
 SMALL = 256
 
 
-def runs_of(plan: str, runs: int = RUNS) -> xr.Dataset:
+def runs_of(plan, runs=RUNS):
     """Runs of a formula with ties, constants, gaps, categories and failures."""
     generator = np.random.default_rng(7)
     draws = generator.random((runs, 2))
-    coordinates: dict[str, Any] = {}
+    coordinates = {}
     if plan == "stratified":
         each = runs // REPLICATES
         strata = generator.permuted(np.tile(np.arange(each), (REPLICATES * 2, 1)), axis=1)
@@ -73,7 +68,7 @@ def runs_of(plan: str, runs: int = RUNS) -> xr.Dataset:
         "gap": np.where(a > 0.1, 5 * a, np.nan),
         "kind": np.where(y > 2, 1.0, 0.0),
     }
-    variables: dict[str, Any] = {"a": a, "b": b, "c": c, "fixed": np.ones(runs)}
+    variables = {"a": a, "b": b, "c": c, "fixed": np.ones(runs)}
     dataset = {name: (RUN, values, {ROLE: "input"}) for name, values in variables.items()}
     for name, values in outputs.items():
         known = np.where(status == Status.OK, values, np.nan)
@@ -82,12 +77,12 @@ def runs_of(plan: str, runs: int = RUNS) -> xr.Dataset:
     return xr.Dataset(dataset, coordinates, {SAMPLING: plan})
 
 
-def small_blocks(monkeypatch: pytest.MonkeyPatch, size: int = SMALL) -> None:
+def small_blocks(monkeypatch, size=SMALL):
     monkeypatch.setattr("uqpen.core.blocks.BLOCK", size)
 
 
 @cache
-def both(plan: str) -> tuple[Any, Any]:
+def both(plan):
     runs = runs_of(plan)
     whole = analyze(runs, QUANTITIES)
     with pytest.MonkeyPatch.context() as monkeypatch:
@@ -96,7 +91,7 @@ def both(plan: str) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("plan", ["independent", "stratified", "given"])
-def test_statistics_of_distributions_are_those_in_memory(plan: str) -> None:
+def test_statistics_of_distributions_are_those_in_memory(plan):
     whole, blocked = both(plan)
     for output, statistics in whole.items():
         assert [*blocked[output]] == [*statistics]
@@ -111,7 +106,7 @@ def test_statistics_of_distributions_are_those_in_memory(plan: str) -> None:
 
 
 @pytest.mark.parametrize("plan", ["independent", "stratified"])
-def test_sensitivity_measures_are_those_of_the_first_runs_and_say_so(plan: str) -> None:
+def test_sensitivity_measures_are_those_of_the_first_runs_and_say_so(plan):
     runs, (_, blocked) = runs_of(plan), both(plan)
     first = np.arange(RUNS) < SMALL
     if plan == "stratified":  # the first runs of each replicate
@@ -132,8 +127,8 @@ def test_sensitivity_measures_are_those_of_the_first_runs_and_say_so(plan: str) 
 
 
 def test_one_stratified_set_has_the_wider_intervals_of_independent_draws(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     runs = runs_of("stratified").drop_vars(REPLICATE)
     whole = analyze(runs, QUANTITIES, only=["moments"])["y"]["mean"]
     small_blocks(monkeypatch)
@@ -145,8 +140,8 @@ def test_one_stratified_set_has_the_wider_intervals_of_independent_draws(
 
 
 def test_the_ends_of_runs_and_events_of_several_outputs_are_counted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     for plan in ("independent", "stratified"):
         runs = runs_of(plan)
         ends, joint = analyze_failures(runs), joint_probabilities(runs, EVENTS, 0.95)
@@ -163,7 +158,7 @@ def test_the_ends_of_runs_and_events_of_several_outputs_are_counted(
         assert "from 1536 of 3000 runs" in few["larger"]["note"].values[0]
 
 
-def test_weighted_runs_are_analysed_in_part_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weighted_runs_are_analysed_in_part_and_say_so(monkeypatch):
     runs = runs_of("independent")
     weights = (RUN, np.random.default_rng(1).random(RUNS))
     weighted = runs.assign_coords(weight=weights)
@@ -183,31 +178,31 @@ def test_weighted_runs_are_analysed_in_part_and_say_so(monkeypatch: pytest.Monke
 class FormulaRuns(BlockedRuns):
     """Independent runs of a formula, which exist only while they are read."""
 
-    def __init__(self, runs: int) -> None:
+    def __init__(self, runs):
         self.runs, self.passes = runs, 0
 
     @property
-    def size(self) -> int:
+    def size(self):
         return self.runs
 
-    def read(self, start: int, stop: int) -> xr.Dataset:
+    def read(self, start, stop):
         columns = self.part(start, stop, ["x", "y", "z", STATUS])
         inputs = {"x": (RUN, columns.pop("x"), {ROLE: "input"})}
         others = {name: (RUN, values) for name, values in columns.items()}
         return xr.Dataset(inputs | others, attrs={SAMPLING: "independent"})
 
-    def part(self, start: int, stop: int, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+    def part(self, start, stop, names):
         self.passes += stop == self.runs
         # The golden ratio spreads the runs over 0 to 1.
         x = np.arange(start, stop) * 0.6180339887498949 % 1
         columns = {"x": x, "y": x + x**2, "z": np.exp(x), STATUS: np.zeros(x.shape, dtype=np.int8)}
         return {name: columns[name] for name in names}
 
-    def column(self, name: str) -> npt.NDArray[Any]:
+    def column(self, name):
         return self.part(0, self.runs, [name])[name]
 
 
-def peak_of(runs: int) -> tuple[OutputStatistics, float]:
+def peak_of(runs):
     question = QuantityOfInterest(Output("y", "1"), "1")
     tracemalloc.start()
     try:
@@ -217,7 +212,7 @@ def peak_of(runs: int) -> tuple[OutputStatistics, float]:
         tracemalloc.stop()
 
 
-def test_three_times_as_many_runs_take_little_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_three_times_as_many_runs_take_little_more_memory(monkeypatch):
     small_blocks(monkeypatch, 8192)
     _, few = peak_of(40_000)
     found, many = peak_of(120_000)
@@ -227,8 +222,8 @@ def test_three_times_as_many_runs_take_little_more_memory(monkeypatch: pytest.Mo
 
 
 def test_independent_runs_are_read_twice_and_their_status_once_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     # Of 40 runs from one percentile to the next, 5 lie in a cell: the ends of an interval, which
     # follow from counts at its middle, lie in cells of their own.
     small_blocks(monkeypatch, 8192)
@@ -239,8 +234,8 @@ def test_independent_runs_are_read_twice_and_their_status_once_more(
 
 
 def test_many_replicates_are_joined_and_give_the_same_estimates(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     runs = runs_of("stratified")
     many = runs.assign_coords({REPLICATE: (RUN, np.arange(RUNS) // 5)})
     whole = analyze(many, QUANTITIES, only=["moments", "quantiles"])["y"]
@@ -255,8 +250,8 @@ def test_many_replicates_are_joined_and_give_the_same_estimates(
 
 
 def test_replicates_may_be_more_than_a_small_number_has_room_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     runs = runs_of("independent", 70_000).assign_attrs({SAMPLING: "stratified"})
     many = runs.assign_coords({REPLICATE: (RUN, np.arange(70_000) // 2)})
     small_blocks(monkeypatch, 2**14)

@@ -15,7 +15,7 @@ from uqpen.report.sections.quoted_statistics import (
 )
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, number_text
-from uqpen.results.input_ranking import input_label, input_ranking
+from uqpen.results.input_measures import input_label, input_ranking
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["agreement_sentences", "published_sentences"]

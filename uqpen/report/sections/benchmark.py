@@ -25,11 +25,15 @@ from uqpen.core.labels import INTERVAL, NOTE, REPLICATED, SINGLE
 from uqpen.core.units import scale
 from uqpen.report.blocks import Heading, Quote, Remarks, Table, Text
 from uqpen.results.archive_view import ArchiveView, output_heading
-from uqpen.results.benchmark_tables import (
+from uqpen.results.digits import grouped_number, number_text
+from uqpen.results.method_comparison import (
     IS_DOUBTFUL,
     IS_LEVEL,
     LEGEND,
     WINS,
+    ComparedEntry,
+    ComparedMethod,
+    MethodComparison,
     entry_table,
     methods_table,
     percentage_text,
@@ -37,8 +41,6 @@ from uqpen.results.benchmark_tables import (
     standing_mark,
     standings_table,
 )
-from uqpen.results.digits import grouped_number, number_text
-from uqpen.results.method_comparison import ComparedEntry, ComparedMethod, MethodComparison
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark
 from uqpen.results.texts import join_names, unit_suffix
 

@@ -12,8 +12,13 @@ from uqpen.core.catalogue import MEASURES
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.input_measures import index_titles
-from uqpen.results.input_ranking import Ranking, best_ranking, input_label, input_ranking
+from uqpen.results.input_measures import (
+    Ranking,
+    best_ranking,
+    index_titles,
+    input_label,
+    input_ranking,
+)
 from uqpen.results.texts import capitalized
 
 __all__ = ["driver_sentences"]

@@ -26,7 +26,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number, percent_text, percent_texts
 from uqpen.results.failed_runs import failed_runs as losses_of
 from uqpen.results.failed_runs import failure_tables
-from uqpen.results.input_ranking import input_label
+from uqpen.results.input_measures import input_label
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text
 

@@ -23,7 +23,7 @@ from uqpen.results.digits import (
     percent_texts,
     tolerance_interval_texts,
 )
-from uqpen.results.statistic_entries import described_statistics
+from uqpen.results.source_statistics import described_statistics
 from uqpen.results.surrogate_tables import equivalent_runs_text, is_corrected
 from uqpen.results.table import (
     entry_label,

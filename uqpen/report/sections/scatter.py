@@ -12,7 +12,7 @@ from uqpen.core.labels import WEIGHT
 from uqpen.report.blocks import RunColumn, RunExplorer, Text
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.input_ranking import input_order
+from uqpen.results.input_measures import input_order
 from uqpen.results.texts import plain_text, unit_suffix
 
 __all__ = ["scatter"]

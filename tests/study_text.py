@@ -1,0 +1,47 @@
+"""The text of a study file, from what a test says of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+__all__ = ["study_text"]
+
+
+def study_text(model: Any = None, **tables: Any) -> str:
+    """Return the text of a study: a value of TOML, a table or tables by their names a keyword.
+
+    A model may be named alone, and an input be given by the ends of a uniform distribution.
+    """
+    inputs = tables.get("inputs", {})
+    for name, entry in inputs.items():
+        if isinstance(entry, tuple):
+            tables["inputs"] = {**tables["inputs"], name: uniform(*entry)}
+    top = {"title": tables.pop("title", None), "seed": tables.pop("seed", 1)}
+    lines = [f"{key} = {_value(value)}" for key, value in top.items() if value is not None]
+    if model is not None:
+        tables = {"model": {"use": model} if isinstance(model, str) else model, **tables}
+    for name, table in tables.items():
+        if name in ("model", "inputs", "constraints", "dependence", "failures"):
+            lines += _table(name, table)
+        else:
+            for each, settings in table.items():
+                lines += _table(f"{name}.{each}", settings)
+    return "\n".join([*lines, ""])
+
+
+def uniform(lower: Any, upper: Any) -> dict[str, Any]:
+    """Return a uniform distribution as a study file has it."""
+    return {"uniform": {"lower": lower, "upper": upper}}
+
+
+def _table(name: str, settings: dict[str, Any]) -> list[str]:
+    return [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in settings.items())]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_value(each)}' for key, each in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False)
