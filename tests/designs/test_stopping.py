@@ -25,7 +25,7 @@ from uqpen.designs.stopping.stopping_rule import doubling_looks
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.report.blocks import Remarks
-from uqpen.report.sections.convergence import convergence
+from uqpen.report.sections.comparisons import convergence
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import statistics_tables

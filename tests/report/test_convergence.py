@@ -7,7 +7,7 @@ import uqpen
 from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Heading, Remarks, Text
 from uqpen.report.plotly import shapes, traces
-from uqpen.report.sections.convergence import convergence
+from uqpen.report.sections.comparisons import convergence
 from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import uqpen
 from uqpen.report.blocks import find_charts
 from uqpen.report.plotly import traces
 from uqpen.report.sections.answer import answer
-from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.report.sections.comparisons import model_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 

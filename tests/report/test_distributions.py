@@ -12,8 +12,8 @@ from uqpen.charts.histograms import histogram
 from uqpen.core.status import Status
 from uqpen.report.blocks import Fold, Heading, Table, find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.report.sections.comparisons import model_comparison
+from uqpen.report.sections.outputs import distributions
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
 

@@ -9,9 +9,7 @@ from uqpen.core.errors import StudyError
 from uqpen.report.blocks import Alerts, Findings, find_charts, flattened
 from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.answer import answer
-from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.scatter import scatter
-from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.report.sections.outputs import distributions, scatter, sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables

@@ -13,8 +13,7 @@ import pytest
 import uqpen
 from uqpen.core.errors import ReportError
 from uqpen.report import SECTIONS
-from uqpen.report.masthead import page_heading
-from uqpen.report.page import report_page, write_report
+from uqpen.report.page import page_heading, report_page, write_report
 
 pytestmark = pytest.mark.slow
 

@@ -13,14 +13,15 @@ from uqpen.core.errors import ReportError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.report.blocks import Listing, Remarks, Table, Text, find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.revisions.cdf_charts import cdf_charts
-from uqpen.report.revisions.estimate_changes import estimate_changes
 from uqpen.report.revisions.revision_page import (
     ArchivePair,
+    cdf_charts,
+    estimate_changes,
     revision_page,
+    study_changes,
+    unpaired,
     write_revision_report,
 )
-from uqpen.report.revisions.study_changes import study_changes, unpaired
 
 
 def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):

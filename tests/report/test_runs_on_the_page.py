@@ -7,12 +7,10 @@ import pytest
 from hashed_trees import with_hashes
 
 from uqpen.charts.chart import Axis, Chart, Charts
-from uqpen.report.anchors import block_anchors
 from uqpen.report.blocks import Heading, find_charts, find_explorers
-from uqpen.report.masthead import page_reference
+from uqpen.report.page import block_anchors, page_reference
 from uqpen.report.plotly import charts_json
-from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.scatter import scatter
+from uqpen.report.sections.outputs import distributions, scatter
 from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import uqpen
 from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Fold
 from uqpen.report.plotly import charts_json, traces
-from uqpen.report.sections.scatter import scatter
+from uqpen.report.sections.outputs import scatter
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.input_measures import input_order
 

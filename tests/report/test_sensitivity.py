@@ -6,7 +6,7 @@ import pytest
 import uqpen
 from uqpen.report.blocks import Fold, Table, find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.report.sections.outputs import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.input_measures import input_ranking

@@ -9,7 +9,7 @@ from uqpen.charts.axes import logarithmic_axis
 from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Fold, Heading, Table, Text
 from uqpen.report.plotly import charts_json, traces
-from uqpen.report.sections.source_comparison import source_comparison
+from uqpen.report.sections.comparisons import source_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 

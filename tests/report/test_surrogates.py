@@ -7,7 +7,7 @@ import uqpen
 from uqpen.charts.chart import Charts
 from uqpen.report.blocks import Table
 from uqpen.report.plotly import traces
-from uqpen.report.sections.surrogates import surrogates
+from uqpen.report.sections.comparisons import surrogates
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.surrogate_tables import correction_tables
 

@@ -7,7 +7,7 @@ from uqpen.charts.chart import Charts
 from uqpen.report import SECTIONS
 from uqpen.report.page import report_page
 from uqpen.report.plotly import traces
-from uqpen.report.sections.trajectory import trajectory
+from uqpen.report.sections.comparisons import trajectory
 from uqpen.results.archive_view import ArchiveView
 
 

@@ -14,7 +14,7 @@ from uqpen.figures.page import available
 from uqpen.report.page import report_page
 from uqpen.results.archive import archive_html
 from uqpen.results.digits import estimate_text
-from uqpen.results.fields import (
+from uqpen.results.field_tables import (
     curve_tables,
     field_lines,
     field_tables,

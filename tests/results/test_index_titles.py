@@ -7,7 +7,7 @@ import uqpen
 from uqpen.figures.page import panels
 from uqpen.report.blocks import find_charts
 from uqpen.report.plotly import traces
-from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.report.sections.outputs import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import output_tables
 

@@ -10,7 +10,7 @@ from study_text import study_text
 import uqpen
 from uqpen.cli.show import show
 from uqpen.core.errors import QuantityError, UnknownNameError
-from uqpen.results.fields import select_output
+from uqpen.results.field_tables import select_output
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 

@@ -6,7 +6,7 @@ import pytest
 import uqpen
 from uqpen.figures.page import panels
 from uqpen.report.blocks import find_charts
-from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.report.sections.outputs import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables

@@ -5,7 +5,7 @@ import pytest
 
 import uqpen
 from uqpen.core.model import Dimension, Input, Model, Output, Results
-from uqpen.results.fields import field_lines
+from uqpen.results.field_tables import field_lines
 from uqpen.study.summary import output_rows
 
 MODEL = """\

@@ -38,7 +38,7 @@ from uqpen.results.digits import (
     percent_text,
     typeset_unit,
 )
-from uqpen.results.fields import CurveEstimates, curves
+from uqpen.results.field_tables import CurveEstimates, curves
 from uqpen.results.input_measures import index_titles, input_label
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES, best_sources
 from uqpen.results.table import entry_label, first_runs, quantile_label

@@ -516,9 +516,9 @@ def _same_text(names: Sequence[str]) -> str:
 def is_as_made(recheck: Recheck, archive: ArchivePlace) -> bool:
     """Check that some runs of an archive of this very study are the same when made again."""
     outcomes = []
-    study, identity = recheck.study, recheck.identity
+    study = recheck.study
     for name in filter(recheck.applies, study.models):
-        found = archived_sources(study, identity, name, archive, first_blocks=True)
+        found = archived_sources(study, name, archive, first_blocks=True)
         group = model_trees(archive.tree)[name]
         designs = {design: read_group(group, RUNS, design) for design in group_names(group, RUNS)}
         omitted = {design: runs for design, runs in designs.items() if are_omitted(runs)}
@@ -532,8 +532,6 @@ def runs_that_are_as_made(
     archives: Sequence[ArchivePlace],
     finished: CheckpointFolder,
     journal: Journal,
-    *,
-    has_parts: bool,
 ) -> RunFinder:
     """Return the finished runs that a study may take; of those in each place, some are made again.
 
@@ -551,8 +549,6 @@ def runs_that_are_as_made(
         The finished runs beside the archive.
     journal : Journal
         Receives the numbers of runs that are taken.
-    has_parts : bool
-        Whether finished runs of the study's own designs are taken.
 
     Raises
     ------
@@ -560,8 +556,9 @@ def runs_that_are_as_made(
         If runs of the folder, or of an archive that the user has named, differ.
     """
     study = recheck.study
-    parts = {name: finished.part_sources(name) for name in study.models if recheck.applies(name)}
-    parts = {name: found for name, found in parts.items() if found and has_parts}
+    # Where versions cannot be distinguished, no runs of the study's own designs were kept.
+    names = [] if recheck.identity.unknown else [*filter(recheck.applies, study.models)]
+    parts = {name: found for name in names if (found := finished.part_sources(name))}
     planned = sum(study.design_runs(design) for design in study.designs)
     left = {name: planned - _count(parts.get(name, ())) - _count(sources[name]) for name in sources}
     log = finished.folder.with_suffix(".log")

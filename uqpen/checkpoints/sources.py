@@ -130,11 +130,17 @@ class ArchivePlace(Place):
         True if the user has named it.
     comparisons : mapping of str to mapping of str to ModelComparison
         Its models by name, compared with those of the study; by the name of the study's model.
+    changed_designs : frozenset of str
+        Names of the designs that its study has with other settings.
+    made_with : str
+        What it was made with, in words.
     """
 
     tree: xr.DataTree
     is_named: bool
     comparisons: Mapping[str, Mapping[str, ModelComparison]]
+    changed_designs: frozenset[str]
+    made_with: str
 
     @property
     def are_needed(self) -> bool:
@@ -277,19 +283,17 @@ def open_archives(
     ArchiveError
         If one that is named cannot be read, or is no archive of a study.
     """
-    others = [Path(path) for path in named]
-    found = [
-        _open_archive(study, path, is_named=True)
-        for path in others
-        if path.resolve() != replaced.resolve()
-    ]
-    if replaced.exists():
+    found = []
+    wanted = [path for path in map(Path, named) if path.resolve() != replaced.resolve()]
+    for path in [*wanted, *([replaced] if replaced.exists() else [])]:
         try:
-            found.insert(0, _open_archive(study, replaced, is_named=False))
+            found.append(_open_archive(study, path, is_named=path in wanted))
         except ArchiveError as error:
+            if path in wanted:
+                raise
             reason = str(error).removeprefix(f"{replaced}: ")
             journal.inform(f"{shown_path(replaced)}: none of its runs is taken: {reason}")
-    return found
+    return sorted(found, key=lambda each: each.is_named)
 
 
 def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> ArchivePlace:
@@ -306,7 +310,7 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
     if fault := next(find_faults(tree), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")
     try:
-        tomllib.loads(str(tree.attrs["study_text"]))
+        before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
     except ValueError as error:
         raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
     if is_benchmark(tree):
@@ -316,14 +320,19 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
         name: {archived: compare_models(model, tree, archived) for archived in model_trees(tree)}
         for name, model in study.models.items()
     }
-    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons)
+    now = study.content.get("designs", {})
+    changed = frozenset(name for name in before.keys() & now.keys() if before[name] != now[name])
+    differences = provenance_differences(tree.attrs, study.attributes)
+    texts = ", ".join(f"{what} {one} (here {other})" for what, one, other in differences)
+    made_with = (
+        f"study {str(tree.attrs['study_sha256'])[:16]}, made with "
+        f"{texts or 'the same versions and kind of processor as here'}"
+    )
+    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons, changed, made_with)
 
 
 def sources_of_archives(
-    study: ValidatedStudy,
-    identity: StudyIdentity,
-    archives: Sequence[ArchivePlace],
-    journal: Journal,
+    study: ValidatedStudy, archives: Sequence[ArchivePlace], journal: Journal
 ) -> Mapping[str, list[RunSource]]:
     """Return the runs that each model of a study may take from archives, by the model's name.
 
@@ -338,7 +347,7 @@ def sources_of_archives(
         changes: list[str] = []
         runs = 0
         for name, sources in found.items():
-            own = archived_sources(study, identity, name, archive)
+            own = archived_sources(study, name, archive)
             sources += own
             runs += sum(len(source.runs.runs) for source in own)
             if not own:
@@ -346,12 +355,7 @@ def sources_of_archives(
                 compared = archive.comparisons[name]
                 changes += (compared.get(name) or next(iter(compared.values()))).changes
         if runs:
-            differences = provenance_differences(archive.tree.attrs, identity.attributes)
-            texts = ", ".join(f"{what} {one} (here {other})" for what, one, other in differences)
-            journal.write_line(
-                f"{archive.name}: study {str(archive.tree.attrs['study_sha256'])[:16]}, made with "
-                f"{texts or 'the same versions and kind of processor as here'}"
-            )
+            journal.write_line(f"{archive.name}: {archive.made_with}")
         elif not changes:
             if archive.is_named:
                 reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
@@ -393,12 +397,7 @@ def unused_designs(tree: xr.DataTree) -> dict[str, str]:
 
 
 def archived_sources(
-    study: ValidatedStudy,
-    identity: StudyIdentity,
-    name: str,
-    archive: ArchivePlace,
-    *,
-    first_blocks: bool = False,
+    study: ValidatedStudy, name: str, archive: ArchivePlace, *, first_blocks: bool = False
 ) -> list[RunSource]:
     """Return the runs of an archive that are runs of a model; none if it has changed.
 
@@ -406,19 +405,14 @@ def archived_sources(
 
     Parameters
     ----------
-    study, identity, name
-        The study, what decides its runs, and the name of its model.
+    study, name
+        The study, and the name of its model.
     archive : ArchivePlace
         The archive.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """
-    tree, here = archive.tree, identity.models[name].software
-    then = {key: value for key, value in tree.attrs.items() if key in here}
-    others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
-    made_with = [f"runs made with {others}"] if others else []
-    before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
-    now = identity.content.get("designs", {})
+    tree = archive.tree
     # The model of the same name first.
     archived = sorted(archive.comparisons[name].items(), key=lambda each: each[0] != name)
     found = []
@@ -431,14 +425,13 @@ def archived_sources(
             is_whole = runs.sizes[RUN] <= RUNS_IN_MEMORY
             if not is_whole and not first_blocks:
                 continue  # they are found by their inputs, for which all have to be in memory
-            is_changed = design in before.keys() & now.keys() and before[design] != now[design]
             found += [
                 RunSource(
                     archive.name,
                     each,
                     is_complete=is_whole,
-                    made_with=(*made_with, *_inherited(tree, model, design)),
-                    changed_design=design if is_changed else "",
+                    made_with=(*comparison.made_with, *_inherited(tree, model, design)),
+                    changed_design=design if design in archive.changed_designs else "",
                     design=design,
                 ).without_statuses(left_out)
                 for each in _archived_rounds(

@@ -12,7 +12,7 @@ from uqpen.cli.messages import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
-from uqpen.results.fields import curve_tables, derived_lines, field_tables, place_option
+from uqpen.results.field_tables import curve_tables, derived_lines, field_tables, place_option
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import headed_models
 

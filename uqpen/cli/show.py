@@ -43,7 +43,7 @@ def show(
     if output is not None:
         if is_comparison:
             raise click.UsageError("--output is for the archive of a study")
-        tree, places = resolve("uqpen.results.fields:select_output")(tree, output, at)
+        tree, places = resolve("uqpen.results.field_tables:select_output")(tree, output, at)
         for remark in filter(None, (place.remark for place in places)):
             show_message(remark)
     if as_text:

@@ -34,13 +34,13 @@ SECTIONS = {
         "How the models differ",
         "The distribution function of each model at the same points, and the differences run by "
         "run. Differences are often known better than either model alone.",
-        "uqpen.report.sections.model_comparison:model_comparison",
+        "uqpen.report.sections.comparisons:model_comparison",
         is_common=True,
     ),
     "distributions": ReportSection(
         "How it is distributed",
         "Move the threshold to read off a probability.",
-        "uqpen.report.sections.distributions:distributions",
+        "uqpen.report.sections.outputs:distributions",
         absence_note="completed runs that are a sample of the inputs",
     ),
     "curves": ReportSection(
@@ -54,14 +54,14 @@ SECTIONS = {
         "First order: the part of the variance that an input causes by itself. Total order: with "
         "its interactions. Shapley effects divide interactions evenly. Where inputs depend on each "
         "other, first orders include what they share, and may add up to more than 1.",
-        "uqpen.report.sections.sensitivity:sensitivity",
+        "uqpen.report.sections.outputs:sensitivity",
         absence_note="measures of the inputs' part",
     ),
     "scatter": ReportSection(
         "Outputs against inputs",
         "Each point is a run. Points along a line or a bend: the output depends on that input. A "
         "cloud without a shape: other inputs decide.",
-        "uqpen.report.sections.scatter:scatter",
+        "uqpen.report.sections.outputs:scatter",
         is_printed=False,
     ),
     "losses": ReportSection(
@@ -72,19 +72,19 @@ SECTIONS = {
     "methods": ReportSection(
         "Do the methods agree",
         "The same statistics by all designs, surrogates and publications.",
-        "uqpen.report.sections.source_comparison:source_comparison",
+        "uqpen.report.sections.comparisons:source_comparison",
     ),
     "convergence": ReportSection(
         "How it settles with more runs",
         "Estimates from growing parts of the runs. Each has the interval that it would have, had "
         "the study ended there.",
-        "uqpen.report.sections.convergence:convergence",
+        "uqpen.report.sections.comparisons:convergence",
         is_folded=True,
     ),
     "course": ReportSection(
         "Trajectory at the nominal inputs",
         "The states of the model within a single run, with all inputs at their nominal values.",
-        "uqpen.report.sections.trajectory:trajectory",
+        "uqpen.report.sections.comparisons:trajectory",
         is_common=True,
         is_folded=True,
         absence_note="trajectories of its models",
@@ -94,7 +94,7 @@ SECTIONS = {
         "Predictions of a surrogate against the model's outputs in the same runs: the nearer to "
         "the line, the better. A good fit as a whole does not make every estimate right, so each "
         "is checked by itself.",
-        "uqpen.report.sections.surrogates:surrogates",
+        "uqpen.report.sections.comparisons:surrogates",
         is_folded=True,
         absence_note="surrogates",
     ),

@@ -13,7 +13,7 @@ from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.archive.read import open_archive as open_tree
 from uqpen.core.html import html_table
 from uqpen.core.labels import RUNS
-from uqpen.results.fields import field_lines
+from uqpen.results.field_tables import field_lines
 from uqpen.results.long_table import long_table, runs_table
 from uqpen.results.output_tables import statistics_tables
 

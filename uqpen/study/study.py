@@ -193,6 +193,14 @@ class ValidatedStudy:
             if quantity.output.name in outputs
         )
 
+    def reading_again(self) -> ValidatedStudy:
+        """Return a study that reads the folders of its runs where they are kept."""
+        variants = {
+            name: variant.with_model(variant.model.reading_again())
+            for name, variant in self.models.items()
+        }
+        return replace(self, models=variants)
+
     def display_units(self) -> dict[str, str]:
         """Return the display unit of each input and output."""
         units = {entry.variable.name: entry.display_unit for entry in self.joint.inputs}

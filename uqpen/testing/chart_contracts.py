@@ -11,8 +11,7 @@ from uqpen.core.errors import UqpenError
 from uqpen.figures.page import figure
 from uqpen.figures.style import figure_bytes
 from uqpen.figures.user_defined_figures import FigureFunction
-from uqpen.report.page import report_page
-from uqpen.report.user_defined_sections import SectionFunction
+from uqpen.report.page import SectionFunction, report_page
 
 __all__ = ["check_figure", "check_section"]
 

@@ -70,6 +70,10 @@ def run_design(
     first_runs : mapping of str to FirstRuns, optional
         By the name of a model, its first runs in the study.
     """
+    units = study.display_units()
+    quantities = {
+        name: study.model_quantities(variant.model) for name, variant in study.models.items()
+    }
     maker = map
     if (results := design.results) is not None:  # no worker makes them, no checkpoint keeps them
         maker, round_checkpoint, first_runs = recorded_map(results), _no_checkpoint, None
@@ -80,7 +84,7 @@ def run_design(
             return evaluate(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
-                study.display_units(),
+                units,
                 EvaluationOptions(
                     map=maker,
                     label=name,
@@ -97,9 +101,6 @@ def run_design(
         names = drawn.models if isinstance(drawn, Round) else study.models
         return {name: model_runs(name, points_of(drawn), number) for name in names}
 
-    quantities = {
-        name: study.model_quantities(variant.model) for name, variant in study.models.items()
-    }
     rounds = run_rounds(
         design,
         study.joint,

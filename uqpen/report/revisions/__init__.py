@@ -16,24 +16,24 @@ REVISION_SECTIONS = {
         "How the answers moved",
         "Estimates of A and of B by the same design or surrogate, and their difference. It has no "
         "interval of its own: the two intervals are apart, or they overlap.",
-        "uqpen.report.revisions.estimate_changes:estimate_changes",
+        "uqpen.report.revisions.revision_page:estimate_changes",
         absence_note="common estimates",
     ),
     "distributions": ReportSection(
         "Distribution functions",
         "The probability that an output is at most a value, in A and in B. Each shade is a band "
         "that is valid for all values at once, for one archive by itself.",
-        "uqpen.report.revisions.cdf_charts:cdf_charts",
+        "uqpen.report.revisions.revision_page:cdf_charts",
         absence_note="common outputs with distribution functions",
     ),
     "changes": ReportSection(
         "What changed in the study",
         "The settings, inputs, models and versions that differ. Everything else is the same.",
-        "uqpen.report.revisions.study_changes:study_changes",
+        "uqpen.report.revisions.revision_page:study_changes",
     ),
     "others": ReportSection(
         "What only one of them has",
         "Models, outputs, designs and surrogates without a counterpart are not compared.",
-        "uqpen.report.revisions.study_changes:unpaired",
+        "uqpen.report.revisions.revision_page:unpaired",
     ),
 }

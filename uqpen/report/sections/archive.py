@@ -41,7 +41,7 @@ from uqpen.execution import replicate_count, run_count, status_counts
 from uqpen.report.blocks import Heading, Listing, Remarks, Table, Text
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, grouped_number, number_text, range_text
-from uqpen.results.fields import field_lines
+from uqpen.results.field_tables import field_lines
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text, title_with_unit

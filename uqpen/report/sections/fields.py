@@ -28,10 +28,10 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import NOTE
 from uqpen.report.blocks import Fold, Heading
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break, output_name
+from uqpen.report.sections.sentences import QuotedStatistic, no_break, output_name
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import estimate_text, number_text
-from uqpen.results.fields import CurveEstimates
+from uqpen.results.field_tables import CurveEstimates
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, quantile_label
 from uqpen.results.texts import plain_text, unit_suffix

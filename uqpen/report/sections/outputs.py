@@ -1,14 +1,16 @@
-"""Distribution of each output: its distribution function, its histogram, its quantiles."""
+"""Each output: its distribution, the sources of its uncertainty, its runs against the inputs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
-from uqpen.charts.chart import Block, Chart, Charts, RunsBeyondAxis, ThresholdReadout
+from uqpen.charts.axes import quantity
+from uqpen.charts.chart import Block, Chart, Charts, LegendKey, RunsBeyondAxis, ThresholdReadout
 from uqpen.charts.distributions import (
     Curve,
     LargestRun,
@@ -19,17 +21,30 @@ from uqpen.charts.distributions import (
 )
 from uqpen.charts.histograms import histogram, shares
 from uqpen.charts.marks import Line, Rule
+from uqpen.charts.measures import (
+    MeasureSeries,
+    category_charts,
+    category_series,
+    effect_charts,
+    index_charts,
+    responses,
+)
+from uqpen.charts.scatter import PlottedRuns, scatter_output_charts
 from uqpen.charts.study_limits import study_limits
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.labels import INTERVAL_LEVEL, PERCENT
-from uqpen.report.blocks import Fold, Table
-from uqpen.report.sections.main_outputs import main_outputs, output_blocks
+from uqpen.core.labels import INPUT, INTERVAL_LEVEL, PERCENT, WEIGHT
+from uqpen.report.blocks import Fold, RunColumn, RunExplorer, Table, Text
+from uqpen.report.sections.sentences import main_outputs, output_blocks
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import number_text, percent_text, range_text
-from uqpen.results.table import OutputTable, quantile_label
-from uqpen.results.texts import unit_suffix
+from uqpen.results.input_measures import index_titles, input_order, named_tables
+from uqpen.results.table import NOTHING, OutputTable, identity, quantile_label
+from uqpen.results.texts import plain_text, unit_suffix
 
-__all__ = ["distributions"]
+__all__ = ["distributions", "scatter", "sensitivity"]
+
+
+# Distribution function, histogram and quantiles.
 
 
 # Probabilities at which the numbers behind a distribution function are shown.
@@ -170,3 +185,132 @@ def _listed_bounds(band: FloatArray) -> list[list[float | None]]:
 def _exact(value: float) -> float:
     """Return a value in more digits than anybody types."""
     return float(f"{value:.12g}")
+
+
+# Sources of the uncertainty: shares of the variance, effects, responses.
+
+
+def sensitivity(view: ArchiveView) -> Iterator[Block]:
+    """Yield the sources of the uncertainty: shares of the variance, effects, responses."""
+    found = {output: _numeric_output_blocks(view, output) for output in view.numeric_outputs}
+    found |= {each: _categorical_output_blocks(view, each) for each in view.categorical_outputs}
+    yield from output_blocks(view, found)
+
+
+def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
+    """Yield the first measure that the archive has, and the others folded."""
+    measures = tuple(_measure_blocks(view, output))
+    yield from measures[:1]
+    if further := measures[1:]:
+        yield Fold("Other measures", further)
+
+
+def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
+    tables: dict[str, list[OutputTable]] = {}
+    for name, table in named_tables(view.statistics, output, view.unit(output), everything=True):
+        tables.setdefault(name, []).append(table)
+    charts = [*index_charts(view, output, tables), *effect_charts(view, output, tables)]
+    yield from charts
+    if changes := tuple(responses(view, output)):
+        yield Charts(changes, tables=tuple(tables.pop("responses", ())))
+    drawn = [table for chart in charts for table in chart.tables]
+    for table in chain.from_iterable(tables.values()):
+        if table not in drawn and any(
+            not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells
+        ):
+            yield Table(table, is_folded=True)
+
+
+def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
+    """Shares of the variance of an output being in a category."""
+    shares = index_titles(view.tree)
+    tables = tuple(
+        _category_table(f"{output}: {shares.title(f'the variance of whether it is {kind}')}", each)
+        for kind, each in category_series(view, output).items()
+    )
+    if charts := tuple(category_charts(view, output)):
+        yield Charts(charts, tables=tables)
+    else:
+        yield from (Table(table, is_folded=True) for table in tables)
+
+
+def _category_table(title: str, series: Sequence[MeasureSeries]) -> OutputTable:
+    """A row for each input."""
+    table = OutputTable(title, [f"{each.label}\n{each.source}" for each in series])
+    known = [each.array[INPUT].values.tolist() for each in series]
+    for name in dict.fromkeys(name for inputs in known for name in inputs):
+        cells = [
+            table.cell(each.array[inputs.index(name)], identity) if name in inputs else NOTHING
+            for each, inputs in zip(series, known, strict=True)
+        ]
+        table.rows.append((str(name), cells))
+    return table
+
+
+# Each output against each input, run by run, and all of them for a reader to select among.
+
+# Inputs of the runs for a reader to select among, at the most.
+_MOST_INPUTS = 40
+_LONGEST_LABEL, _LONGEST_ROW = 50, 28
+
+_BEYOND = LegendKey("run beyond the threshold", "beyond", "circle")
+
+
+def scatter(view: ArchiveView) -> Iterator[Block]:
+    """Each output against each input, run by run."""
+    design = view.leading_design
+    if design is None or not (view.numeric_outputs or view.categorical_outputs):
+        return
+    if not view.design(design).keeps_runs:
+        yield Text(f"The runs of {design} are not in the archive, which keeps their statistics.")
+        return
+    cloud = PlottedRuns(view, design)
+    yield _run_explorer(cloud)
+    found = {output: _output_charts(cloud, output) for output in cloud.outputs}
+    yield from output_blocks(view, found, most=1)
+
+
+def _output_charts(cloud: PlottedRuns, output: str) -> Iterator[Charts]:
+    for charts in scatter_output_charts(cloud, output):
+        is_number = output in cloud.view.numeric_outputs
+        yield replace(charts, keys=(*charts.keys, _BEYOND)) if is_number else charts
+
+
+def _run_explorer(cloud: PlottedRuns) -> RunExplorer:
+    """Return the runs with their outputs, and then their inputs, the most important first."""
+    view = cloud.view
+    outputs = [*view.numeric_outputs, *view.categorical_outputs]
+    inputs = input_order(view, outputs[0]).sort(cloud.inputs)
+    notes = [cloud.thinning_note]
+    if WEIGHT in cloud.runs.coords:
+        notes.append("The runs have weights, which these lines and counts leave out.")
+    if len(inputs) > _MOST_INPUTS:
+        notes.append(f"Shown are {_MOST_INPUTS} of {len(inputs)} inputs.")
+    return RunExplorer(
+        title=f"All inputs and outputs of the runs of {cloud.design}",
+        summary="Each run is a line, which crosses each axis at its value.",
+        model=view.model,
+        design=cloud.design,
+        series=view.series(cloud.design),
+        completed=cloud.completed["number"].values.tolist(),
+        failed=cloud.failed["number"].values.tolist(),
+        columns=tuple(_column(cloud, name) for name in (*outputs, *inputs[:_MOST_INPUTS])),
+        notes=tuple(notes),
+    )
+
+
+def _column(cloud: PlottedRuns, name: str) -> RunColumn:
+    view = cloud.view
+    is_input = name in cloud.inputs
+    # An input has a value in failed runs too.
+    values, rows = (cloud.values(name, cloud.completed), ()) if is_input else cloud.heights(name)
+    return RunColumn(
+        quantity=quantity(view, name),
+        label=plain_text(output_title(view, name), _LONGEST_LABEL),
+        unit=unit_suffix(view.unit(name)).lstrip(),
+        is_input=is_input,
+        values=values,
+        failed=cloud.values(name, cloud.failed) if is_input else (),
+        rows=tuple(plain_text(row, _LONGEST_ROW) for row in rows),
+        is_logarithmic=not (is_input or rows) and view.is_logarithmic(name),
+    )

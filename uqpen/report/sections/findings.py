@@ -1,13 +1,17 @@
-"""Warnings about the numbers of a page: few alerts, each with a remedy."""
+"""What drives an output, what agrees with it, and what a reader has to mind, in sentences."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
+from uqpen.charts.marks import has_interval
+from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -23,14 +27,239 @@ from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.report.blocks import Alert
 from uqpen.report.sections.failures import missing_count
-from uqpen.report.sections.quoted_statistics import QuotedStatistic, moments, output_name
-from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import count_text, grouped_number, percent_text
+from uqpen.report.sections.sentences import (
+    QuotedStatistic,
+    moments,
+    no_break,
+    other_design_estimates,
+    output_name,
+)
+from uqpen.results.archive_view import ArchiveView, output_title
+from uqpen.results.digits import (
+    count_text,
+    estimate_text,
+    grouped_number,
+    number_text,
+    percent_text,
+)
+from uqpen.results.input_measures import (
+    Ranking,
+    best_ranking,
+    index_titles,
+    input_label,
+    input_ranking,
+)
 from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.diagnostics import refuted_outputs
 
-__all__ = ["alerts"]
+__all__ = ["agreement_sentences", "alerts", "driver_sentences", "published_sentences"]
+
+
+# What drives an output.
+
+_FRACTIONS = {
+    0.1: "a tenth",
+    0.2: "a fifth",
+    0.25: "a quarter",
+    0.33: "a third",
+    0.4: "two fifths",
+    0.5: "half",
+    0.6: "three fifths",
+    0.67: "two thirds",
+    0.75: "three quarters",
+    0.8: "four fifths",
+    0.9: "nine tenths",
+    1.0: "all",
+}
+# The least share of the variance that is worth a word, and that of interactions.
+_LEAST, _INTERACTING = 0.05, 0.1
+# Inputs that are named after the first.
+_NEXT = 2
+
+
+def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
+    """Yield what drives an output: the most important input, the next ones, interactions."""
+    ranking = input_ranking(view, output)
+    if ranking is None:
+        return
+    name, (first, *others) = output_name(view, output), list(ranking.estimates)
+    name = f"the logarithm of {name}" if ranking.is_of_logarithm else name
+    text = _estimate_text(ranking.estimates[first])
+    if not has_interval(ranking.estimates[first].values):
+        text = f"{text} by {ranking.source}, without an interval"
+    start = capitalized(input_label(view, first))
+    measure = ranking.statistic.measure
+    if not measure.share:
+        words = {"{input}": start, "{output}": name, "{estimate}": text}
+        # All in one pass, as a name may have braces itself.
+        yield re.sub(r"\{\w+\}", lambda found: words[found[0]], measure.sentence)
+    elif (share := float(ranking.estimates[first].values[0])) < _LEAST:
+        yield f"No single input causes more than {text} of the variance of {name} by itself."
+    else:
+        part = f"about {_fraction(share)} of the variance of {name}"
+        yield f"{start} {_share_text(view, ranking, part, text)}"
+    if further := _next_inputs(view, ranking, others):
+        yield f"Next: {further}."
+    measure = ranking.statistic.measure
+    if measure.share != "alone" or index_titles(view.tree).is_dependent:
+        return
+    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
+    total = best_ranking(view, output, of_total)
+    if total is None:
+        return
+    shown = {
+        name: _estimate_text(array)
+        for name, array in total.estimates.items()
+        if name in ranking.estimates and _exceeds(array, ranking.estimates[name])
+    }
+    if shown:
+        inputs = ", ".join(f"{input_label(view, each)} ({text})" for each, text in shown.items())
+        yield f"With its interactions: {inputs}."
+
+
+def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
+    if ranking.divides:
+        return f"causes {part}: its Shapley effect is {text}."
+    if index_titles(view.tree).is_dependent:
+        return f"goes with {part} ({text}), which includes what dependent inputs share."
+    return f"causes {part} by itself ({text})."
+
+
+def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
+    measure = ranking.statistic.measure
+    if not measure.share and "{estimate}" not in measure.sentence:
+        shown = others[:_NEXT]
+        return " and ".join(input_label(view, each) for each in shown)
+    shown = [each for each in others if abs(float(ranking.estimates[each].values[0])) >= _LEAST][
+        :_NEXT
+    ]
+    texts = {each: _estimate_text(ranking.estimates[each]) for each in shown}
+    return " and ".join(f"{input_label(view, each)} ({text})" for each, text in texts.items())
+
+
+def _exceeds(total: xr.DataArray, first: xr.DataArray) -> bool:
+    """Return whether a total order is above a first order by more than their intervals."""
+    beyond = float(total.values[0] - first.values[0]) > _INTERACTING
+    if has_interval(total.values) and has_interval(first.values):
+        return beyond and bool(total.values[1] > first.values[2])
+    return beyond
+
+
+def _fraction(share: float) -> str:
+    nearest = min(_FRACTIONS, key=lambda each: abs(each - share))
+    return _FRACTIONS[nearest]
+
+
+def _estimate_text(array: xr.DataArray) -> str:
+    return no_break(estimate_text(*array.values.tolist()))
+
+
+# Agreement with other designs and with published estimates.
+
+# Quantities that are compared.
+_MOST_COMPARED = 3
+
+
+def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
+    """Yield what agrees and what differs: a sentence on each output of each publication."""
+    for publication in view.statistics.publications:
+        texts = []
+        for output in view.numeric_outputs:
+            parts = []
+            for quantity in moments(view, output):
+                samples = dict.fromkeys((design, *quantity.view.sample_designs))
+                found = [each for name in samples if (each := quantity.estimate(name)) is not None]
+                bounded = [each for each in found if np.isfinite(each.values).all()]
+                there, here = quantity.estimate(publication), next(iter((*bounded, *found)), None)
+                if there is not None and here is not None:
+                    parts.append(_comparison(quantity, there, here))
+            parts += _largest_contribution(view, output, publication)
+            if parts:
+                texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
+        if texts:
+            citation = plain_text(view.statistics.citation(publication) or publication, 80)
+            yield f"Against {citation}, its value first."
+            yield from texts
+
+
+def _comparison(quantity: QuotedStatistic, there: xr.DataArray, here: xr.DataArray) -> str:
+    label = quantity.label
+    published = float(quantity.bounds(there)[0])
+    bounds = quantity.bounds(here).tolist()
+    unit = quantity.unit_text
+    own = no_break(f"{estimate_text(*bounds)}{unit}")
+    stated = f"{no_break(f'{number_text(published)}{unit}')}, {own}"
+    if not np.isfinite(bounds).all():
+        return f"{label} uncertain ({stated} without an interval)"
+    _, lower, upper = bounds
+    return f"{label} {'agrees' if lower <= published <= upper else 'differs'} ({stated})"
+
+
+def _largest_contribution(view: ArchiveView, output: str, publication: str) -> Iterator[str]:
+    named, ranking = view.statistics.largest_contribution(publication, output), None
+    if named:
+        ranking = input_ranking(view, output)
+    if ranking is None:
+        return
+    here = next(iter(ranking.estimates))
+    if here == named:
+        yield f"the largest contribution is the same ({input_label(view, named)})"
+        return
+    own, other = (
+        no_break(estimate_text(*ranking.estimates[name].values.tolist()))
+        if name in ranking.estimates
+        else "no estimate"
+        for name in (here, named)
+    )
+    yield (
+        f"the largest contribution differs ({input_label(view, named)}, which has {other} here; "
+        f"{input_label(view, here)} has {own})"
+    )
+
+
+def agreement_sentences(quantities: Sequence[QuotedStatistic], design: str) -> Iterator[str]:
+    """Yield whether other designs agree on the first quantities, if there are any.
+
+    Two agree if their intervals overlap.
+    """
+    parts: list[str] = []
+    apart: dict[str, list[str]] = {}
+    by: set[str] = set()
+    output = ""
+    for quantity in quantities[:_MOST_COMPARED]:
+        own, others = quantity.leading_estimate(design), other_design_estimates(quantity, design)
+        if own is None or not others:
+            continue
+        label = quantity.label if quantity.output == output else quantity.heading
+        output, by = quantity.output, by | set(others)
+        parts.append(f"{label}: {_range_text(quantity, own, others)}")
+        if far := [name for name, each in others.items() if not _overlap(own, each)]:
+            apart[label] = far
+    if parts:
+        few = count_text(len(by), "other design")
+        yield "Not in all." if apart else f"Yes, {few} within their intervals."
+        yield f"{'; '.join(parts)}."
+    for label, far in apart.items():
+        yield f"{label}: the interval of {', '.join(far)} lies apart."
+
+
+def _overlap(one: xr.DataArray, other: xr.DataArray) -> bool:
+    """Return whether two intervals overlap, as far as they have ends."""
+    (_, low, high), (_, lower, upper) = one.values.tolist(), other.values.tolist()
+    return not (low > upper or lower > high)
+
+
+def _range_text(
+    quantity: QuotedStatistic, own: xr.DataArray, others: dict[str, xr.DataArray]
+) -> str:
+    """Return the smallest and the largest estimate, in the digits of the leading design's."""
+    values = [float(quantity.bounds(array)[0]) for array in (own, *others.values())]
+    *_, lowest, highest = quantity.texts(own, float(np.min(values)), float(np.max(values)))
+    return lowest if lowest == highest else f"{lowest} to {highest}"
+
+
+# Warnings about the numbers of a page: few alerts, each with a remedy.
 
 # Notes of estimates that are written out.
 _MOST_NOTES = 2
