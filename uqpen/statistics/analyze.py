@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import xarray as xr
 
@@ -25,6 +25,7 @@ from uqpen.statistics import (
     WEIGHTED_ANALYSES,
     texts,
 )
+from uqpen.statistics.by_blocks.large_sample import LargeSample
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
@@ -41,9 +42,6 @@ from uqpen.statistics.run_samples import (
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined import user_defined_statistics
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
-
-if TYPE_CHECKING:
-    from uqpen.statistics.by_blocks.large_sample import LargeSample
 
 __all__ = [
     "OutputStatistics",
@@ -119,8 +117,6 @@ def goes_by_blocks(runs: BlockedRuns, in_memory: int) -> bool:
 
 def large_sample(runs: BlockedRuns, in_memory: int) -> LargeSample:
     """Return a sample of many runs, a part of whose runs goes through memory."""
-    from uqpen.statistics.by_blocks.large_sample import LargeSample  # loads a compiler
-
     return LargeSample(runs, in_memory, _analyze_whole)
 
 

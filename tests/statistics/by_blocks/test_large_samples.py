@@ -12,7 +12,7 @@ from uqpen.core.labels import ABSENT, REPLICATE, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.model import Category, Output
 from uqpen.core.status import Status
 from uqpen.statistics.analyze import analyze, analyze_failures
-from uqpen.statistics.by_blocks.grouping import Grouping
+from uqpen.statistics.by_blocks.passes import Grouping
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -240,7 +240,7 @@ def test_many_replicates_are_joined_and_give_the_same_estimates(
     many = runs.assign_coords({REPLICATE: (RUN, np.arange(RUNS) // 5)})
     whole = analyze(many, QUANTITIES, only=["moments", "quantiles"])["y"]
     small_blocks(monkeypatch)
-    monkeypatch.setattr("uqpen.statistics.by_blocks.grouping._MOST_GROUPS", 250)
+    monkeypatch.setattr("uqpen.statistics.by_blocks.passes._MOST_GROUPS", 250)
     assert Grouping.of_runs(LoadedDataset(many)).sizes.tolist() == [15] * 200
     joined = analyze(many, QUANTITIES, in_memory=SMALL)["y"]
     for name, expected in whole.items():

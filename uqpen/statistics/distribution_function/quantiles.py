@@ -104,7 +104,7 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     position = np.clip(p * (sample.size + 1 / 3) + 1 / 3, 1, sample.size) - 1
     below = np.floor(position).astype(np.int64)
     above = np.minimum(below + 1, sample.size - 1)
-    low, high = sample.sorted_values[..., below], sample.sorted_values[..., above]
+    low, high = sample.ordered(below), sample.ordered(above)
     # Weights rather than a difference, which overflows where both ends of the numbers are met.
     share = position - below
     return np.where(low == high, low, (1 - share) * low + share * high)
@@ -125,21 +125,12 @@ def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
 
     At places, each may have its rank.
     """
-    if not sample.is_at_places:
-        number = float(np.asarray(rank))
-        exists = 1 <= number <= sample.size
-        return np.asarray(sample.sorted_values[..., int(number) - 1] if exists else np.nan)
-    return _order_statistics_at_places(sample, rank)
-
-
-def _order_statistics_at_places(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
     ranks = np.broadcast_to(np.asarray(rank, dtype=np.float64), sample.values.shape[:-1])
     exists = (ranks >= 1) & (ranks <= sample.size)
     if not exists.any():
         return np.full(ranks.shape, np.nan)
-    position = np.where(exists, ranks, 1).astype(np.int64)[..., np.newaxis] - 1
-    values = np.take_along_axis(sample.sorted_values, position, axis=-1)[..., 0]
-    return np.where(exists, values, np.nan)
+    positions = np.where(exists, ranks, 1).astype(np.int64)[..., np.newaxis] - 1
+    return np.where(exists, sample.ordered(positions)[..., 0], np.nan)
 
 
 def _quantiles_at(sample: Sample, probabilities: Sequence[float]) -> Estimate:

@@ -9,6 +9,7 @@ interval those in the middle.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray
 from uqpen.core.labels import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import (
@@ -32,7 +32,7 @@ from uqpen.statistics.intervals import (
     upper_rank,
 )
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
 
 __all__ = ["lower_tolerance_limits", "tolerance_intervals", "tolerance_limits"]
@@ -170,7 +170,7 @@ class _Limit(NamedTuple):
     """
 
     quantile: float
-    inside: tuple[BoolArray, BoolArray]
+    inside: tuple[Column, Column]
     bounds: Callable[[float], tuple[float, float]]
     too_few_runs: str  # with a placeholder for the fewest
 
@@ -178,7 +178,7 @@ class _Limit(NamedTuple):
 def _upper_limit(sample: Sample, content: float) -> Estimate:
     """Estimate a quantile with a one-sided upper bound."""
     value = float(sample_quantile(sample, content))
-    inside = sample.values <= value, sample.values < value
+    inside = sample.event(operator.le, value), sample.event(operator.lt, value)
 
     def bounds(blocks: float) -> tuple[float, float]:
         return math.nan, float(order_statistic(sample, blocks))
@@ -190,7 +190,7 @@ def _upper_limit(sample: Sample, content: float) -> Estimate:
 def _lower_limit(sample: Sample, content: float) -> Estimate:
     """Estimate a quantile with a one-sided lower bound."""
     value = float(sample_quantile(sample, 1 - content))
-    inside = sample.values >= value, sample.values > value
+    inside = sample.event(operator.ge, value), sample.event(operator.gt, value)
 
     def bounds(blocks: float) -> tuple[float, float]:
         return float(order_statistic(sample, sample.size + 1 - blocks)), math.nan
@@ -219,8 +219,8 @@ def _interval(sample: Sample, content: float) -> Estimate:
     tail = (1 - content) / 2
     low, high = sample_quantile(sample, [tail, 1 - tail])
     inside = (
-        (sample.values >= low) & (sample.values <= high),
-        (sample.values > low) & (sample.values < high),
+        sample.event(operator.ge, low) & sample.event(operator.le, high),
+        sample.event(operator.gt, low) & sample.event(operator.lt, high),
     )
     for needed in _blocks(sample, content, inside, 1 - tail):
         if needed.blocks < sample.size:
@@ -243,7 +243,7 @@ class _Blocks(NamedTuple):
 
 
 def _blocks(
-    sample: Sample, content: float, inside: Sequence[BoolArray], furthest: float
+    sample: Sample, content: float, inside: Sequence[Column], furthest: float
 ) -> Iterator[_Blocks]:
     """Yield the number of blocks that have a content, by the best method and by a safe one.
 

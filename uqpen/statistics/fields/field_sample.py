@@ -27,7 +27,7 @@ from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.estimate import PLACE
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample, shape_of
+from uqpen.statistics.sample import Sample
 
 __all__ = [
     "FieldSample",
@@ -116,7 +116,7 @@ class FieldSample:
         """Runs that decide the variance at each place, shape (place,); NaN without scatter."""
         found = np.full(self.matrix.shape[1], np.nan)
         for group in self.samples():
-            found[group.places] = shape_of(group.runs).effective_runs
+            found[group.places] = group.runs.shape.effective_runs
         return found
 
     def samples(self) -> Iterator[PlaceSamples]:

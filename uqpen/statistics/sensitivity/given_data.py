@@ -95,7 +95,7 @@ class SampledVariable:
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of its tail."""
-        return DistanceShape(self.sample) if self.is_distance else SampleShape(self.sample)
+        return DistanceShape(self.sample) if self.is_distance else self.sample.shape
 
     @property
     def too_few_runs(self) -> str:
@@ -272,7 +272,7 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         return
     regressions = LocalRegressions(sample)
     is_positive = sample.size > 0 and bool(sample.values.min() > 0)
-    is_doubtful = not quantity.output.categories and bool(SampleShape(sample).is_doubtful)
+    is_doubtful = not quantity.output.categories and bool(sample.shape.is_doubtful)
     for function in output_functions(quantity, has_logarithm=is_positive):
         rows = []
         for row in function.rows:  # of many thresholds, the runs are in memory once

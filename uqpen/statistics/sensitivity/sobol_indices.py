@@ -179,7 +179,7 @@ class BlockVariable:
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of that sample."""
-        return DistanceShape(self.sample) if self.is_distance else SampleShape(self.sample)
+        return DistanceShape(self.sample) if self.is_distance else self.sample.shape
 
     @cached_property
     def drawn(self) -> tuple[FloatArray, FloatArray]:
