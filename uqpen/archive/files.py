@@ -194,14 +194,9 @@ class ExtractedFiles(NamedTuple):
 
 @contextlib.contextmanager
 def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator[ExtractedFiles]:
-    """Provide an archive's files in a temporary folder.
+    """Provide an archive's files in a temporary folder, and write nothing outside it.
 
-    Parameters
-    ----------
-    files : sequence of ArchivedFile
-        Nothing is written outside the temporary folder, whatever their names are.
-    other_folder : Path
-        Folder with the files that the archive has only as hashes.
+    Files that the archive has only as hashes are taken from another folder.
 
     Raises
     ------

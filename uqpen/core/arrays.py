@@ -49,12 +49,7 @@ def raw_bytes(values: npt.NDArray[Any]) -> memoryview:
 
 
 def floats(value: object) -> FloatArray:
-    """Convert a value to an array of floats.
-
-    Parameters
-    ----------
-    value : object
-        A number, an array or a nested list of them; a masked entry becomes NaN.
+    """Convert a number, an array or a nested list to an array of floats; masked entries to NaN.
 
     Raises
     ------

@@ -96,11 +96,8 @@ class ColumnFile:
 def read_columns(path: Path) -> ColumnFile:
     """Read the columns of a file.
 
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.nc`` for NetCDF, whose variables along one dimension are the columns; anything
-        else is read as CSV under a row of headings ``name [unit]``.
+    They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
+    else is read as CSV under a row of headings ``name [unit]``.
 
     Raises
     ------

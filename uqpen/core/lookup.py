@@ -85,14 +85,7 @@ def installed_packages(group: str) -> dict[str, str]:
 
 
 def load_installed(group: str, name: str) -> Any:
-    """Import the object that an installed package adds to a family.
-
-    Parameters
-    ----------
-    group : str
-        Group of the entry points of the family, such as ``"uqpen.designs"``.
-    name : str
-        One of its `installed_members`.
+    """Import the object that an installed package adds to a family, one of its `installed_members`.
 
     Raises
     ------

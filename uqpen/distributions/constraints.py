@@ -74,14 +74,7 @@ class Constraint:
 
 
 def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
-    """Read a constraint and check its names and units.
-
-    Parameters
-    ----------
-    text : str
-        The comparison.
-    units : mapping of str to str
-        The SI unit of every input that may stand in it.
+    """Read a constraint on inputs, whose SI units are given, and check its names and units.
 
     Raises
     ------

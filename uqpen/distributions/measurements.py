@@ -247,18 +247,9 @@ def fitted_families() -> list[str]:
 def fit_distribution(
     family: str, measurements: FloatArray, rng: np.random.Generator, *, samples: int | None = None
 ) -> DistributionFit:
-    """Fit a family to measurements.
+    """Fit one of `fitted_families` to measurements in SI units.
 
-    Parameters
-    ----------
-    family : str
-        One of `fitted_families`.
-    measurements : ndarray, shape (measurement,)
-        In SI units.
-    rng : Generator
-        For the bootstrap.
-    samples : int, optional
-        Number of bootstrap samples; 999, or fewer where there are very many measurements.
+    The bootstrap has 999 samples, or fewer where there are very many measurements.
 
     Raises
     ------

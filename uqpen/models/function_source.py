@@ -101,15 +101,8 @@ class _UnknownSourceError(Exception):
 def function_source(function: Callable[..., Any]) -> FunctionSource:
     """Return the source of a function, also of one defined in a notebook or in a function.
 
-    Parameters
-    ----------
-    function : callable
-        It is read, not called.
-
-    Returns
-    -------
-    FunctionSource
-        Its hash is the same in every process and whatever the lines around the definition.
+    The function is not called. Its hash is the same in every process and whatever the lines around
+    the definition.
     """
     name = getattr(function, "__qualname__", type(function).__name__).rpartition(".")[2]
     name = name.replace("<lambda>", "lambda")

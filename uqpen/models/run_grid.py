@@ -61,21 +61,10 @@ class RunGrid:
     def interpolate(
         self, output: Output, values: FloatArray, coordinates: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """Return an output of one run at the declared coordinates.
+        """Return an output of one run at the declared coordinates, of shape (*dims).
 
-        Parameters
-        ----------
-        output : Output
-            The output as it is declared.
-        values : ndarray
-            Its values in the run, an axis for each dimension.
-        coordinates : mapping of str to ndarray, shape (step,)
-            The run's own coordinates, by dimension, in their units.
-
-        Returns
-        -------
-        ndarray, shape (*dims)
-            NaN beyond the end of a curve that may end.
+        It has values along the run's own coordinates, by dimension, in their units. The result is
+        NaN beyond the end of a curve that may end.
 
         Raises
         ------
@@ -229,15 +218,8 @@ _SAME_PLACE = 1e-9
 def in_declared_order(value: Any, output: Output, own: Collection[str] = ()) -> Any:
     """Return a labelled array in the order of an output's dimensions and of their coordinates.
 
-    Parameters
-    ----------
-    value : object
-        An xarray DataArray, or anything else, which stays as it is. Further dimensions come before
-        those of the output.
-    output : Output
-        The output as it is declared.
-    own : collection of str
-        The dimensions along which the run has a grid of its own, which it returns by itself.
+    Anything else stays as it is. Further dimensions come before those of the output. Along some
+    dimensions, the run may have a grid of its `own`.
 
     Raises
     ------
@@ -300,23 +282,9 @@ def extract_outputs(
     runs: int | None,
     grids: Mapping[str, RunGrid] = _NO_GRIDS,
 ) -> dict[str, FloatArray]:
-    """Return the declared outputs in the value that a function returned.
+    """Return the declared outputs in the value that a function returned, in its units.
 
-    Parameters
-    ----------
-    returned : object
-        The value.
-    outputs : sequence of Output
-        The declared outputs.
-    runs : int or None
-        The number of runs of a vectorised call; None for a call that makes one run.
-    grids : mapping of str to RunGrid
-        By output, the grid of one run that it is returned on.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (run, *dims) or (*dims,)
-        By output, in the units of the function.
+    The `runs` are those of a vectorised call, None for a call that makes one run.
 
     Raises
     ------

@@ -38,17 +38,9 @@ __all__ = [
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
     """Load the function of ``"file.py:function"`` or ``"package.module:function"``.
 
-    Parameters
-    ----------
-    reference : str
-        A path ends in ``.py`` and is relative to `folder`; anything else is an importable module.
-    folder : Path
-        Folder of the study file; modules beside it can be imported.
-
-    Returns
-    -------
-    function, surroundings
-        The function, and the folder that it must be called in.
+    A path ends in ``.py`` and is relative to the folder of the study, whose modules can be
+    imported; anything else is an importable module. The function must be called in the folder that
+    comes with it.
 
     Raises
     ------
@@ -73,12 +65,7 @@ def find_function(module: ModuleType, name: str, reference: str) -> Callable[...
 def load_module(
     reference: str, folder: Path, form: str = "my_model.py:function"
 ) -> tuple[ModuleType, str, ModelFolder]:
-    """Load the module of a reference such as those of `load_function`.
-
-    Returns
-    -------
-    module, name, surroundings
-        The module, the name after the colon, and the folder that the module belongs to.
+    """Load the module of a reference, with the name after the colon and the module's folder.
 
     Raises
     ------
@@ -98,16 +85,9 @@ def load_module(
 
 
 def module_coordinates(module: ModuleType, name: str, surroundings: ModelFolder) -> FloatArray:
-    """Return the coordinates that a module has under a name.
+    """Return the coordinates that a module of a model has under a name.
 
-    Parameters
-    ----------
-    module : module
-        The module of a model's function.
-    name : str
-        The name of a list, an array, or a function without arguments that returns one.
-    surroundings : ModelFolder
-        The folder that the module belongs to.
+    They are a list, an array, or a function without arguments that returns one.
 
     Raises
     ------
@@ -307,15 +287,9 @@ class FunctionFamily(NamedTuple):
     error: type[UqpenError]
 
     def find(self, named: str | Callable[..., Any], folder: Path) -> UserDefinedFunction:
-        """Return the function with a name or a reference.
+        """Return the function with a name or a reference, or a function itself.
 
-        Parameters
-        ----------
-        named : str or callable
-            Name of a built-in or installed member, a reference such as ``"my_file.py:function"``
-            or ``"package.module:function"``, or the function itself.
-        folder : Path
-            Folder to which the path of a file is relative.
+        The path of a file is relative to the folder.
 
         Raises
         ------

@@ -208,12 +208,7 @@ class NetcdfVariable:
 
 
 def read_variables(content: bytes) -> list[NetcdfVariable]:
-    """Read the variables outside groups, but not those that only number a dimension.
-
-    Parameters
-    ----------
-    content : bytes
-        A file of NetCDF 3 or 4, whoever has written it.
+    """Read the variables of a file outside groups, but not those that only number a dimension.
 
     Raises
     ------

@@ -102,23 +102,9 @@ def read_outputs(
     grids: Mapping[str, RunGrid],
     written: RunFiles,
 ) -> dict[str, FloatArray]:
-    """Read the outputs of a run.
+    """Read the outputs of a run, in the units of the program, each of shape (*dims).
 
-    Parameters
-    ----------
-    outputs : sequence of Output
-        The outputs.
-    readings : mapping of str to OutputReader
-        The reader of each output, and of the coordinates that a run has of its own.
-    grids : mapping of str to RunGrid
-        By output, the grid on which a run writes it.
-    written : RunFiles
-        What the run has written.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (*dims)
-        In the units of the program.
+    There is a reader of each output, and of the coordinates that a run has of its own.
 
     Raises
     ------

@@ -367,16 +367,11 @@ class TextReader(OutputReader):
 
 
 def _within(seconds: float | None, search: Callable[[], list[str]]) -> list[str]:
-    """Search within a limit of processor time, in seconds, and return the result.
+    """Search within a limit of processor time, in seconds; TimeoutError if it takes longer.
 
     Some patterns have a cost that is exponential in the length of the text. A search lets no other
     thread run. But it looks for signals, which reach the main thread. In other threads there is no
     limit.
-
-    Raises
-    ------
-    TimeoutError
-        If it takes longer.
     """
     if seconds is None or threading.current_thread() is not threading.main_thread():
         return search()

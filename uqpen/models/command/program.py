@@ -199,22 +199,10 @@ BRACES = Delimiters()
 
 
 def fill(text: str, values: Mapping[str, float | str], delimiters: Delimiters = BRACES) -> str:
-    """Replace the placeholders of a text.
+    """Replace the placeholders of a text in which `find_mistakes` finds none.
 
-    Parameters
-    ----------
-    text : str
-        In which `find_mistakes` finds none.
-    values : mapping of str to float or str
-        Numbers are written so that reading them gives the same number again, unless the
-        placeholder has a format.
-    delimiters : Delimiters
-        Those of its placeholders.
-
-    Raises
-    ------
-    NotWholeError
-        If a number has a format of whole numbers, and is none.
+    Numbers are written so that reading them gives the same number again, unless the placeholder
+    has a format. NotWholeError if that is one of whole numbers, and the number is none.
 
     >>> fill("a = {a}; b = {b:.2e}; {{}}", {"a": 0.1, "b": 1234.5})
     'a = 0.1; b = 1.23e+03; {}'
@@ -248,21 +236,9 @@ def find_mistakes(
     paths: Collection[str],
     delimiters: Delimiters = BRACES,
 ) -> Iterator[tuple[int, str, str]]:
-    """Yield the mistakes in the placeholders of a text.
+    """Yield the mistakes in placeholders: the line, from 1, the text there, and the expected one.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    numbers, paths : collection of str
-        Names of placeholders; those of paths have no format.
-    delimiters : Delimiters
-        Those of its placeholders.
-
-    Yields
-    ------
-    line, found, expected
-        Number of the line, from 1; the text there, and the expected one.
+    Placeholders of paths have no format.
     """
     for token in delimiters.tokens.finditer(text):
         if expected := _expected(token, numbers, paths, delimiters):

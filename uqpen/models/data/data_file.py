@@ -493,12 +493,7 @@ _READERS: dict[str, Callable[[str, bytes], tuple[DataColumn, ...]]] = {
 
 
 def read_data_file(path: Path) -> DataFile:
-    """Read a data file.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.nc`` for NetCDF and in ``.parquet`` for Parquet; anything else is text.
+    """Read a data file: NetCDF if it ends in ``.nc``, Parquet if in ``.parquet``, else a text.
 
     Raises
     ------

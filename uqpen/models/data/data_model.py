@@ -78,16 +78,7 @@ _STATUSES = {status.meaning: status for status in Status}
 def data_points(
     file: DataFile, inputs: Sequence[Input], units: Mapping[str, str]
 ) -> dict[str, FloatArray]:
-    """Return the inputs of a data file in SI units.
-
-    Parameters
-    ----------
-    file : DataFile
-        The file.
-    inputs : sequence of Input
-        The inputs, each with a column.
-    units : mapping of str to str
-        The unit of each column.
+    """Return the inputs of a data file in SI units, each from its column in a unit.
 
     Raises
     ------
