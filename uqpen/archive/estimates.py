@@ -90,10 +90,7 @@ def labelled_array(
     variables or what makes one, with their indexes if they are `xarray.Coordinates`; `texts` are
     further ones without an index, which nothing else holds.
 
-    Raises
-    ------
-    ValueError
-        If a coordinate has another dimension than the array, or another size.
+    ValueError if a coordinate has another dimension than the array, or another size.
     """
     variable = xr.Variable(dims, values, dict(attributes), fastpath=True)
     variables: dict[Hashable, xr.Variable] = {}

@@ -77,10 +77,7 @@ class ArchivedFile:
     def read(self) -> bytes:
         """Return the content of the file.
 
-        Raises
-        ------
-        ArchiveError
-            If the content does not match the archived hash and size.
+        ArchiveError if the content does not match the archived hash and size.
         """
         try:
             content = {
@@ -198,11 +195,8 @@ def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator
 
     Files that the archive has only as hashes are taken from another folder.
 
-    Raises
-    ------
-    ArchiveError
-        If a name is not that of a file in the study's folder or next to it, a file does not match
-        its hash, or two files cannot be in one folder.
+    ArchiveError if a name is not that of a file in the study's folder or next to it, a file does
+    not match its hash, or two files cannot be in one folder.
     """
     paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.

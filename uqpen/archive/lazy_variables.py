@@ -240,10 +240,7 @@ class GrowingRuns:
     def read(self, start: int, stop: int) -> Mapping[str, Any]:
         """Return the values of the runs from one number to another, by variable.
 
-        Raises
-        ------
-        OSError, RuntimeError
-            If the library cannot read them.
+        OSError or RuntimeError if the library cannot read them.
         """
         return {
             name: np.asarray(each[start:stop]) for name, each in self._opened().variables.items()

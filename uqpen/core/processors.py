@@ -41,10 +41,7 @@ def use_one_thread() -> None:
 def thread_count() -> int:
     """Return how many threads compiled code may use in this process; no result depends on it.
 
-    Raises
-    ------
-    SettingsError
-        If the environment variable ``UQPEN_THREADS`` is no number, or less than 1.
+    SettingsError if the environment variable ``UQPEN_THREADS`` is no number, or less than 1.
     """
     given = os.environ.get(MOST_THREADS, "").strip()
     if given and not (given.isdecimal() and int(given) > 0):

@@ -59,10 +59,7 @@ def parse_quantity(
     A difference of 5 degC, a standard deviation say, is 5 K. Without `allow_offset`, the unit of
     another value may have no zero of its own.
 
-    Raises
-    ------
-    QuantityError
-        If it is not a finite number with a unit of that dimension.
+    QuantityError if it is not a finite number with a unit of that dimension.
     """
     if isinstance(text, int | float) and not isinstance(text, bool) and not is_huge(text):
         text = repr(text)
@@ -89,10 +86,7 @@ def parse_spread(text: str, like: str) -> Spread | None:
 
     Returns None for a text without ``±`` (or ``+/-``).
 
-    Raises
-    ------
-    QuantityError
-        If it has one but cannot be read.
+    QuantityError if it has one but cannot be read.
     """
     _refuse_length(text)
     if not _PLUS_MINUS.search(text):

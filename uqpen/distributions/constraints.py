@@ -76,10 +76,7 @@ class Constraint:
 def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
     """Read a constraint on inputs, whose SI units are given, and check its names and units.
 
-    Raises
-    ------
-    ConstraintError
-        If it is no comparison, names something else, or mixes dimensions.
+    ConstraintError if it is no comparison, names something else, or mixes dimensions.
     """
     tree = _parse(text)
     sides = [tree.left, *tree.comparators]

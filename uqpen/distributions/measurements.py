@@ -75,10 +75,7 @@ class Measurements:
     def column(self, heading: str) -> Column:
         """Return the column with a heading, with or without its unit; empty for the only column.
 
-        Raises
-        ------
-        TableError
-            If there is none, or more than one.
+        TableError if there is none, or more than one.
         """
         headings = [column.heading for column in self.columns]
         if not heading and len(headings) > 1:

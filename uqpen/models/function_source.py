@@ -129,10 +129,7 @@ def _parts(value: object, label: str, seen: dict[int, int]) -> Iterator[bytes]:
     Types are compared exactly: what a subclass adds is not known. `seen` has the number of each
     value that may contain itself.
 
-    Raises
-    ------
-    _UnknownSourceError
-        If it has none, so two values of this kind cannot be distinguished.
+    _UnknownSourceError if it has none, so two values of this kind cannot be distinguished.
     """
     kind = type(value)
     if kind in _CONSTANTS:

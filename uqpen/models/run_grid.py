@@ -66,10 +66,8 @@ class RunGrid:
         It has values along the run's own coordinates, by dimension, in their units. The result is
         NaN beyond the end of a curve that may end.
 
-        Raises
-        ------
-        UnusableOutputError
-            If the run's grid does not ascend or is too short, or a value on it is no number.
+        UnusableOutputError if the run's grid does not ascend or is too short, or a value on it is
+        no number.
         """
         for axis, dimension in enumerate(output.dims):
             if dimension.name not in self.names:
@@ -221,10 +219,8 @@ def in_declared_order(value: Any, output: Output, own: Collection[str] = ()) -> 
     Anything else stays as it is. Further dimensions come before those of the output. Along some
     dimensions, the run may have a grid of its `own`.
 
-    Raises
-    ------
-    UnusableOutputError
-        If the array has coordinates along a declared dimension, and these are others than declared.
+    UnusableOutputError if the array has coordinates along a declared dimension, and these are
+    others than declared.
     """
     declared = [dimension.name for dimension in output.dims]
     names = getattr(value, "dims", ())
@@ -286,10 +282,8 @@ def extract_outputs(
 
     The `runs` are those of a vectorised call, None for a call that makes one run.
 
-    Raises
-    ------
-    UnusableOutputError
-        If an output is missing, is not of numbers, or has another shape than declared.
+    UnusableOutputError if an output is missing, is not of numbers, or has another shape than
+    declared.
     """
     if not isinstance(returned, Mapping):
         text = f"returned {type(returned).__name__}, not a mapping of outputs"

@@ -42,10 +42,7 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
     imported; anything else is an importable module. The function must be called in the folder that
     comes with it.
 
-    Raises
-    ------
-    ModelError
-        If there is no such function, or importing it fails.
+    ModelError if there is no such function, or importing it fails.
     """
     module, name, surroundings = load_module(reference, folder)
     return find_function(module, name, reference), surroundings
@@ -67,10 +64,7 @@ def load_module(
 ) -> tuple[ModuleType, str, ModelFolder]:
     """Load the module of a reference, with the name after the colon and the module's folder.
 
-    Raises
-    ------
-    ModelError
-        If the reference is not of the form, there is no such module, or importing it fails.
+    ModelError if the reference is not of the form, there is no such module, or importing it fails.
     """
     where, _, name = reference.rpartition(":")
     if not where or not name:
@@ -89,11 +83,8 @@ def module_coordinates(module: ModuleType, name: str, surroundings: ModelFolder)
 
     They are a list, an array, or a function without arguments that returns one.
 
-    Raises
-    ------
-    ModelError
-        If there is no such name, the function fails, or what it has are no numbers along one
-        dimension.
+    ModelError if there is no such name, the function fails, or what it has are no numbers along one
+    dimension.
     """
     if not hasattr(module, name):
         raise ModelError(f'"{name}", which is not there')

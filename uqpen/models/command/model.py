@@ -106,10 +106,8 @@ def read_outputs(
 
     There is a reader of each output, and of the coordinates that a run has of its own.
 
-    Raises
-    ------
-    UnreadableError, UnusableOutputError
-        If an output is not there, or is not what is declared; the message names the place.
+    UnreadableError or UnusableOutputError if an output is not there, or is not what is declared;
+    the message names the place.
     """
     found = {}
     for output in outputs:

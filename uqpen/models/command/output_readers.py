@@ -79,10 +79,7 @@ class RunFiles:
     def content(self, name: str) -> bytes:
         """Return the bytes of a file.
 
-        Raises
-        ------
-        UnreadableError
-            If it is not there, is no file (reading a pipe would never end) or is huge.
+        UnreadableError if it is not there, is no file (reading a pipe would never end) or is huge.
         """
         try:
             return read_file(self.folder / name, _LARGEST)
@@ -201,10 +198,7 @@ def text_after(written: RunFiles, file: str, after: str | None) -> str:
 def parse_number(text: str, place: str, row: int | None = None) -> float:
     """Parse a printed number, which may have a Fortran exponent.
 
-    Raises
-    ------
-    UnreadableError
-        If it is none, with its place and, in a list, its row.
+    UnreadableError if it is none, with its place and, in a list, its row.
     """
     written = text.strip().lower()
     for number in (written, written.replace("d", "e")):

@@ -105,10 +105,7 @@ class Program:
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
     """Find the program that the first word of a command names, and the other files of the study.
 
-    Raises
-    ------
-    ModelError
-        If there is no such program, or a file cannot be read.
+    ModelError if there is no such program, or a file cannot be read.
     """
     try:
         executed = ProgramFile.from_path(str(Path(word)), find_program(word, folder))
@@ -125,10 +122,7 @@ def find_program(word: str, folder: Path) -> Path:
 
     The word is a path (with a slash), from the study's folder if it is relative, or a name.
 
-    Raises
-    ------
-    ModelError
-        If there is none that can be executed.
+    ModelError if there is none that can be executed.
     """
     if "/" not in word:
         found = shutil.which(word)
