@@ -391,16 +391,10 @@ def file(**options: Any) -> Any:
 
 
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
-    """Check the settings of an instance; raise an error if one is out of range.
+    """Check the settings of an instance, usually in its ``__post_init__``.
 
-    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first.
-
-    Parameters
-    ----------
-    owner : dataclass instance
-        Usually ``self``, in ``__post_init__``.
-    further : iterable of Problem
-        Problems between settings; used only where each setting is valid by itself.
+    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first. Further
+    problems, between settings, are used only where each setting is valid by itself.
 
     Raises
     ------

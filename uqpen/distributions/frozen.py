@@ -108,18 +108,7 @@ class FrozenDistribution(Distribution):
 def frozen_distribution(
     library: str, name: str, parameters: Mapping[str, float], unit: str
 ) -> FrozenDistribution:
-    """Return a distribution by its name in a library and its parameters.
-
-    Parameters
-    ----------
-    library : str
-        One of `LIBRARIES`.
-    name : str
-        Name of a continuous distribution there, such as ``"genextreme"``.
-    parameters : mapping of str to float
-        Its parameters under the names that the library gives them.
-    unit : str
-        Unit of its values.
+    """Return a distribution by its name in one of `LIBRARIES` and its parameters.
 
     Raises
     ------

@@ -87,10 +87,7 @@ class Dependencies:
     def add_reported(self, lines: Collection[str]) -> None:
         """Add what runs in any process have reported.
 
-        Raises
-        ------
-        ModelError
-            If a file or variable is another one now.
+        ModelError if a file or variable is another one now.
         """
         for each in sorted({Dependency.from_line(line) for line in lines}):
             if each in self._in_run or each in self._at_loading:

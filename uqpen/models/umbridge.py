@@ -62,10 +62,7 @@ class Deadline:
     def apply(self, connection: socket.socket) -> None:
         """Limit the next operation of a connection to the time left.
 
-        Raises
-        ------
-        TimeoutError
-            If no time is left.
+        TimeoutError if no time is left.
         """
         left = self.at - time.monotonic()
         if left <= 0.0:
@@ -165,10 +162,7 @@ class Address:
     def parse(cls, text: str) -> Address:
         """Parse the address in a text such as ``"http://127.0.0.1:4242"``.
 
-        Raises
-        ------
-        ValueError
-            If it is none, or has a part that a study should not contain: a password, say.
+        ValueError if it is none, or has a part that a study should not contain: a password, say.
         """
         parts = urlsplit(text)
         host = (parts.hostname or "").encode("idna").decode("ascii")
@@ -205,10 +199,7 @@ class UmbridgeClient:
 
         The body must be convertible to JSON; without a body, a GET request is sent.
 
-        Raises
-        ------
-        NoAnswerError
-            If there is no answer, or it is an error.
+        NoAnswerError if there is no answer, or it is an error.
         """
         try:
             code, phrase, content = self._exchange(what, body)

@@ -284,10 +284,7 @@ class UserDefinedModel(UserModel):
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.
 
-        Raises
-        ------
-        UnusableOutputError
-            If they are no `Results`, or differ from what the class declares.
+        UnusableOutputError if they are no `Results`, or differ from what the class declares.
         """
         if not isinstance(returned, Results):
             raise UnusableOutputError(f"returned {type(returned).__name__}, not Results")

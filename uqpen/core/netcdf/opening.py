@@ -65,10 +65,8 @@ _DAMAGED = "its header is damaged"
 def check_classic(content: Content, limits: ContentLimits) -> None:
     """Refuse a file whose header the library could not follow within the file.
 
-    Raises
-    ------
-    RefusedContentError
-        If a type, a rank, a name or a dimension is none, or values lie outside the file.
+    RefusedContentError if a type, a rank, a name or a dimension is none, or values lie outside the
+    file.
     """
     try:
         _Header(content, limits).check()
@@ -195,30 +193,16 @@ class NetcdfVariable:
     stored: Any
 
     def values(self) -> Any:
-        """Return its values.
-
-        Raises
-        ------
-        RefusedContentError
-            If they cannot be read.
-        """
+        """Return its values; RefusedContentError if they cannot be read."""
         if isinstance(self.stored, RefusedContentError):
             raise self.stored
         return self.stored
 
 
 def read_variables(content: bytes) -> list[NetcdfVariable]:
-    """Read the variables outside groups, but not those that only number a dimension.
+    """Read the variables of a file outside groups, but not those that only number a dimension.
 
-    Parameters
-    ----------
-    content : bytes
-        A file of NetCDF 3 or 4, whoever has written it.
-
-    Raises
-    ------
-    RefusedContentError
-        If the libraries must not get it, or cannot read it.
+    RefusedContentError if the libraries must not get it, or cannot read it.
     """
     found = []
     with _opened(content) as root, _refusing():

@@ -102,28 +102,12 @@ def read_outputs(
     grids: Mapping[str, RunGrid],
     written: RunFiles,
 ) -> dict[str, FloatArray]:
-    """Read the outputs of a run.
+    """Read the outputs of a run, in the units of the program, each of shape (*dims).
 
-    Parameters
-    ----------
-    outputs : sequence of Output
-        The outputs.
-    readings : mapping of str to OutputReader
-        The reader of each output, and of the coordinates that a run has of its own.
-    grids : mapping of str to RunGrid
-        By output, the grid on which a run writes it.
-    written : RunFiles
-        What the run has written.
+    There is a reader of each output, and of the coordinates that a run has of its own.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (*dims)
-        In the units of the program.
-
-    Raises
-    ------
-    UnreadableError, UnusableOutputError
-        If an output is not there, or is not what is declared; the message names the place.
+    UnreadableError or UnusableOutputError if an output is not there, or is not what is declared;
+    the message names the place.
     """
     found = {}
     for output in outputs:

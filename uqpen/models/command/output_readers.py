@@ -79,10 +79,7 @@ class RunFiles:
     def content(self, name: str) -> bytes:
         """Return the bytes of a file.
 
-        Raises
-        ------
-        UnreadableError
-            If it is not there, is no file (reading a pipe would never end) or is huge.
+        UnreadableError if it is not there, is no file (reading a pipe would never end) or is huge.
         """
         try:
             return read_file(self.folder / name, _LARGEST)
@@ -201,10 +198,7 @@ def text_after(written: RunFiles, file: str, after: str | None) -> str:
 def parse_number(text: str, place: str, row: int | None = None) -> float:
     """Parse a printed number, which may have a Fortran exponent.
 
-    Raises
-    ------
-    UnreadableError
-        If it is none, with its place and, in a list, its row.
+    UnreadableError if it is none, with its place and, in a list, its row.
     """
     written = text.strip().lower()
     for number in (written, written.replace("d", "e")):
@@ -367,16 +361,11 @@ class TextReader(OutputReader):
 
 
 def _within(seconds: float | None, search: Callable[[], list[str]]) -> list[str]:
-    """Search within a limit of processor time, in seconds, and return the result.
+    """Search within a limit of processor time, in seconds; TimeoutError if it takes longer.
 
     Some patterns have a cost that is exponential in the length of the text. A search lets no other
     thread run. But it looks for signals, which reach the main thread. In other threads there is no
     limit.
-
-    Raises
-    ------
-    TimeoutError
-        If it takes longer.
     """
     if seconds is None or threading.current_thread() is not threading.main_thread():
         return search()

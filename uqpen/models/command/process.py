@@ -68,10 +68,7 @@ def run_process(
     The words are the program's path and its arguments; no shell expands them. The folder gets its
     `stdout` and `stderr`. `watch` gives the group to the guard of the folder.
 
-    Raises
-    ------
-    OSError
-        If it cannot be started.
+    OSError if it cannot be started.
     """
     if limits.bytes is not None:
         # Not by code of ours between fork and exec: that can deadlock where there are threads.
