@@ -282,13 +282,6 @@ def _with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _find_tuple_faults(inputs: object) -> Iterator[Problem]:
-    """Yield the problems of the entries of inputs under a tuple of names."""
-    for names, value in inputs.items() if isinstance(inputs, Mapping) else ():
-        if isinstance(names, tuple) and (fault := _tuple_fault(names, value)):
-            yield Problem(("inputs", str(names)), *fault)
-
-
 def _tuple_fault(names: tuple[Any, ...], value: object) -> tuple[str, str] | None:
     """Return what is wrong with an entry, and what is expected; None where nothing is."""
     expected = f"a distribution of chaospy of dimension {len(names)}"
@@ -375,7 +368,11 @@ class StudyContent:
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: arguments[name] for name in SECTIONS if arguments.get(name) is not None}
-        self.problems += _find_tuple_faults(given.get("inputs"))
+        self.problems += [
+            Problem(("inputs", str(names)), *fault)
+            for names, value in _items(given.get("inputs"))
+            if isinstance(names, tuple) and (fault := _tuple_fault(names, value))
+        ]
         given = _with_joint_tables(given)
         model = given.get("model")
         if is_data(model):
@@ -385,12 +382,20 @@ class StudyContent:
             given["model"] = _data_table(model, units, outputs)
         elif callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
-            if "outputs" in given:
-                given["outputs"] = _without_fields(given["outputs"])
+            if isinstance(given.get("outputs"), Mapping):
+                # Without the dimensions, which the model declares.
+                given["outputs"] = {
+                    name: value.without_model_part() if isinstance(value, OutputSpec) else value
+                    for name, value in given["outputs"].items()
+                }
         self.content: dict[str, Any] = {
             name: self._value(value, (name,)) for name, value in given.items()
         }
-        self._expand_outputs()
+        expanded = self.content.get("outputs")
+        if isinstance(expanded, dict):
+            # An output that is given by its unit alone is a table.
+            units = {name: each for name, each in expanded.items() if isinstance(each, str)}
+            expanded |= {name: {"unit": unit} for name, unit in units.items()}
 
     def _value(self, value: Any, path: tuple[str | int, ...]) -> Any:
         """Return a value of TOML; note a problem and return an empty text where there is none."""
@@ -455,14 +460,6 @@ class StudyContent:
             for unit in itertools.islice(_units(_declaration(value, self.folder) or value), 1):
                 yield str(name), unit
 
-    def _expand_outputs(self) -> None:
-        """Expand an output that is given by its unit alone to a table."""
-        outputs = self.content.get("outputs")
-        if isinstance(outputs, dict):
-            for name, value in outputs.items():
-                if isinstance(value, str):
-                    outputs[name] = {"unit": value}
-
 
 def _as_builtin(value: Any) -> Any:
     """Return a value of NumPy or pandas as one of Python; others as they are."""
@@ -480,7 +477,9 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     if distribution := value if isinstance(value, Distribution) else as_frozen(value):
         return _distribution_table(distribution, folder)
     if isinstance(value, Dependence) and (name := family_name(COPULAS, value)):
-        return {"copula": name, **_copula_fields(value)}
+        names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type]
+        measure = {"of": value.measures[0]} if isinstance(value, EllipticalCopula) else {}
+        return {"copula": name, **measure, **{key: getattr(value, key) for key in names}}
     if isinstance(value, OutputSpec):
         return value.table()
     if isinstance(value, Precision):
@@ -501,12 +500,6 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
             reference = class_reference(value, folder, defined)
             return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return _model_table(value, folder) if isinstance(value, Model) else None
-
-
-def _copula_fields(copula: Dependence) -> dict[str, Any]:
-    names = [field.name for field in dataclasses.fields(copula)]  # type: ignore[arg-type]
-    measure = {"of": copula.measures[0]} if isinstance(copula, EllipticalCopula) else {}
-    return measure | {name: getattr(copula, name) for name in names}
 
 
 def _model_table(model: Model, folder: Path) -> dict[str, Any]:
@@ -567,16 +560,6 @@ def _model_outputs(given: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
     for name, value in _items(given.get("outputs")):
         if not is_derived(value.table() if isinstance(value, OutputSpec) else value):
             yield name, value
-
-
-def _without_fields(outputs: object) -> object:
-    """Return the outputs of a study without the dimensions, which the model declares."""
-    if not isinstance(outputs, Mapping):
-        return outputs
-    return {
-        name: value.without_model_part() if isinstance(value, OutputSpec) else value
-        for name, value in outputs.items()
-    }
 
 
 def _model_output(value: object) -> str | OutputSpec:
