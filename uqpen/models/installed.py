@@ -163,7 +163,7 @@ def reachable_modules(
     waiting = list(sources) if candidates else []
     while waiting:
         package, source = waiting.pop()
-        for name in _imported_names(source, package):
+        for name in imported_names(source, package):
             if name in candidates and name not in found:
                 found[name] = candidates[name]
                 own = str(_module_attributes(candidates[name]).get("__package__") or "")
@@ -174,7 +174,7 @@ def reachable_modules(
     return found
 
 
-def _imported_names(source: bytes, package: str) -> Iterator[str]:
+def imported_names(source: bytes, package: str) -> Iterator[str]:
     """Yield the modules that a source may import, with the packages that they are in."""
     try:
         nodes = list(ast.walk(ast.parse(source)))
