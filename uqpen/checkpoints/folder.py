@@ -163,22 +163,19 @@ class CheckpointFolder:
         changes = [each for each in fingerprint_changes(before, now) if not each.is_limit]
         is_of_design = all(each.key.startswith(f"designs.{design}.") for each in changes)
         if changes and is_of_design and not whole_blocks(folder):
+            # Into a folder of their own; a kill in between loses none.
             with self.writing():
-                self._set_aside(folder, model)
+                target = _new_set_aside(self._model_folder(model))
+                write_file(target / MADE_OF, (folder / MADE_OF).read_bytes())
+                for file in part_files(folder):
+                    file.rename(target / file.name)
+                (folder / MADE_OF).unlink()
         elif changes:
             raise CheckpointError(_incompatibility_text(self.folder, design, changes))
         elif before != now:
             self._discard(folder, [Status.TIMED_OUT])
             with self.writing():
                 write_file(folder / MADE_OF, encode_fingerprint(now))
-
-    def _set_aside(self, folder: Path, model: str) -> None:
-        """Move the runs of a design to a folder of their own; a kill in between loses none."""
-        target = _new_set_aside(self._model_folder(model))
-        write_file(target / MADE_OF, (folder / MADE_OF).read_bytes())
-        for file in part_files(folder):
-            file.rename(target / file.name)
-        (folder / MADE_OF).unlink()
 
     def remove_all(self) -> None:
         """Remove all runs."""
@@ -401,7 +398,11 @@ class _RoundCheckpoint(Checkpoint):
             self._parts.setdefault(block, GrowingPart()).add(own, result)
         self._unwritten += len(batch_result)
         self._files |= batch_result.results.files
-        if self._blocks and self._unwritten < 4 * BLOCK and self._waited < _WORTH_A_PART:
+        if (
+            self._blocks
+            and self._unwritten < 4 * BLOCK
+            and time.monotonic() - self._since < _WORTH_A_PART
+        ):
             return
         if any(part.is_large for part in self._parts.values()):
             self._store.save()
@@ -471,11 +472,6 @@ class _RoundCheckpoint(Checkpoint):
         if not record.exists():
             write_file(record, encode_fingerprint(self._fingerprint))
 
-    @property
-    def _waited(self) -> float:
-        """Seconds since runs were written."""
-        return time.monotonic() - self._since
-
 
 class _ScratchCheckpoint(_RoundCheckpoint):
     """Checkpoint for one start: many runs are in a file until the archive has them."""
@@ -498,7 +494,7 @@ def keep_runs(
     """Keep finished runs beside an archive, where `make_archive` finds them by their inputs.
 
     Of a model whose versions cannot be distinguished, nothing is kept; nor are runs that are at no
-    point of the study's designs.
+    point with which a design of the study begins.
 
     Parameters
     ----------
@@ -523,12 +519,16 @@ def keep_runs(
     ArchiveError
         If they cannot be written, or another process is making the archive.
     """
-    if study.models[model].model.unknown_dependency or not _are_of_designs(study, inputs, model):
+    size = len(results.status)
+    if study.models[model].model.unknown_dependency or not any(
+        (PointIndex(first_points(study, design, model)).find(inputs, 0, size) >= 0).any()
+        for design in study.designs
+    ):
         return False
     path = Path(path).absolute()
     folder = path.with_name(f"{path.name}.parts")
     root = folder / MODELS / model if model else folder
-    runs = FinishedRuns(np.arange(len(results.status)), dict(inputs), results)
+    runs = FinishedRuns(np.arange(size), dict(inputs), results)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with lock_archive(path):
@@ -541,15 +541,6 @@ def keep_runs(
     except OSError as error:
         raise ArchiveError(f"{folder}: runs cannot be kept: {error.strerror}") from None
     return True
-
-
-def _are_of_designs(study: ValidatedStudy, inputs: Arrays, model: str) -> bool:
-    """Check whether a design begins with points among which is one of these."""
-    for design in study.designs:
-        index = PointIndex(first_points(study, design, model))
-        if (index.find(inputs, 0, len(next(iter(inputs.values())))) >= 0).any():
-            return True
-    return False
 
 
 def _new_set_aside(root: Path) -> Path:
