@@ -1,12 +1,7 @@
 """The course of one rod in its target by the Walker-Anderson model, from impact to rest.
 
 One run, carefully: independent of the lanes that integrate whole batches, and a check of them.
-
-References
-----------
-Soleng, H. H. & Svinsås, E. (2001). Penetration modelling with uncertainty quantification using the
-Walker-Anderson model. FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets; its (2.9) is
-used with (2 - ε), as (2.4) and (2.8) give it.
+Numbers in brackets are those of equations, as in `uqpen.models.rod_motion`.
 """
 
 from __future__ import annotations
