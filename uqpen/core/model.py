@@ -323,15 +323,7 @@ class Model(ABC):
 
 
 def violated_conditions(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """Yield every condition on a batch's inputs, with a mask of the runs that violate it.
-
-    Yields
-    ------
-    violated : ndarray of bool, shape (run,)
-        Mask of the runs that violate the condition.
-    text : str
-        The condition.
-    """
+    """Yield a mask of the runs that violate a condition on a batch's inputs, and the condition."""
     for variable in model.inputs:
         if variable.name in inputs:
             inside = variable.bounds.contain(inputs[variable.name])
