@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import chain, count
+from itertools import chain, count, groupby
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +21,7 @@ from uqpen.checkpoints.identity import (
     read_fingerprint,
     was_record_of,
 )
-from uqpen.checkpoints.sources import (
-    SET_ASIDE,
-    PointIndex,
-    RunSource,
-    first_points,
-    set_aside_design,
-    set_aside_sources,
-)
+from uqpen.checkpoints.sources import SET_ASIDE, PointIndex, RunSource, first_points
 from uqpen.checkpoints.stored_runs import (
     MADE_OF,
     BlockStore,
@@ -184,7 +177,34 @@ class CheckpointFolder:
 
     def set_aside_sources(self, model: str, fingerprint: Mapping[str, str]) -> list[RunSource]:
         """Return the runs that were set aside and that a model would make again."""
-        sources = [*set_aside_sources(self._model_folder(model), fingerprint, self.read_runs)]
+        found = []
+        folders = (self._model_folder(model) / SET_ASIDE).glob("[0-9]*")
+        for folder in sorted(folder for folder in folders if folder.is_dir()):
+            before = read_fingerprint(folder / MADE_OF) or {}
+            of_model = ("model", "constraints.")
+            known = [key for key in before if key in fingerprint or key.startswith(of_model)]
+            own = {key: before[key] for key in known}
+            changes = list(fingerprint_changes(own, fingerprint))
+            if not before or not all(change.is_limit for change in changes):
+                continue
+            design = _set_aside_design(folder)
+            for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
+                latest_first = sorted(files, key=part_number, reverse=True)
+                if not (parts := [*filter(None, map(self.read_runs, latest_first))]):
+                    continue
+                runs = FinishedRuns.joined(parts)
+                # Each run once, in ascending order; of one that several parts have, the latest.
+                _, first = np.unique(runs.runs, return_index=True)
+                source = RunSource(
+                    "those kept before",
+                    runs.select(first),
+                    is_complete=False,
+                    folder=folder,
+                    changed_design=design,
+                    design=design,
+                )
+                found.append(source.without_statuses([Status.TIMED_OUT] if changes else []))
+        sources = [*filter(None, found)]
         self.runs += sum(len(source.runs.runs) for source in sources)
         return sources
 
@@ -201,7 +221,7 @@ class CheckpointFolder:
         for file in sorted(self.folder.rglob(MADE_OF)):
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             if file.parent.parent.name == SET_ASIDE:
-                whose = set_aside_design(file.parent)
+                whose = _set_aside_design(file.parent)
                 if not whose:
                     remove_checkpoint(file.parent)
                     continue
@@ -320,6 +340,13 @@ class CheckpointFolder:
 
     def _model_folder(self, model: str) -> Path:
         return self.folder / MODELS / model if model else self.folder
+
+
+def _set_aside_design(folder: Path) -> str:
+    """Return the design that runs were made for; empty for runs that only tried a model."""
+    fingerprint = read_fingerprint(folder / MADE_OF) or {}
+    names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
+    return next(names, "")
 
 
 def _incompatibility_text(folder: Path, design: str, changes: list[Change]) -> str:

@@ -375,13 +375,17 @@ class StudyContent:
         ]
         given = _with_joint_tables(given)
         model = given.get("model")
+        units_of = {
+            str(name): list(dict.fromkeys(_units(_declaration(value, folder) or value)))
+            for name, value in _items(given.get("inputs"))
+        }
         if is_data(model):
             self.objects["model",] = _frame(model).to_csv(index=False).encode("utf-8")
             outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
-            units = {**dict(self._input_units(given)), **outputs}
+            units = {name: each[0] for name, each in units_of.items() if each} | outputs
             given["model"] = _data_table(model, units, outputs)
         elif callable(model) and not isinstance(model, PythonModel):
-            given["model"] = self._bare_function(model, given)
+            given["model"] = self._bare_function(model, given, units_of)
             if isinstance(given.get("outputs"), Mapping):
                 # Without the dimensions, which the model declares.
                 given["outputs"] = {
@@ -440,25 +444,23 @@ class StudyContent:
             if value is not None
         }
 
-    def _bare_function(self, function: Callable[..., Any], given: Mapping[str, Any]) -> PythonModel:
+    def _bare_function(
+        self,
+        function: Callable[..., Any],
+        given: Mapping[str, Any],
+        units_of: Mapping[str, Sequence[str]],
+    ) -> PythonModel:
         """Return a model with the units in which the study states its inputs and outputs."""
         inputs = {}
-        for name, value in _items(given.get("inputs")):
-            units = list(dict.fromkeys(_units(_declaration(value, self.folder) or value)))
-            inputs[str(name)] = units[0] if units else DIMENSIONLESS
+        for name, units in units_of.items():
+            inputs[name] = units[0] if units else DIMENSIONLESS
             if len(units) > 1 and all(are_convertible(units[0], unit) for unit in units):
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
-                self.problems.append(Problem(("inputs", str(name)), found, expected))
+                self.problems.append(Problem(("inputs", name), found, expected))
         inputs |= dict(_joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
         return PythonModel(function, inputs, outputs)
-
-    def _input_units(self, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """Yield each input whose value or distribution has a unit, with the first that it has."""
-        for name, value in _items(given.get("inputs")):
-            for unit in itertools.islice(_units(_declaration(value, self.folder) or value), 1):
-                yield str(name), unit
 
 
 def _as_builtin(value: Any) -> Any:
