@@ -42,7 +42,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
-from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.workflow import run_design
@@ -279,20 +278,6 @@ class BenchmarkRunner:
         """Return the estimates from runs, by output and statistic."""
         return analyze(runs, self.quantities, only=COMPARED_ANALYSES)
 
-    def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> Estimates:
-        """Return the estimates of a fitted surrogate, without bounds.
-
-        Its own bounds are of sampling it, not of the fit.
-        """
-        study = self.study
-        given = study.models[ONLY_MODEL].given
-        draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
-        found = surrogate_statistics(draws, self.quantities, only=COMPARED_ANALYSES).outputs
-        return {
-            output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
-            for output, arrays in found.items()
-        }
-
     def seconds_per_run(self) -> float:
         """Measure the duration of a run; no estimate depends on it."""
         count = _TIMED_VECTORIZED if self.study.model.vectorized else _TIMED
@@ -427,7 +412,14 @@ class SurrogateMethod(BenchmarkMethod):
         fitted = fit_surrogate(
             self.surrogate, self.source, runs, runner.study.model, self.joint, stream
         )
-        return runner.surrogate_estimates(fitted, stream)
+        study = runner.study
+        given = study.models[ONLY_MODEL].given
+        draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
+        found = surrogate_statistics(draws, runner.quantities, only=COMPARED_ANALYSES).outputs
+        return {
+            output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
+            for output, arrays in found.items()
+        }
 
     def _training_budget(self, budget: int) -> int:
         return round(self.share * budget)

@@ -192,17 +192,6 @@ class MethodComparison:
         """The number of repeats of each method at each budget."""
         return int(self._of_budgets(self.methods[0].group).sizes[REPEAT])
 
-    def entry_arrays(
-        self, path: tuple[str, ...], name: str, along: Sequence[str]
-    ) -> list[xr.DataArray]:
-        """Return a variable of a group, by its entries along the dimension of a statistic."""
-        if (*path, name) not in self._arrays:
-            array = unpack(read_group(self.view.tree, *path), name)
-            assert array is not None, name
-            found = array_entries(array.transpose(*along, ...)) if along else [array]
-            self._arrays[*path, name] = found
-        return self._arrays[*path, name]
-
     @property
     def reference_runs(self) -> int:
         """The number of runs of the reference."""
@@ -248,7 +237,12 @@ class ComparedEntry:
 
     def _archived(self, *path: str, what: str = "") -> xr.DataArray:
         name, along = f"{self.statistic.name}{what}", self.statistic.dims
-        return self.comparison.entry_arrays(path, name, along)[self.position]
+        if (*path, name) not in self.comparison._arrays:
+            array = unpack(read_group(self.comparison.view.tree, *path), name)
+            assert array is not None, name
+            found = array_entries(array.transpose(*along, ...)) if along else [array]
+            self.comparison._arrays[*path, name] = found
+        return self.comparison._arrays[*path, name][self.position]
 
     @property
     def entry_name(self) -> str | float:
