@@ -133,10 +133,7 @@ class ErrorRatio:
 def root_mean_square_errors(errors: FloatArray) -> Accuracy:
     """Return root mean squares over repeats, with the jackknife's errors of their logarithms.
 
-    Parameters
-    ----------
-    errors : ndarray, shape (..., repeat)
-        Estimates less the truth.
+    `errors` are estimates less the truth, shape (..., repeat).
 
     References
     ----------
@@ -164,22 +161,10 @@ def convergence_slope(
 ) -> FloatArray:
     """Return the slope of the straight line through logarithms of errors over those of runs.
 
-    The line is fitted by least squares. The interval covers the noise of the errors only: it is the
-    interval of the line through these budgets, even if the errors do not lie on a line.
-
-    Parameters
-    ----------
-    logarithm, error : ndarray, shape (budget, ...)
-        Of `Accuracy`.
-    runs : ndarray, shape (budget,)
-        Number of runs.
-    repeats : int
-        Number of repeats of each error.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Estimate, lower and upper bound; NaN with fewer than two budgets.
+    The line is fitted by least squares to what `Accuracy` has, shape (budget, ...). The interval
+    covers the noise of the errors only: it is the interval of the line through these budgets, even
+    if the errors do not lie on a line. The last axis is the estimate with its bounds, NaN with
+    fewer than two budgets.
     """
     distance = np.log(runs) - np.log(runs).mean()
     square = float((distance**2).sum())
@@ -262,14 +247,7 @@ def find_verdict(
 ) -> Verdict | None:
     """Return the verdict of one comparison; None with fewer than two methods with estimates.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the methods.
-    accuracies : Accuracy
-        Of shape (method,).
-    resolution : float
-        Error of the reference itself; NaN for unknown.
+    `accuracies` have shape (method,); `resolution` is the error of the reference, NaN for unknown.
     """
     logarithm, error = accuracies.logarithm.tolist(), accuracies.error.tolist()
     order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]

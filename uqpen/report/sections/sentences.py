@@ -280,12 +280,7 @@ def output_blocks(
 ) -> Iterator[Block]:
     """Yield the blocks of each output under its heading; those of all but the main ones folded.
 
-    Parameters
-    ----------
-    blocks : mapping
-        By output; one without blocks is left out.
-    most : int
-        Outputs that are open, at the most.
+    The first main ones are open, `most` of them.
     """
     filled = {output: found for output, each in blocks.items() if (found := tuple(each))}
     main = [output for output in main_outputs(view) if output in filled][:most]
