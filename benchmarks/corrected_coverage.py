@@ -358,9 +358,10 @@ def _parts(
     )
 
 
-def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
+def _corrected(
+    runs: CorrectionRuns, truth: Truth, all_parts: tuple[InputParts, ...] | None = None
+) -> Iterator[tuple[str, Estimate]]:
     """Yield the corrected estimates of a seed."""
-    runs = seed.runs
     moments = CorrectedMoments(runs)
     yield "mean", moments.mean()
     yield "std", moments.std()
@@ -373,8 +374,8 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
     for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
         yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
     yield "half_spread", Estimate(*cdf.half_spread(), "", "conservative")
-    if seed.parts and not moments.heavy_tail:
-        for order, parts in zip(("first", "total"), seed.parts, strict=True):
+    if all_parts and not moments.heavy_tail:
+        for order, parts in zip(("first", "total"), all_parts, strict=True):
             for name, estimate in enumerate(corrected_indices(runs, parts, moments.variance)):
                 yield f"{order} {name}", estimate
 
@@ -413,7 +414,7 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     for number in seeds:
         seed = _seed(problem, _designs(int(runs))[str(design)], int(runs), number)
         plain = dict(_plain(seed, problem.truth))
-        corrected = dict(_corrected(seed, problem.truth))
+        corrected = dict(_corrected(seed.runs, problem.truth, seed.parts))
         for statistic, true in problem.truth.values.items():
             count = counts[statistic]
             value, low, high = plain.get(statistic, (math.nan,) * 3)

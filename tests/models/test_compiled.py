@@ -14,7 +14,6 @@ from llvmlite import binding
 from uqpen.models.compiled import use_widest_vectors
 from uqpen.models.rod_kernel import erode
 from uqpen.statistics import kernels
-from uqpen.statistics.by_blocks.cells import locate
 
 
 def halve(values):
@@ -150,7 +149,7 @@ def test_processes_that_compile_at_the_same_time_keep_whole_code(load, tmp_path)
 def test_each_compiled_function_takes_arguments_of_one_type():
     """So processes that compile at the same time never keep two codes under one name."""
     loops = [getattr(kernels, name) for name in kernels.__all__]
-    for function in (erode, locate, *loops):
+    for function in (erode, *loops):
         assert len(function.signatures) == 1
         with pytest.raises(TypeError, match="No matching definition"):
             function(*["text"] * len(function.signatures[0]))

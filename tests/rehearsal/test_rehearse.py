@@ -211,6 +211,12 @@ def test_a_default_number_of_repeats_is_what_fits_five_minutes(seconds, repeats)
     assert RehearsalSettings(repeats=50).affordable_repeats(seconds) == 50
 
 
+def test_designs_are_compared_at_8_runs_and_more():
+    assert RehearsalSettings(runs=8).runs == 8
+    with pytest.raises(SettingsError, match="expected a whole number, at least 8"):
+        RehearsalSettings(runs=7)
+
+
 def test_a_study_whose_points_stay_has_nothing_to_rehearse(line):
     only = replace(line.original, designs={"steps": OneAtATime()})
     without = RehearsedStudy(only, "", line.surrogate, line.runs)

@@ -12,23 +12,23 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
-from uqpen.core.labels import RUN, STATUS
+from uqpen.core.labels import (
+    MISSING_BEYOND,
+    MISSING_LOWEST,
+    MISSING_PREDICTED,
+    MISSING_SHARES,
+    RUN,
+    STATUS,
+)
 from uqpen.core.status import Status
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import bonett_price, clopper_pearson
 from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.corrected_moments import (
-    CorrectedMoments,
-    corrected_mean,
-    spacing,
-)
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments, corrected_mean, spacing
 from uqpen.statistics.surrogate.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction_runs import (
-    CorrectionRuns,
-    missing_run_predictions,
-)
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, missing_run_predictions
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 
@@ -189,14 +189,7 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed, p):
     st.booleans(),
 )
 def test_quantiles_ascend_and_are_of_the_distribution_function(
-    seed,
-    size,
-    folds,
-    error,
-    slope,
-    missing,
-    is_rounded,
-    is_weighted,
+    seed, size, folds, error, slope, missing, is_rounded, is_weighted
 ):
     rng = np.random.default_rng(seed)
     runs = runs_of(seed, max(size, 2 * folds), error, missing, slope)
@@ -445,9 +438,10 @@ def test_failed_runs_widen_and_are_reported(study_of):
     model = study.models[""].model
     fitted = PolynomialChaos(design="t", order=1).fit("pce", partial, model, study.joint, STREAM)
     predicted = missing_run_predictions(fitted, partial, study.model_quantities(model))["y"]
-    assert predicted.count == is_missing.sum()
-    assert predicted.lowest == pytest.approx(runs["y"].values[is_missing].min())
-    assert predicted.exceedance == {"1.3": 1.0}
+    assert predicted[MISSING_PREDICTED] == is_missing.sum()
+    assert predicted[MISSING_LOWEST] == pytest.approx(runs["y"].values[is_missing].min())
+    assert predicted[MISSING_BEYOND] == ["> 1.3"]
+    assert predicted[MISSING_SHARES] == [1.0]
 
 
 def test_only_check_runs_correct_a_fit_to_a_rule(study_of):

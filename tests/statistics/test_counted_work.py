@@ -12,8 +12,9 @@ import xarray as xr
 from uqpen.archive import estimates
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
-from uqpen.statistics import ordering, run_samples
+from uqpen.statistics import run_samples
 from uqpen.statistics.analyze import analyze
+from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
 
@@ -35,11 +36,11 @@ def runs_of(size, *, failed=0):
 @pytest.mark.parametrize("failed", [0, 30])
 def test_each_column_is_ordered_once(failed, monkeypatch):
     counted = Counter[str]()
-    ascending_order, unique = ordering.ascending_order, np.unique
+    order_of, unique = Ordering.of, np.unique
 
     def ordered(values):
         counted["ordered"] += 1
-        return ascending_order(values)
+        return order_of(values)
 
     runs = runs_of(700, failed=failed)
     columns = [runs[name].values[failed:] for name in (*INPUTS, *OUTPUTS)]
@@ -49,7 +50,7 @@ def test_each_column_is_ordered_once(failed, monkeypatch):
         counted["searched for distinct values"] += is_column
         return unique(values, **options)
 
-    monkeypatch.setattr(ordering, "ascending_order", ordered)
+    monkeypatch.setattr(Ordering, "of", ordered)
     monkeypatch.setattr(np, "unique", searched)
     analyze(runs, QUANTITIES, only=["moments", "quantiles", "cdfs", "sensitivity"])
     assert counted["ordered"] == len(INPUTS) + len(OUTPUTS)
@@ -84,9 +85,7 @@ def test_memory_of_an_analysis_does_not_grow_with_its_thresholds():
     assert peaks[2] - peaks[1] < 20
 
 
-def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
-    monkeypatch,
-):
+def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(monkeypatch):
     taken = []
     alive = []
     with_variable = run_samples._with_variable

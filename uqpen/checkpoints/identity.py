@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.provenance import provenance_differences
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.dependency import IMPORTED, LIBRARY, MODULE, OPENED, Dependency
 from uqpen.core.labels import DEPENDENCIES, RUNS
@@ -63,12 +64,15 @@ class ModelComparison(NamedTuple):
         True if both have the same limit on the time of a run.
     is_same_domain : bool
         True if both studies have the same constraints.
+    made_with : tuple of str
+        What the archive's runs were made with, where that is not as it is here, in words.
     """
 
     changes: tuple[str, ...]
     dependencies: frozenset[str] = frozenset()
     is_same_limit: bool = True
     is_same_domain: bool = True
+    made_with: tuple[str, ...] = ()
 
 
 def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) -> ModelComparison:
@@ -107,6 +111,9 @@ def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) 
             },
         )
     ]
+    software = {key: value for key, value in tree.attrs.items() if key in model.software}
+    differences = provenance_differences(software, model.software)
+    others = ", ".join(f"{what} {then}" for what, then, _ in differences)
     domain = [change.text for change in fingerprint_changes(constraints, model.constraints)]
     changes = [change.text for change in changed if not change.is_limit]
     return ModelComparison(
@@ -114,6 +121,7 @@ def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) 
         lines,
         not any(change.is_limit for change in changed),
         not domain,
+        (f"runs made with {others}",) if others else (),
     )
 
 
@@ -124,8 +132,6 @@ def compared_names(
 
     Parameters
     ----------
-    model : ModelIdentity
-        The model.
     lines : iterable of str
         What the runs depend on, as in `Results.files`.
 

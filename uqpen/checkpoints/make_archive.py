@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from uqpen.checkpoints.sources import (
     PointIndex,
     RunFinder,
     RunSource,
-    first_points,
     input_columns,
     open_archives,
     sources_of_archives,
@@ -53,7 +52,6 @@ from uqpen.study.identity import (
 )
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
-from uqpen.study.user_defined_members import user_defined_objects
 from uqpen.surrogates.refinement import RefinedDesign
 from uqpen.workflow import Checkpoints, run
 
@@ -154,32 +152,33 @@ def make_archive(
         lock_archive(path),
         Journal(log, title, progress or Progress()) as journal,
     ):
+        recheck = Recheck(study, identity, resume.recheck, map, journal)
         named = resume.reuse or ()
         archives = (
             open_archives(identity, path, named, journal) if resume.takes_archived_runs else []
         )
         replaced = next((each for each in archives if not each.is_named), None)
-        recheck = Recheck(study, identity, resume.recheck, map, journal)
         if replaced and _stays(replaced, identity, recheck, resume):
             journal.inform(f"{replaced.name}: nothing has changed, so it stays as it is")
             return replaced.tree
-        is_unknown = _warn_if_unknown(study, journal)
-        finished = CheckpointFolder(
-            path.with_name(f"{path.name}.parts"), identity.runs, journal, runs_in_memory
-        )
-        if resume.read_again:
-            study = _read_again(study, finished, repeats_others=resume.fresh)
-        if resume.fresh:
-            finished.remove_all()
-        finished.check_compatibility()
-        if resume.repeat_failed:
-            finished.discard_failed()
-        finder = _finder(recheck, finished, archives, journal, resume, has_parts=not is_unknown)
+        for reason, what in identity.unknown:
+            journal.warn(
+                f"an interrupted start is not resumed: {reason}, so another version of {what} "
+                "cannot be distinguished from this one"
+            )
+        folder = path.with_name(f"{path.name}.parts")
+        finished = CheckpointFolder(folder, identity.runs, journal, runs_in_memory)
+        _discard_runs(finished, study, resume)
+        finder = _finder(recheck, finished, archives, journal, resume)
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
-            own = (finished.scratch if is_unknown else finished.checkpoint)(design, model, number)
+            own = (finished.scratch if identity.unknown else finished.checkpoint)(
+                design, model, number
+            )
             return finder.checkpoint(own, design, model)
 
+        if resume.read_again:
+            study = study.reading_again()
         try:
             tree = _run_study(study, map, journal, finished, checkpoint)
             if record := finder.record():
@@ -214,51 +213,35 @@ def _stays(
     )
 
 
-def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
-    """Warn of a model whose versions `Model.identity` cannot distinguish; its runs are not kept."""
-    unknown = [(variant.model.unknown_dependency, "the model") for variant in study.models.values()]
-    unknown += [(f"{name} is a Python object", "it") for name in user_defined_objects(study.text)]
-    for reason, what in unknown:
-        if reason:
-            journal.warn(
-                f"an interrupted start is not resumed: {reason}, so another version of {what} "
-                "cannot be distinguished from this one"
-            )
-    return any(reason for reason, _ in unknown)
-
-
-def _read_again(
-    study: ValidatedStudy, finished: CheckpointFolder, *, repeats_others: bool
-) -> ValidatedStudy:
-    """Return a study that reads the folders of its runs where they are kept.
-
-    All finished runs are removed from the checkpoint, as other readings may give other outputs.
-    With `repeats_others`, these may be runs without a folder, too.
+def _discard_runs(finished: CheckpointFolder, study: ValidatedStudy, resume: ResumeOptions) -> None:
+    """Remove the finished runs that are to be made or read again; check that others are of use.
 
     Raises
     ------
     StudyError
-        If no model of the study keeps folders.
+        If folders are to be read again, and no model of the study keeps them.
     CheckpointError
-        If finished runs have no folder.
+        If finished runs have no folder that could be read again.
     """
-    models = {name: variant.model.reading_again() for name, variant in study.models.items()}
-    if all(variant.model is models[name] for name, variant in study.models.items()):
+    models = {name: variant.model for name, variant in study.models.items()}
+    if resume.read_again and all(each.reading_again() is each for each in models.values()):
         raise StudyError("no model of the study keeps the folders of its runs; a command does")
     without = 0
-    for model, found in () if repeats_others else finished.finished_runs():
+    for name, found in finished.finished_runs() if resume.read_again and not resume.fresh else ():
         for position in np.flatnonzero(found.results.status == Status.OK).tolist():
-            inputs = {name: float(values[position]) for name, values in found.inputs.items()}
-            without += study.models[model].model.run_folder(inputs) is None
+            inputs = {key: float(values[position]) for key, values in found.inputs.items()}
+            without += models[name].run_folder(inputs) is None
     if without:
         raise CheckpointError(
             f"{finished.folder}: {without} finished runs have no folder that could be read again\n"
             'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
             "repeated"
         )
-    finished.remove_all()
-    variants = {name: variant.with_model(models[name]) for name, variant in study.models.items()}
-    return replace(study, models=variants)
+    if resume.fresh or resume.read_again:
+        finished.remove_all()
+    finished.check_compatibility()
+    if resume.repeat_failed:
+        finished.discard_failed()
 
 
 def _finder(
@@ -267,15 +250,13 @@ def _finder(
     archives: Sequence[ArchivePlace],
     journal: Journal,
     resume: ResumeOptions,
-    *,
-    has_parts: bool,
 ) -> RunFinder:
     """Return the finished runs that a study may take, and report those that it cannot take.
 
-    Some of those that it would take are made again; `has_parts` if it takes those of its designs.
+    Some of those that it would take are made again.
     """
     study, identity = recheck.study, recheck.identity
-    archived = sources_of_archives(study, identity, archives, journal)
+    archived = sources_of_archives(study, archives, journal)
     sources: dict[str, list[RunSource]] = {}
     for name, model in identity.models.items():
         # Those set aside come first. Where versions cannot be distinguished, none were.
@@ -285,9 +266,7 @@ def _finder(
         if resume.repeat_failed:
             left = (each.without_statuses(FAILED) for each in sources[name])
             sources[name] = [*filter(None, left)]
-    finder = runs_that_are_as_made(
-        recheck, sources, archives, finished, journal, has_parts=has_parts
-    )
+    finder = runs_that_are_as_made(recheck, sources, archives, finished, journal)
     for archive in archives:
         for name, reason in unused_designs(archive.tree).items():
             journal.inform(f"{archive.name}: no run of its {name} is taken, as {reason}")
@@ -422,8 +401,6 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
     ----------
     study : ValidatedStudy
         The study that is going to replace the archive.
-    archive : DataTree
-        An archive without faults.
 
     Returns
     -------
@@ -483,10 +460,6 @@ def unusable_runs(
 
     Parameters
     ----------
-    study : ValidatedStudy
-        The study.
-    finder : RunFinder
-        The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
 
@@ -501,6 +474,6 @@ def unusable_runs(
             runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
             if not runs or name in known:
                 continue
-            if not finder.used_places(model, first_points(study, name, model)):
+            if not finder.places_of(model, name):
                 texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
     return texts

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +22,11 @@ from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.identity import (
     ModelComparison,
     compare_models,
-    fingerprint_changes,
     list_changes,
-    read_fingerprint,
 )
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.stored_runs import (
-    MADE_OF,
     FinishedRuns,
-    part_files,
-    part_number,
     select_results,
 )
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
@@ -54,7 +49,7 @@ from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.rounds import first_round
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution import Progress
-from uqpen.execution.batch import BatchResult, join_results
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
@@ -76,8 +71,6 @@ __all__ = [
     "first_points",
     "input_columns",
     "open_archives",
-    "set_aside_design",
-    "set_aside_sources",
     "shown_path",
     "sources_of_archives",
     "unused_designs",
@@ -86,8 +79,6 @@ __all__ = [
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
 SET_ASIDE = "set_aside"
-
-_KEPT = "those kept before"
 
 _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
@@ -130,11 +121,17 @@ class ArchivePlace(Place):
         True if the user has named it.
     comparisons : mapping of str to mapping of str to ModelComparison
         Its models by name, compared with those of the study; by the name of the study's model.
+    changed_designs : frozenset of str
+        Names of the designs that its study has with other settings.
+    made_with : str
+        What it was made with, in words.
     """
 
     tree: xr.DataTree
     is_named: bool
     comparisons: Mapping[str, Mapping[str, ModelComparison]]
+    changed_designs: frozenset[str]
+    made_with: str
 
     @property
     def are_needed(self) -> bool:
@@ -194,77 +191,6 @@ class RunSource:
                 yield np.arange(begin, end)
 
 
-def set_aside_sources(
-    root: Path,
-    fingerprint: Mapping[str, str],
-    read: Callable[[Path], FinishedRuns | None],
-) -> Iterator[RunSource]:
-    """Yield the runs that were set aside and were made with a model.
-
-    Parameters
-    ----------
-    root : Path
-        The folder of the model's runs.
-    fingerprint : mapping of str to str
-        That of the model; see `model_fingerprint`.
-    read : callable
-        Reads a part; it returns None for a damaged one.
-    """
-    folders = (root / SET_ASIDE).glob("[0-9]*")
-    for folder in sorted(folder for folder in folders if folder.is_dir()):
-        before = read_fingerprint(folder / MADE_OF)
-        if before is None:
-            continue
-        own = {key: before[key] for key in before if key in fingerprint or _is_of_model(key)}
-        changes = list(fingerprint_changes(own, fingerprint))
-        if not all(change.is_limit for change in changes):
-            continue
-        design = set_aside_design(folder)
-        for runs in _stored_rounds(folder, read):
-            source = RunSource(
-                _KEPT,
-                runs,
-                is_complete=False,
-                folder=folder,
-                changed_design=design,
-                design=design,
-            )
-            found = source.without_statuses([Status.TIMED_OUT] if changes else [])
-            if found is not None:
-                yield found
-
-
-def set_aside_design(folder: Path) -> str:
-    """Return the design that runs were made for; empty for runs that only tried a model."""
-    fingerprint = read_fingerprint(folder / MADE_OF) or {}
-    names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
-    return next(names, "")
-
-
-def _is_of_model(key: str) -> bool:
-    return key.startswith(("model", "constraints."))
-
-
-def _stored_rounds(
-    folder: Path, read: Callable[[Path], FinishedRuns | None]
-) -> Iterator[FinishedRuns]:
-    """Yield the runs of each round in a folder, each number once."""
-    for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
-        parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
-        if parts:
-            yield _joined(parts)
-
-
-def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
-    """Join parts in ascending order of the runs; of a run that several have, take the first."""
-    runs, at = np.unique(np.concatenate([part.runs for part in parts]), return_index=True)
-    inputs = {
-        name: np.concatenate([part.inputs[name] for part in parts])[at] for name in parts[0].inputs
-    }
-    results = join_results([part.results for part in parts])
-    return FinishedRuns(runs, inputs, select_results(results, at))
-
-
 def open_archives(
     study: StudyIdentity, replaced: Path, named: Sequence[str | Path], journal: Journal
 ) -> list[ArchivePlace]:
@@ -277,19 +203,17 @@ def open_archives(
     ArchiveError
         If one that is named cannot be read, or is no archive of a study.
     """
-    others = [Path(path) for path in named]
-    found = [
-        _open_archive(study, path, is_named=True)
-        for path in others
-        if path.resolve() != replaced.resolve()
-    ]
-    if replaced.exists():
+    found = []
+    wanted = [path for path in map(Path, named) if path.resolve() != replaced.resolve()]
+    for path in [*wanted, *([replaced] if replaced.exists() else [])]:
         try:
-            found.insert(0, _open_archive(study, replaced, is_named=False))
+            found.append(_open_archive(study, path, is_named=path in wanted))
         except ArchiveError as error:
+            if path in wanted:
+                raise
             reason = str(error).removeprefix(f"{replaced}: ")
             journal.inform(f"{shown_path(replaced)}: none of its runs is taken: {reason}")
-    return found
+    return sorted(found, key=lambda each: each.is_named)
 
 
 def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> ArchivePlace:
@@ -306,7 +230,7 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
     if fault := next(find_faults(tree), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")
     try:
-        tomllib.loads(str(tree.attrs["study_text"]))
+        before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
     except ValueError as error:
         raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
     if is_benchmark(tree):
@@ -316,14 +240,19 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
         name: {archived: compare_models(model, tree, archived) for archived in model_trees(tree)}
         for name, model in study.models.items()
     }
-    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons)
+    now = study.content.get("designs", {})
+    changed = frozenset(name for name in before.keys() & now.keys() if before[name] != now[name])
+    differences = provenance_differences(tree.attrs, study.attributes)
+    texts = ", ".join(f"{what} {one} (here {other})" for what, one, other in differences)
+    made_with = (
+        f"study {str(tree.attrs['study_sha256'])[:16]}, made with "
+        f"{texts or 'the same versions and kind of processor as here'}"
+    )
+    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons, changed, made_with)
 
 
 def sources_of_archives(
-    study: ValidatedStudy,
-    identity: StudyIdentity,
-    archives: Sequence[ArchivePlace],
-    journal: Journal,
+    study: ValidatedStudy, archives: Sequence[ArchivePlace], journal: Journal
 ) -> Mapping[str, list[RunSource]]:
     """Return the runs that each model of a study may take from archives, by the model's name.
 
@@ -338,7 +267,7 @@ def sources_of_archives(
         changes: list[str] = []
         runs = 0
         for name, sources in found.items():
-            own = archived_sources(study, identity, name, archive)
+            own = archived_sources(study, name, archive)
             sources += own
             runs += sum(len(source.runs.runs) for source in own)
             if not own:
@@ -346,12 +275,7 @@ def sources_of_archives(
                 compared = archive.comparisons[name]
                 changes += (compared.get(name) or next(iter(compared.values()))).changes
         if runs:
-            differences = provenance_differences(archive.tree.attrs, identity.attributes)
-            texts = ", ".join(f"{what} {one} (here {other})" for what, one, other in differences)
-            journal.write_line(
-                f"{archive.name}: study {str(archive.tree.attrs['study_sha256'])[:16]}, made with "
-                f"{texts or 'the same versions and kind of processor as here'}"
-            )
+            journal.write_line(f"{archive.name}: {archive.made_with}")
         elif not changes:
             if archive.is_named:
                 reasons = "; ".join(f"{k}: {v}" for k, v in unused_designs(archive.tree).items())
@@ -393,12 +317,7 @@ def unused_designs(tree: xr.DataTree) -> dict[str, str]:
 
 
 def archived_sources(
-    study: ValidatedStudy,
-    identity: StudyIdentity,
-    name: str,
-    archive: ArchivePlace,
-    *,
-    first_blocks: bool = False,
+    study: ValidatedStudy, name: str, archive: ArchivePlace, *, first_blocks: bool = False
 ) -> list[RunSource]:
     """Return the runs of an archive that are runs of a model; none if it has changed.
 
@@ -406,19 +325,12 @@ def archived_sources(
 
     Parameters
     ----------
-    study, identity, name
-        The study, what decides its runs, and the name of its model.
-    archive : ArchivePlace
-        The archive.
+    study, name
+        The study, and the name of its model.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """
-    tree, here = archive.tree, identity.models[name].software
-    then = {key: value for key, value in tree.attrs.items() if key in here}
-    others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
-    made_with = [f"runs made with {others}"] if others else []
-    before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
-    now = identity.content.get("designs", {})
+    tree = archive.tree
     # The model of the same name first.
     archived = sorted(archive.comparisons[name].items(), key=lambda each: each[0] != name)
     found = []
@@ -431,14 +343,13 @@ def archived_sources(
             is_whole = runs.sizes[RUN] <= RUNS_IN_MEMORY
             if not is_whole and not first_blocks:
                 continue  # they are found by their inputs, for which all have to be in memory
-            is_changed = design in before.keys() & now.keys() and before[design] != now[design]
             found += [
                 RunSource(
                     archive.name,
                     each,
                     is_complete=is_whole,
-                    made_with=(*made_with, *_inherited(tree, model, design)),
-                    changed_design=design if is_changed else "",
+                    made_with=(*comparison.made_with, *_inherited(tree, model, design)),
+                    changed_design=design if design in archive.changed_designs else "",
                     design=design,
                 ).without_statuses(left_out)
                 for each in _archived_rounds(
@@ -572,7 +483,7 @@ class IndexedRuns:
         is_admissible = np.ones(len(at), dtype=np.bool_)
         for constraint in self._constraints:
             is_admissible &= constraint.is_satisfied(inputs)
-        is_wrong = ~is_admissible & (self._results.status[at] != Status.INADMISSIBLE)
+        is_wrong = ~is_admissible & (self._runs.results.status[at] != Status.INADMISSIBLE)
         return np.where(is_wrong, -1, at)
 
     def batch_results(self, start: int, at: IntArray) -> Iterator[BatchResult]:
@@ -588,7 +499,7 @@ class IndexedRuns:
         ends = np.flatnonzero(np.diff(at >= 0)) + 1
         for begin, end in pairwise([0, *ends.tolist(), len(at)]):
             if at[begin] >= 0:
-                yield BatchResult(start + begin, select_results(self._results, at[begin:end]))
+                yield BatchResult(start + begin, select_results(self._runs.results, at[begin:end]))
 
     def use(self, at: IntArray) -> Iterator[tuple[RunSource, IntArray]]:
         """Record that runs are taken, given positions or -1; yield their sources and statuses."""
@@ -596,7 +507,7 @@ class IndexedRuns:
         self._is_used[at] = True
         numbers = self._source_numbers(at)
         for number in np.unique(numbers).tolist():
-            yield self.sources[number], self._results.status[at[numbers == number]]
+            yield self.sources[number], self._runs.results.status[at[numbers == number]]
 
     def sources_of(self, at: IntArray) -> list[RunSource]:
         """Return the sources of runs, given their positions or -1."""
@@ -613,25 +524,19 @@ class IndexedRuns:
                 yield source
 
     @cached_property
-    def _inputs(self) -> Arrays:
-        names = self.sources[0].runs.inputs
-        parts = [source.runs.inputs for source in self.sources]
-        return {name: np.concatenate([part[name] for part in parts]) for name in names}
-
-    @cached_property
-    def _results(self) -> Results:
-        return join_results([source.runs.results for source in self.sources])
+    def _runs(self) -> FinishedRuns:
+        return FinishedRuns.joined([source.runs for source in self.sources])
 
     @cached_property
     def _index(self) -> PointIndex | BatchIndex:
         if not depends_on_batch(self._model):
-            return PointIndex(self._inputs)
+            return PointIndex(self._runs.inputs)
         batches = [
             start + batch
             for start, source in zip(self._starts, self.sources, strict=False)
             for batch in source.whole_batches()
         ]
-        return BatchIndex(self._inputs, batches, BATCH_SIZE)
+        return BatchIndex(self._runs.inputs, batches, BATCH_SIZE)
 
 
 class RunFinder:
@@ -699,8 +604,17 @@ class RunFinder:
         label = f"{model}: {design}" if model else design
         self._made_with.add(f"{label}: {NOT_MADE_AGAIN}")
 
-    def used_places(self, model: str, inputs: Arrays) -> set[str]:
-        """Return the places of a model's runs that are at the first points of a round."""
+    def used_places(self) -> Iterator[tuple[str, str]]:
+        """Yield the models and the places from which runs at first points of a design come."""
+        for model, found in self.sources.items():
+            designs = self._study.designs if found else ()
+            used = set[str]().union(*(self.places_of(model, design) for design in designs))
+            places = dict.fromkeys(each.place for each in found)
+            yield from ((model, place) for place in places if place in used)
+
+    def places_of(self, model: str, design: str) -> set[str]:
+        """Return the places of a model's runs that are at the first points of a design."""
+        inputs = first_points(self._study, design, model)
         found = self.indexed_runs(model, inputs)
         if found is None:
             return set()

@@ -49,17 +49,9 @@ def raw_bytes(values: npt.NDArray[Any]) -> memoryview:
 
 
 def floats(value: object) -> FloatArray:
-    """Convert a value to an array of floats.
+    """Convert a number, an array or a nested list to an array of floats; masked entries to NaN.
 
-    Parameters
-    ----------
-    value : object
-        A number, an array or a nested list of them; a masked entry becomes NaN.
-
-    Raises
-    ------
-    ValueError
-        If it is something else: text, a complex number, None. The message names it.
+    ValueError if it is something else: text, a complex number, None. The message names it.
     """
     try:
         array = np.asanyarray(value)

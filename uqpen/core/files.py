@@ -122,11 +122,8 @@ def replace_file(path: Path, content: bytes | Iterable[bytes]) -> None:
 
     The content may come by parts, so that it need not be in memory.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; a file that was there before is unchanged. Its ``strerror`` can be
-        shown to a user.
+    OSError if it cannot be written; a file that was there before is unchanged. Its ``strerror`` can
+    be shown to a user.
     """
     if path.is_dir():
         raise OSError(errno.EISDIR, "it is a folder")

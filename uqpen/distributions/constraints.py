@@ -74,19 +74,9 @@ class Constraint:
 
 
 def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
-    """Read a constraint and check its names and units.
+    """Read a constraint on inputs, whose SI units are given, and check its names and units.
 
-    Parameters
-    ----------
-    text : str
-        The comparison.
-    units : mapping of str to str
-        The SI unit of every input that may stand in it.
-
-    Raises
-    ------
-    ConstraintError
-        If it is no comparison, names something else, or mixes dimensions.
+    ConstraintError if it is no comparison, names something else, or mixes dimensions.
     """
     tree = _parse(text)
     sides = [tree.left, *tree.comparators]

@@ -18,9 +18,8 @@ from uqpen.core.model import Input, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.dependencies import Dependencies
-from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
-from uqpen.models.run_grid import FieldSources
+from uqpen.models.run_grid import FieldSources, extract_outputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
     check_signature,

@@ -23,10 +23,9 @@ from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.models.dependencies import Dependencies
-from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.observation import unseen_readers
-from uqpen.models.run_grid import UnusableOutputError
+from uqpen.models.run_grid import UnusableOutputError, extract_outputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
     ending_forks,
@@ -90,7 +89,7 @@ class UserModel(Model):
         return tuple(unseen_readers(self.surroundings.text if self.surroundings else text))
 
     @property
-    def record(self) -> ModelFolder | Dependencies:
+    def record(self) -> Dependencies:
         """Record of what its runs depend on."""
         return self.surroundings or self.observed
 
@@ -285,10 +284,7 @@ class UserDefinedModel(UserModel):
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.
 
-        Raises
-        ------
-        UnusableOutputError
-            If they are no `Results`, or differ from what the class declares.
+        UnusableOutputError if they are no `Results`, or differ from what the class declares.
         """
         if not isinstance(returned, Results):
             raise UnusableOutputError(f"returned {type(returned).__name__}, not Results")

@@ -25,8 +25,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
-from uqpen.core.masked_numbers import divide_place, mask_numbers
-from uqpen.core.status import Status
+from uqpen.core.status import Status, divide_place, mask_numbers
 from uqpen.core.units import scale
 from uqpen.execution import status_counts
 from uqpen.results.digits import number_text

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.comparison import reference_name
 from uqpen.archive.estimates import array_entries, unpack
 from uqpen.archive.read import group_names, is_benchmark, read_group
+from uqpen.archive.structure import reference_name
 from uqpen.core.catalogue import BENCHMARK_STATISTICS
 from uqpen.core.labels import (
     BUDGET,

@@ -78,8 +78,6 @@ def read_groups(runs: Mapping[str, xr.Dataset], output: str) -> tuple[GroupRuns,
     ----------
     runs : mapping of str to Dataset
         The runs of a design by model, with the round of each. The output is a number in all.
-    output : str
-        Its name.
     """
     found: dict[tuple[bool, ...], list[FloatArray]] = {}
     for parts in _rounds(runs):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, drawn_runs, goes_by_blocks, run_counts
+from uqpen.statistics.by_blocks.passes import BlockedColumn, BlockedColumns, Grouping
 from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
@@ -49,9 +51,6 @@ def joint_probabilities(
     ----------
     runs : Dataset or BlockedRuns
         With every output that an event concerns; events with others are left out.
-    events : sequence of JointEvent
-    level : float
-        Confidence level of the intervals.
     in_memory : int
         More runs go by blocks.
 
@@ -150,14 +149,15 @@ def _estimates_by_blocks(
     events: Sequence[JointEvent], runs: BlockedRuns, outputs: Sequence[str], level: float
 ) -> list[Estimate]:
     """Estimate the same from one pass over the runs."""
-    from uqpen.statistics.by_blocks.tabulated import tabulated_samples  # loads a compiler
-
     with_gaps = {name for name in outputs if ABSENT in runs.template[name].attrs}
-    columns = [partial(_occurrences, event, with_gaps) for event in events]
-    samples = tabulated_samples(runs, outputs, columns, np.array([0.0, 1.0]), level)
+    columns = [
+        BlockedColumn(tuple(outputs), partial(_occurrences, event, with_gaps)) for event in events
+    ]
+    counted = BlockedColumns(runs, Grouping.of_runs(runs), columns, np.array([0.0, 1.0]))
+    samples = [counted.sample(number, level) for number in range(len(events))]
     return [
         _noted(
-            _of_condition(event, event_probability(each, each.values == 1), each),
+            _of_condition(event, event_probability(each, each.event(operator.eq, 1)), each),
             has_all=with_gaps.isdisjoint(event.outputs),
         )
         for event, each in zip(events, samples, strict=True)

@@ -23,7 +23,7 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
-from uqpen.statistics.sample import ErrorModel, Sample, SampleShape
+from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["model_differences", "model_form_shares"]
@@ -47,8 +47,6 @@ def model_form_shares(
     ----------
     runs : mapping of str to Dataset
         The runs of each model in one design.
-    quantities : sequence of QuantityOfInterest
-        One for each output.
 
     Returns
     -------
@@ -167,7 +165,7 @@ def _few_events(sample: Sample, values: FloatArray, *, is_event: bool) -> str:
 
 def _tail_note(sample: Sample, values: FloatArray) -> str:
     """Return the note on the model with the heaviest tail."""
-    shapes = [SampleShape(_with_values(sample, sample.used, each, sample.level)) for each in values]
+    shapes = [_with_values(sample, sample.used, each, sample.level).shape for each in values]
     varying = [each for each in shapes if not each.sample.is_constant]
     if not varying:
         return ""
@@ -251,8 +249,6 @@ def model_differences(
     ----------
     first, other : Dataset
         Runs of the two models in one design. Those of the rounds that both have run are compared.
-    quantities : sequence of QuantityOfInterest
-        One for each output of the other model.
 
     Returns
     -------

@@ -11,13 +11,7 @@ import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Numbers", "Ordering", "ascending_order"]
-
-# Small enough that the numbers of the values of a sort take half of a word at most.
-_MOST_PACKED = 2**32
-# Where more values than this share have a neighbour of like leading digits, many are equal.
-_MOST_ALIKE = 0.125
-_SIGN = np.uint64(2**63)
+__all__ = ["Numbers", "Ordering"]
 
 # Of 32 bits where that is enough: half of the memory.
 Numbers = npt.NDArray[np.signedinteger[Any]]
@@ -42,10 +36,15 @@ class Ordering:
     @classmethod
     def of(cls, values: FloatArray) -> Ordering:
         """Return the order of values, which are not NaN."""
-        return cls._in_order(values, ascending_order(values))
+        # Without equal values there is one order, and any sort finds it; a stable one takes longer.
+        found = cls._in_order(values, np.argsort(values))
+        if found.is_above is None:
+            return found
+        return cls._in_order(values, np.argsort(values, kind="stable"))
 
     @classmethod
     def _in_order(cls, values: FloatArray, order: Numbers) -> Ordering:
+        order = order.astype(np.int32 if len(order) < 2**31 else np.int64, copy=False)
         ascending = values[order]
         is_above = np.ones(len(order), dtype=np.bool_)
         np.greater(ascending[1:], ascending[:-1], out=is_above[1:])
@@ -100,46 +99,3 @@ class Ordering:
         above = np.cumsum(at[::-1])[::-1] - at
         sums: FloatArray = (above + at / 2)[level]
         return sums
-
-
-def ascending_order(values: FloatArray) -> Numbers:
-    """Return the numbers of values in ascending order, as a stable sort does.
-
-    Each value is packed with its number into one word, as words are sorted ten times as fast as
-    numbers by their values. What the leading bits of a value leave open is sorted afterwards.
-    """
-    runs = len(values)
-    bits = np.uint64(max(runs - 1, 1).bit_length())
-    if runs >= _MOST_PACKED or values.dtype != np.float64:
-        return np.argsort(values, kind="stable")
-    words = (values + 0.0).view(np.uint64)  # of the two zeros only the positive one
-    words ^= np.where(words & _SIGN, ~np.uint64(0), _SIGN)  # words ascend as the numbers do
-    words >>= bits
-    words <<= bits
-    words |= np.arange(runs, dtype=np.uint64)
-    words.sort()
-    order: Numbers = (words & ((np.uint64(1) << bits) - np.uint64(1))).astype(_index_type(runs))
-    return _with_alike_sorted(values, order, words >> bits)
-
-
-def _with_alike_sorted(
-    values: FloatArray, order: Numbers, leading: npt.NDArray[np.uint64]
-) -> Numbers:
-    """Sort those values of an order that have the same leading bits as a neighbour."""
-    is_like_next = leading[1:] == leading[:-1]
-    if not is_like_next.any():
-        return order
-    is_alike = np.zeros(len(order), dtype=np.bool_)
-    is_alike[1:] = is_like_next
-    is_alike[:-1] |= is_like_next
-    places = np.flatnonzero(is_alike)
-    if len(places) > _MOST_ALIKE * len(order):
-        return np.argsort(values, kind="stable").astype(order.dtype)
-    # Those of a group have neighbouring places, and groups ascend: a stable sort keeps them apart.
-    alike = np.sort(order[places])
-    order[places] = alike[np.argsort(values[alike], kind="stable")]
-    return order
-
-
-def _index_type(runs: int) -> npt.DTypeLike:
-    return np.int32 if runs < 2**31 else np.int64

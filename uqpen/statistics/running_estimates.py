@@ -118,12 +118,8 @@ def required_runs(
     ----------
     pilot : Dataset
         Independent runs of one model; failed runs are resampled, too.
-    quantities : sequence of QuantityOfInterest
-        Of the model.
     rule : Precision
         The targets; those of outputs that the model lacks are left out.
-    rng : Generator
-        Source of the bootstrap samples.
     """
     size = pilot.sizes[RUN]
     runs = pilot.drop_dims(FAILED_RUN, errors="ignore")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property, singledispatch
+from functools import cached_property
 from itertools import islice
-from typing import TypeVar, cast
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.sampling import Sampling
@@ -17,7 +18,8 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
 from uqpen.statistics.ordering import Ordering
-from uqpen.statistics.weights import effective_size, effective_sizes, weighted_mean
+from uqpen.statistics.tally import Tally
+from uqpen.statistics.weights import effective_sizes, weighted_mean
 
 __all__ = [
     "DOUBTFUL_KURTOSIS",
@@ -25,10 +27,10 @@ __all__ = [
     "ENOUGH_RUNS_FOR_TAILS",
     "FEWEST_EFFECTIVE_RUNS",
     "FEWEST_RUNS_FOR_TAILS",
+    "Column",
     "ErrorModel",
     "Sample",
     "SampleShape",
-    "shape_of",
 ]
 
 # Error models of samples.
@@ -44,7 +46,8 @@ class ErrorModel(StrEnum):
     UNKNOWN = "points of unknown origin"
 
 
-Made = TypeVar("Made")
+# A column of runs, shape (..., run): its values, or what the error of its mean follows from.
+Column = npt.NDArray[Any] | Tally
 
 # With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
@@ -59,6 +62,9 @@ class Sample:
 
     All points of the design are kept, since the design stratifies all its points, not the
     completed ones alone.
+
+    An analysis of a distribution asks for events, ordered values, counts and the shape, never for
+    the values: so it serves a sample whose runs go by blocks as well.
 
     Parameters
     ----------
@@ -146,7 +152,7 @@ class Sample:
     @cached_property
     def effective_size(self) -> float:
         """Kish's effective sample size (Σw)²/Σw²; without weights, the number of runs."""
-        return self.size if self.run_weights is None else effective_size(self.run_weights)
+        return self.size if self.run_weights is None else float(effective_sizes(self.run_weights))
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the mean of values of shape (..., run), at least one, by the runs' weights."""
@@ -154,8 +160,16 @@ class Sample:
             return np.asarray(values.mean(axis=-1))
         return weighted_mean(values, self.run_weights)
 
-    def events_with_missing(self, events: BoolArray, *, happened: bool) -> BoolArray:
+    def event(self, compare: Callable[[Any, Any], Any], value: npt.ArrayLike) -> Column:
+        """Return whether each value compares so with a number, or with that of its place.
+
+        The comparison is a function of `operator`, such as ``operator.gt``.
+        """
+        return np.asarray(compare(self.values, np.asarray(value)[..., np.newaxis]))
+
+    def events_with_missing(self, events: Column, *, happened: bool) -> Column:
         """Return an event over the runs of `with_missing`, with one outcome of the missing ones."""
+        assert isinstance(events, np.ndarray)
         missing = np.full((*events.shape[:-1], self.missing.size), happened)
         return np.concatenate([events, missing], axis=-1)
 
@@ -170,9 +184,9 @@ class Sample:
         while some := [np.sort(part) for part in islice(replicates, _COUNTED_TOGETHER)]:
             yield np.array([np.searchsorted(part, values, side="right") for part in some])
 
-    @property
+    @cached_property
     def replicate_sizes(self) -> IntArray:
-        """Number of runs of each replicate."""
+        """Number of runs of each replicate that has any."""
         return np.bincount(self.replicate)
 
     @cached_property
@@ -180,12 +194,31 @@ class Sample:
         """The values, ascending along the runs."""
         return np.sort(self.values, axis=-1)
 
+    def ordered(self, positions: IntArray) -> FloatArray:
+        """Return the values at positions from 0 among the ascending ones.
+
+        They are of shape (position,) for all places, or (place, position).
+        """
+        if positions.ndim < self.values.ndim or not self.is_at_places:
+            return self.sorted_values[..., positions]
+        return np.take_along_axis(self.sorted_values, positions, axis=-1)
+
     @cached_property
     def is_constant(self) -> BoolArray:
         """True where all values are equal, shape () or (place,)."""
         if not self.size:
             return np.zeros(self.values.shape[:-1], dtype=np.bool_)
-        return np.asarray(self.values.min(axis=-1) == self.values.max(axis=-1))
+        return np.asarray(self.smallest == self.largest)
+
+    @cached_property
+    def smallest(self) -> FloatArray:
+        """The smallest value, shape () or (place,)."""
+        return np.asarray(self.values.min(axis=-1))
+
+    @cached_property
+    def largest(self) -> FloatArray:
+        """The largest value, shape () or (place,)."""
+        return np.asarray(self.values.max(axis=-1))
 
     @cached_property
     def replicate(self) -> IntArray:
@@ -200,22 +233,7 @@ class Sample:
     @property
     def replicate_count(self) -> int:
         """Number of replicates with a completed run."""
-        return int(self.replicate.max(initial=-1)) + 1
-
-    def once(self, name: str, make: Callable[[], Made]) -> Made:
-        """Return what follows from the sample alone; of a single variable it is made once.
-
-        At places of a field it would be as large as the field.
-        """
-        if self.is_at_places:
-            return make()
-        if name not in self._made:
-            self._made[name] = make()
-        return cast(Made, self._made[name])
-
-    @cached_property
-    def _made(self) -> dict[str, object]:
-        return {}
+        return self.replicate_sizes.size
 
     @cached_property
     def error_model(self) -> ErrorModel:
@@ -260,6 +278,17 @@ class Sample:
         return texts.TOO_FEW_RUNS.format(runs=self.size)
 
     @property
+    def residual_method(self) -> str:
+        """Name of an interval of one stratified set."""
+        return texts.STUDENT_ON_RESIDUALS
+
+    @cached_property
+    def shape(self) -> SampleShape:
+        """Deviations from the mean, and the influence of few runs on them."""
+        # Of a copy: two objects that refer to each other would keep their arrays for too long.
+        return SampleShape(replace(self))
+
+    @property
     def degrees_of_freedom(self) -> float:
         """Degrees of freedom of a standard error over independent draws or replicates."""
         is_replicated = self.error_model is ErrorModel.REPLICATED
@@ -293,14 +322,11 @@ class SampleShape:
     @cached_property
     def mean(self) -> FloatArray:
         """The mean, also of values near the end of the numbers."""
-        return self.sample.once("mean", self._mean_of_values)
-
-    def _mean_of_values(self) -> FloatArray:
         values = self.sample.values
         if not self.sample.size:
             return np.full(values.shape[:-1], np.nan)
         # The sum of values over their largest cannot overflow.
-        largest = np.maximum(values.max(axis=-1), -values.min(axis=-1))
+        largest = np.maximum(self.sample.largest, -self.sample.smallest)
         largest = np.where(largest > 0, largest, 1.0)
         means = self.sample.mean(values / largest[..., np.newaxis]) * largest
         return np.where(self.sample.is_constant, values[..., 0], means)
@@ -308,21 +334,18 @@ class SampleShape:
     @cached_property
     def scale(self) -> FloatArray:
         """The largest deviation; powers of values divided by it neither overflow nor vanish."""
-        return self.sample.once("largest deviation", self._largest_deviation)
-
-    def _largest_deviation(self) -> FloatArray:
         if not self.sample.size:
             return np.full(self.mean.shape, np.nan)
         # Rounding is monotonic, so the largest deviation is that of an end.
-        values = self.sample.values
-        return np.maximum(values.max(axis=-1) - self.mean, self.mean - values.min(axis=-1))
+        return np.maximum(self.sample.largest - self.mean, self.mean - self.sample.smallest)
+
+    def powers(self, power: int) -> Column:
+        """Return the deviations over `scale`, or their squares."""
+        return self.deviations if power == 1 else self.deviations**power
 
     @cached_property
     def deviations(self) -> FloatArray:
         """Deviations from the mean over `scale`, shape (..., run)."""
-        return self.sample.once("deviations", self._deviations)
-
-    def _deviations(self) -> FloatArray:
         varies = self.scale > 0
         scale = np.where(varies, self.scale, 1.0)
         deviations: FloatArray = self.sample.values - self.mean[..., np.newaxis]
@@ -330,10 +353,14 @@ class SampleShape:
         deviations[~varies] = 0.0
         return deviations
 
-    def _mean(self, powers: FloatArray) -> FloatArray:
-        """Return the mean of powers of the deviations; NaN where these are all 0."""
+    def moment(self, power: int) -> FloatArray:
+        """Mean of a power of the deviations over `scale`; NaN where these are all 0."""
         if not self.sample.size:
             return self.scale
+        # Products, as a power takes twenty times as long.
+        powers = self.deviations**2
+        if power > 2:
+            powers = powers * (self.deviations if power == 3 else powers)
         return np.where(self.scale > 0, self.sample.mean(powers), np.nan)
 
     @property
@@ -342,23 +369,14 @@ class SampleShape:
         return self.scale * self.deviations.std(axis=-1)
 
     @cached_property
-    def _variance(self) -> FloatArray:
-        return self._mean(self.deviations**2)
-
-    @cached_property
     def skewness(self) -> FloatArray:
         """The third standardized moment."""
-        # Products, as a power takes twenty times as long.
-        cubes = self.deviations * self.deviations * self.deviations
-        return self._mean(cubes) / _power(self._variance, 1.5)
+        return self.moment(3) / _power(self.moment(2), 1.5)
 
     @cached_property
     def kurtosis(self) -> FloatArray:
         """Fourth standardized moment; 3 for a normal distribution."""
-        return self.sample.once("kurtosis", self._kurtosis)
-
-    def _kurtosis(self) -> FloatArray:
-        return self._mean((self.deviations**2) ** 2) / _power(self._variance, 2)
+        return self.moment(4) / _power(self.moment(2), 2)
 
     @cached_property
     def effective_runs(self) -> FloatArray:
@@ -412,12 +430,6 @@ class SampleShape:
         if self.sample.is_at_places:
             return texts.HEAVY_TAIL_AT_PLACES
         return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)
-
-
-@singledispatch
-def shape_of(sample: Sample) -> SampleShape:
-    """Return the shape of a sample; of one without its values, as it knows it itself."""
-    return SampleShape(sample)
 
 
 def _power(base: FloatArray, exponent: float) -> FloatArray:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import (
     additive_residual_error,
     error_of_sums,
     group_sums,
-    ratio_error,
     student_quantile,
 )
-from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.tally import Tally
 from uqpen.statistics.weights import weighted_mean_error
 
@@ -28,7 +28,6 @@ __all__ = [
     "probability_error",
     "rounding_error",
     "skewness_margins",
-    "skewness_margins_of_sums",
     "standard_error",
     "student_margins",
 ]
@@ -36,7 +35,7 @@ __all__ = [
 # Standard error of a mean, by the error model of the sample's design.
 
 
-def standard_error(sample: Sample, influence: FloatArray | Tally) -> tuple[FloatArray, float]:
+def standard_error(sample: Sample, influence: Column) -> tuple[FloatArray, float]:
     """Standard error of a mean over the sample, and its degrees of freedom.
 
     Parameters
@@ -55,29 +54,34 @@ def standard_error(sample: Sample, influence: FloatArray | Tally) -> tuple[Float
     """
     if sample.reason_without_intervals:
         return np.full(influence.shape[:-1], np.nan), 0
+    if sample.error_model is ErrorModel.REPLICATED:
+        sums = _sums_of_replicates(sample, influence)
+        return error_of_sums(sums, influence.shape[-1]), sample.degrees_of_freedom
+    if not isinstance(influence, Tally):
+        if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+            # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
+            # nothing to them.
+            deviation = np.zeros((*influence.shape[:-1], len(sample.replicates)))
+            deviation[..., sample.used] = influence - influence.mean(axis=-1, keepdims=True)
+            error, freedom = additive_residual_error(deviation, sample.points)
+            return error * len(sample.replicates) / sample.size, freedom
+        if sample.run_weights is not None:
+            return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
+    # Sums know no residuals: over one stratified set, as large as over independent draws.
+    error = influence.std(axis=-1, ddof=1) / math.sqrt(influence.shape[-1])
+    return error, sample.degrees_of_freedom
+
+
+def _sums_of_replicates(sample: Sample, influence: Column) -> FloatArray:
+    """Return each replicate's sum of deviations from the mean, shape (..., replicate).
+
+    Failed runs leave replicates of unequal size, so the mean is a ratio of sums. Its error follows
+    from the scatter of these sums.
+    """
     if isinstance(influence, Tally):
-        return _error_of_tally(sample, influence)
-    if sample.error_model is ErrorModel.REPLICATED:
-        return ratio_error(influence, sample.replicate, sample.replicate_count)
-    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
-        # nothing to them.
-        deviation = np.zeros((*influence.shape[:-1], len(sample.replicates)))
-        deviation[..., sample.used] = influence - influence.mean(axis=-1, keepdims=True)
-        error, freedom = additive_residual_error(deviation, sample.points)
-        return error * len(sample.replicates) / sample.size, freedom
-    if sample.run_weights is not None:
-        return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
-    return influence.std(axis=-1, ddof=1) / math.sqrt(sample.size), sample.degrees_of_freedom
-
-
-def _error_of_tally(sample: Sample, influence: Tally) -> tuple[FloatArray, float]:
-    """Return the same from sums; over one stratified set, as large as over independent draws."""
-    freedom = sample.degrees_of_freedom
-    if sample.error_model is ErrorModel.REPLICATED:
-        sums = influence.deviations[influence.sizes > 0]
-        return error_of_sums(sums, influence.size), freedom
-    return influence.std(ddof=1) / math.sqrt(influence.size), freedom
+        return influence.deviations[influence.sizes > 0]
+    deviations = influence - influence.mean(axis=-1, keepdims=True)
+    return group_sums(deviations, sample.replicate, sample.replicate_count)
 
 
 def rounding_error(sample: Sample) -> float:
@@ -91,7 +95,7 @@ def rounding_error(sample: Sample) -> float:
     return 0.5 * math.sqrt(sample.replicate_count) / sample.size
 
 
-def probability_error(sample: Sample, events: BoolArray) -> tuple[FloatArray, float, BoolArray]:
+def probability_error(sample: Sample, events: Column) -> tuple[FloatArray, float, BoolArray]:
     """Standard error of the share of the runs in which an event happened.
 
     Parameters
@@ -120,9 +124,8 @@ def cdf_error(sample: Sample, value: npt.ArrayLike) -> tuple[FloatArray, float, 
     At an atom of the distribution the function jumps, and the error of a quantile may be to either
     side. The larger of the errors below and above the jump counts. At places, each has its value.
     """
-    at = np.asarray(value)[..., np.newaxis]
-    error, freedom, is_rounded = probability_error(sample, sample.values <= at)
-    below, _, is_rounded_below = probability_error(sample, sample.values < at)
+    error, freedom, is_rounded = probability_error(sample, sample.event(operator.le, value))
+    below, _, is_rounded_below = probability_error(sample, sample.event(operator.lt, value))
     is_rounded = np.where(
         error > below, is_rounded, is_rounded_below | (error == below) & is_rounded
     )
@@ -159,7 +162,7 @@ class Margins(NamedTuple):
         return Margins(*(np.where(condition, margin, 0.0) for margin in self))
 
 
-def extreme_margins(influence: FloatArray | Tally, weights: FloatArray | None = None) -> Margins:
+def extreme_margins(influence: Column, weights: FloatArray | None = None) -> Margins:
     """Return how far the smallest and the largest run move a mean.
 
     A run further out than all others may well come as often as the largest one has. The mean would
@@ -182,19 +185,15 @@ def extreme_margins(influence: FloatArray | Tally, weights: FloatArray | None = 
     return Margins(np.maximum(-parts.min(axis=-1), 0.0), np.maximum(parts.max(axis=-1), 0.0))
 
 
-def skewness_margins(
-    influence: FloatArray, replicate: IntArray, replicates: int, level: float
-) -> tuple[Margins, Margins]:
+def skewness_margins(sums: FloatArray, runs: int, level: float) -> tuple[Margins, Margins]:
     """Return how far the end moves out towards which the means of replicates are skewed.
 
     Parameters
     ----------
-    influence : ndarray, shape (..., run)
-        Values whose mean is estimated, at any places.
-    replicate : ndarray of int, shape (run,)
-        The replicate of each run, from 0.
-    replicates : int
-        Number of replicates.
+    sums : ndarray, shape (..., replicate)
+        Each replicate's sum of deviations from the mean, at any places.
+    runs : int
+        Number of runs of all replicates.
     level : float
         Two-sided.
 
@@ -208,12 +207,6 @@ def skewness_margins(
     ----------
     Hall, P. (1992). J. R. Statist. Soc. B 54, 221-228.
     """
-    sums = group_sums(influence - influence.mean(axis=-1, keepdims=True), replicate, replicates)
-    return skewness_margins_of_sums(sums, len(replicate), level)
-
-
-def skewness_margins_of_sums(sums: FloatArray, runs: int, level: float) -> tuple[Margins, Margins]:
-    """Return `skewness_margins` from each replicate's sum of deviations from the mean."""
     replicates = sums.shape[-1]
     means = replicates / runs * sums
     deviations = means - means.mean(axis=-1, keepdims=True)
@@ -237,9 +230,7 @@ def skewness_margins_of_sums(sums: FloatArray, runs: int, level: float) -> tuple
 # Margins of a mean's interval, by the error model of the sample's design.
 
 
-def mean_margins(
-    sample: Sample, deviations: FloatArray | Tally, *, is_heavy: npt.ArrayLike
-) -> Margins:
+def mean_margins(sample: Sample, deviations: Column, *, is_heavy: npt.ArrayLike) -> Margins:
     """Return the distances of both ends of a mean's interval from the mean.
 
     Both ends move out by what the smallest and the largest run have moved the mean. Strata need
@@ -263,37 +254,19 @@ def mean_margins(
     extremes = Margins.zero(deviations.shape[:-1])
     if needs_extremes.any():
         extremes = extreme_margins(deviations, sample.run_weights).zero_except(needs_extremes)
-    skew, extreme_replicate = _replicate_margins(sample, deviations)
-    furthest = extremes.at_least(extreme_replicate)
-    return _symmetric_margins(sample, deviations).plus(skew).plus(furthest)
+    return student_margins(sample, deviations, extremes)
 
 
-def student_margins(sample: Sample, influence: FloatArray | Tally) -> Margins:
+def student_margins(sample: Sample, influence: Column, extremes: Margins | None = None) -> Margins:
     """Return the same for any influence: Student's t, moved out for skewed replicates.
 
-    Parameters
-    ----------
-    sample : Sample
-        The runs; their design allows an error.
-    influence : ndarray, shape (..., run), or Tally
-        Each run's influence on an estimate, at any places.
+    The furthest replicate, or what is given, moves an end out if it is further.
     """
-    skew, extreme_replicate = _replicate_margins(sample, influence)
-    return _symmetric_margins(sample, influence).plus(skew).plus(extreme_replicate)
-
-
-def _symmetric_margins(sample: Sample, influence: FloatArray | Tally) -> Margins:
     error, freedom = standard_error(sample, influence)
     half = student_quantile(freedom, sample.level) * error
-    return Margins(half, half)
-
-
-def _replicate_margins(sample: Sample, influence: FloatArray | Tally) -> tuple[Margins, Margins]:
-    """Return the margins for the skewness of replicates; 0 without replicates."""
-    if sample.error_model is not ErrorModel.REPLICATED:
-        none = Margins.zero(influence.shape[:-1])
-        return none, none
-    if isinstance(influence, Tally):
-        sums = influence.deviations[influence.sizes > 0]
-        return skewness_margins_of_sums(sums, influence.size, sample.level)
-    return skewness_margins(influence, sample.replicate, sample.replicate_count, sample.level)
+    found, none = Margins(half, half), Margins.zero(influence.shape[:-1])
+    skew = furthest = none
+    if sample.error_model is ErrorModel.REPLICATED:
+        sums = _sums_of_replicates(sample, influence)
+        skew, furthest = skewness_margins(sums, influence.shape[-1], sample.level)
+    return found.plus(skew).plus((extremes or none).at_least(furthest))

@@ -45,8 +45,6 @@ def user_defined_statistics(
         In the order of the study.
     sample : Sample
         Of the output. Without a completed run, there are no statistics.
-    quantity : QuantityOfInterest
-        The quantity of interest of the output.
     known : mapping of str to DataArray
         The statistics that the output already has. Their coordinates take precedence.
 

@@ -160,7 +160,10 @@ def read_command(table: TableReader) -> Command | None:
     handed.read_templates()
     handed.read_copied()
     limits = read_limits(table)
-    kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
+    # Folders of runs are next to the study, and named after it, and after one of several models.
+    folder = table.folder / f"{Path(table.document.label).stem}_runs"
+    folder = folder / str(table.path[-1]) if len(table.path) > 1 else folder
+    kept = table.settings(FolderPolicy, given={"folder": folder})
     named = set().union(*map(names_in, words), handed.names())
     readings = _read_readings(table, variables, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
@@ -289,9 +292,3 @@ def _read_delimiters(table: TableReader) -> Delimiters:
     expected = 'two texts of 1 to 8 signs, no letters, digits or blanks, such as ["<<", ">>"]'
     table.add_wrong("delimiters", written, expected)
     return BRACES
-
-
-def _kept_folder(table: TableReader) -> Path:
-    """Return the folder for folders of runs: next to the study, and named after it."""
-    kept = table.folder / f"{Path(table.document.label).stem}_runs"
-    return kept / str(table.path[-1]) if len(table.path) > 1 else kept  # one of several models

@@ -26,8 +26,8 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import (
-    object_surrogates,
-    referenced_members,
+    named_objects,
+    named_references,
     user_defined_objects,
 )
 from uqpen.surrogates.refinement import RefinedDesign
@@ -110,6 +110,8 @@ class StudyIdentity(NamedTuple):
         The properties that determine the runs of a design, by model and design.
     files : mapping of str to FileSnapshot
         All files that it names, by name.
+    unknown : tuple of tuple of str
+        Why versions of its parts cannot be distinguished, each with a word for the part.
     is_known : bool
         True if the archive states the version of all that the study consists of.
     """
@@ -119,27 +121,37 @@ class StudyIdentity(NamedTuple):
     models: Mapping[str, ModelIdentity]
     runs: Mapping[tuple[str, str], Mapping[str, str]]
     files: Mapping[str, FileSnapshot]
+    unknown: tuple[tuple[str, str], ...]
     is_known: bool
 
 
 def study_identity(study: ValidatedStudy) -> StudyIdentity:
     """Gather what decides the archive of a study."""
-    content = tomllib.loads(study.text)
+    content, files = tomllib.loads(study.text), tuple(study.files())
+    objects = user_defined_objects(content)
+    reasons = (variant.model.unknown_dependency for variant in study.models.values())
+    unknown = [(reason, "the model") for reason in reasons if reason]
+    unknown += [(f"{name} is a Python object", "it") for name in objects]
     classes = [cls for design in study.designs for _, cls in _point_classes(study, design)]
     classes += map(type, study.surrogates.values())
+    is_known = (
+        not (objects or named_objects(content, "surrogates"))
+        and not any(map(class_version, classes))
+        and all(analysis.surroundings is not None for analysis in study.analyses)
+    )
+    runs = {
+        (model, design): run_fingerprint(study, model, design)
+        for model in study.models
+        for design in study.designs
+    }
     return StudyIdentity(
         {**root_attributes(study), **level_attribute(study)},
         content,
         {name: model_identity(study, name) for name in study.models},
-        {
-            (model, design): run_fingerprint(study, model, design)
-            for model in study.models
-            for design in study.designs
-        },
-        files_by_name(study.files(), study.folder),
-        not (user_defined_objects(study.text) or object_surrogates(content))
-        and not any(map(class_version, classes))
-        and all(analysis.surroundings is not None for analysis in study.analyses),
+        runs,
+        files_by_name(files, study.folder),
+        tuple(unknown),
+        is_known,
     )
 
 
@@ -218,7 +230,9 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         for member, cls in _point_classes(study, design)
         for key, value in class_version(cls).items()
     }
-    has_user_defined_code = is_user_defined(adapter) or bool(versions or referenced_members(tables))
+    has_user_defined_code = is_user_defined(adapter) or bool(
+        versions or named_references(tables, "designs", "inputs")
+    )
     return {
         **dict(_flatten_tables(tables)),
         **versions,

@@ -189,8 +189,6 @@ def function_draft(path: Path, name: str, reference: str) -> Draft:
 
     Parameters
     ----------
-    path : Path
-        The Python file.
     name : str
         The function; empty for the only public one.
     reference : str
@@ -275,7 +273,10 @@ def _inputs(arguments: ast.arguments) -> tuple[list[DraftInput], list[str]]:
     left: list[str] = []
     for argument, default in pairs:
         nominal = None if default is None else _number(default)
-        if default is not None and (nominal is None or _annotation(argument) in ("int", "bool")):
+        if default is not None and (
+            nominal is None
+            or (ast.unparse(argument.annotation) if argument.annotation else "") in ("int", "bool")
+        ):
             left.append(argument.arg)
         else:
             inputs.append(DraftInput(argument.arg, nominal, _unit(argument)))
@@ -290,10 +291,6 @@ def _number(node: ast.expr) -> float | None:
     except (ValueError, TypeError, OverflowError, MemoryError, RecursionError):
         return None
     return float(value) if is_number else None
-
-
-def _annotation(argument: ast.arg) -> str:
-    return ast.unparse(argument.annotation) if argument.annotation else ""
 
 
 def _unit(argument: ast.arg) -> str:
@@ -487,13 +484,6 @@ class DataDraft:
 
 def data_draft(path: Path, reference: str) -> DataDraft:
     """Return the draft of a study of a data file, which may be of any format that uqpen reads.
-
-    Parameters
-    ----------
-    path : Path
-        The data file.
-    reference : str
-        Its path as the study names it.
 
     Raises
     ------

@@ -93,15 +93,22 @@ def derive_outputs(
         ):
             continue
         declared = _read_declared(table.table(name), name, model)
-        outputs = _derived(declared) if declared else (_unclear(name),)
+        if declared:
+            outputs = derived_outputs(*declared)
+        else:  # of any dimension, as its declaration has a mistake
+            outputs = (DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum()),)
         if _has_free_names(table, outputs, known):
             derived += outputs
             found += [declared] if declared else []
             known.update(each.output.name for each in outputs)
-    changed = {
-        name: replace(variant, model=variant.model.with_derived([*_of_model(variant.model, found)]))
-        for name, variant in variants.items()
-    }
+    changed = {}
+    for label, variant in variants.items():
+        own = {output.name: output for output in variant.model.outputs}
+        fields = [
+            each._replace(field=own[each.field.name]) for each in found if each.field.name in own
+        ]
+        of_model = [output for each in fields for output in derived_outputs(*each)]
+        changed[label] = replace(variant, model=variant.model.with_derived(of_model))
     return model.with_derived(derived), changed
 
 
@@ -122,23 +129,6 @@ def _requests_table(table: TableReader, output: Output, model: Model) -> TableRe
     for key in (*keys, *(key for key in section if key.endswith(_PLACE_OF))):
         section.take(key)
     return section
-
-
-def _of_model(model: Model, found: Sequence[_Declared]) -> Iterator[DerivedOutput]:
-    """Yield the outputs that follow from fields of a model."""
-    own = {output.name: output for output in model.outputs}
-    for each in found:
-        if each.field.name in own:
-            yield from _derived(each._replace(field=own[each.field.name]))
-
-
-def _derived(declared: _Declared) -> tuple[DerivedOutput, ...]:
-    return derived_outputs(*declared)
-
-
-def _unclear(name: str) -> DerivedOutput:
-    """Return an output whose declaration has a mistake."""
-    return DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum())
 
 
 def _has_free_names(table: TableReader, derived: Sequence[DerivedOutput], known: set[str]) -> bool:

@@ -51,8 +51,6 @@ def family_costs(first: str, stand_ins: Mapping[str, StandIn]) -> dict[str, floa
 
     Parameters
     ----------
-    first : str
-        The name of the model.
     stand_ins : mapping of str to StandIn
         The stand-ins of a study by name. Some may stand for other stand-ins, without a circle.
     """
@@ -192,6 +190,14 @@ class ValidatedStudy:
             for quantity in self.quantities_of_interest
             if quantity.output.name in outputs
         )
+
+    def reading_again(self) -> ValidatedStudy:
+        """Return a study that reads the folders of its runs where they are kept."""
+        variants = {
+            name: variant.with_model(variant.model.reading_again())
+            for name, variant in self.models.items()
+        }
+        return replace(self, models=variants)
 
     def display_units(self) -> dict[str, str]:
         """Return the display unit of each input and output."""

@@ -228,7 +228,10 @@ class TableReader:
             key = setting.key or field.name
             written = self.take(key)
             if written is None:
-                if field.name not in values and _is_required(field):
+                if field.name not in values and (
+                    field.default is dataclasses.MISSING
+                    and field.default_factory is dataclasses.MISSING
+                ):
                     expected = describe(like) if setting.has_dimension else setting.expected
                     problems.append(Problem((key,), "nothing", expected))
                 continue
@@ -286,10 +289,6 @@ def family_member(
         return name and resolve(family[name])
     table.add_wrong(key, name, f"{what}; {choices(name, family)}")
     return None
-
-
-def _is_required(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 # The key with the name of an object.

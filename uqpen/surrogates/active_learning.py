@@ -185,7 +185,6 @@ def draw_correction(
         On the way to its event.
     size, dimension : int
         Numbers of runs and of random inputs.
-    stream : Stream
 
     References
     ----------

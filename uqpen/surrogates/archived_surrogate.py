@@ -115,8 +115,6 @@ def restore_surrogate(
     ----------
     tree : DataTree
         The result of `FittedSurrogate.to_tree`, or the group read from an archive.
-    name : str
-        Its name in the study.
     original : Model, optional
         The original model; without it, every finite input counts as admissible.
     loaded : type, optional

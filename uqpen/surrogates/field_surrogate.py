@@ -201,12 +201,6 @@ def fit_fields(
 
     Parameters
     ----------
-    name : str
-        Its name in the study.
-    runs : Dataset
-        The runs of its design.
-    model : Model
-        The model that made them, with fields.
     wanted : float or int
         How many components to keep, as `PrincipalComponents.of_runs` takes it.
     fit : callable

@@ -153,12 +153,6 @@ def cross_fit(
     ----------
     surrogate : Surrogate
         Of any kind. An output that one of the fits does not have is in its `reasons`.
-    name : str
-        Its name in the study.
-    runs : Dataset
-        The runs of its design.
-    model, joint
-        The model that made the runs, and the distribution of its inputs.
     stream : Stream
         That of the fit to all runs; the division and each fit have streams of their own below it.
     """

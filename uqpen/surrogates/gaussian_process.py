@@ -197,8 +197,6 @@ class GaussianProcess(Surrogate):
             In SI units.
         values : ndarray, shape (run,)
             The output, in its SI unit; positive if its logarithm is fitted.
-        rng : Generator
-            For the searches of the parameters.
         """
         coordinates = inputs.coordinates(points)
         terms = trend_terms(coordinates, is_linear=self.trend == _LINEAR)

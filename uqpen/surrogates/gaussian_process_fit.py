@@ -357,8 +357,6 @@ class ConditionedProcess:
 
         Parameters
         ----------
-        data : ProcessData
-        parameters : Parameters
         correlation : ndarray, shape (run, run), optional
             Between the runs without the nugget, if it is known. It is overwritten.
         """
@@ -420,12 +418,6 @@ def likeliest_parameters(data: ProcessData, rng: np.random.Generator) -> Paramet
     """Search for the parameters of the largest likelihood.
 
     The search starts more than once, as a likelihood may have several maxima.
-
-    Parameters
-    ----------
-    data : ProcessData
-    rng : Generator
-        For the starts, and the part of many runs that is searched.
     """
     count, inputs = data.points.shape
     is_large = count > FEW_RUNS

@@ -257,7 +257,6 @@ def choose_batch(
 
     Parameters
     ----------
-    surrogate : LimitStateSurrogate
     states : SurrogateStates
         The candidates.
     incomplete : ndarray, shape (run, random input)
@@ -266,8 +265,6 @@ def choose_batch(
         Number of points; fewer where no other candidate teaches anything.
     criterion : str
         As `learning_criterion` takes it.
-    runs : int
-        Number of runs so far.
 
     Returns
     -------

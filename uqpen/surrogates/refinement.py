@@ -263,11 +263,8 @@ def predicted_errors(
     ----------
     folds : CrossFit
         The fits without a fold of the runs each.
-    runs : Dataset
-        All runs so far, with the weights of the completed ones.
     candidates : mapping of str to ndarray, shape (candidate,)
         Admissible inputs in SI units.
-    targets : sequence of RefinedOutput
     """
     models = [each.without_fields for each in folds.models]
     if not models:
@@ -363,8 +360,6 @@ def place(
         Number of points, and of the candidates of each.
     heaviest : float
         The largest weight of the runs so far.
-    rng : Generator
-        Source of the choice.
     """
     shape = (points, each)
     uniform = rng.random((points, 1))

@@ -58,40 +58,6 @@ def run(
         study with several models, these groups are below ``/models/<name>``.
     """
     progress = progress or Progress()
-    progress.announce_designs({name: study.design_runs(name) for name in study.designs})
-    for variant in study.models.values():
-        progress.start_preparation(variant.model.name)
-        variant.model.prepare()
-    runs = _run_designs(study, map, progress, checkpoints)
-    progress.start_analysis()
-    return analyse_runs(study, runs, progress)
-
-
-def analyse_runs(
-    study: ValidatedStudy, runs: Mapping[str, Runs], progress: Progress | None = None
-) -> xr.DataTree:
-    """Analyse runs, given by model and design, and return the content of an archive.
-
-    `progress` receives a report of each step; no result depends on it.
-    """
-    steps = AnalysisSteps(study, progress or Progress())
-    groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
-    for name in study.models:
-        root = f"/{MODELS}/{name}" if study.has_several_models else ""
-        for path, dataset in model_groups(study, name, runs, steps):
-            groups[f"{root}{path}"] = dataset
-    groups |= dict(difference_groups(study, runs, steps))
-    groups |= dict(model_form_groups(study, runs))
-    if files := files_group(study.files(), study.folder):
-        groups[f"/{FILES}"] = files
-    return xr.DataTree.from_dict(groups)
-
-
-def _run_designs(
-    study: ValidatedStudy, map: Map, progress: Progress, checkpoints: Checkpoints
-) -> dict[str, Runs]:
-    """Make the runs of every design, by model, at common points."""
-    runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     # Of user-defined models; runs of built-in ones cost nothing.
     first_runs = {
         name: FirstRuns(
@@ -103,6 +69,11 @@ def _run_designs(
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
     }
+    progress.announce_designs({name: study.design_runs(name) for name in study.designs})
+    for variant in study.models.values():
+        progress.start_preparation(variant.model.name)
+        variant.model.prepare()
+    runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     for name, design in study.designs.items():
         progress.start_design(name, study.design_runs(name))
         stream = Stream(study.seed, "designs", name)
@@ -121,7 +92,28 @@ def _run_designs(
             raise type(error)(f"{name}: {error}") from None
         for model in study.models:
             runs_by_model[model][name] = runs[model]
-    return runs_by_model
+    progress.start_analysis()
+    return analyse_runs(study, runs_by_model, progress)
+
+
+def analyse_runs(
+    study: ValidatedStudy, runs: Mapping[str, Runs], progress: Progress | None = None
+) -> xr.DataTree:
+    """Analyse runs, given by model and design, and return the content of an archive.
+
+    `progress` receives a report of each step; no result depends on it.
+    """
+    groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
+    steps = AnalysisSteps(study, progress or Progress())
+    for name in study.models:
+        root = f"/{MODELS}/{name}" if study.has_several_models else ""
+        for path, dataset in model_groups(study, name, runs, steps):
+            groups[f"{root}{path}"] = dataset
+    groups |= dict(difference_groups(study, runs, steps))
+    groups |= dict(model_form_groups(study, runs))
+    if files := files_group(study.files(), study.folder):
+        groups[f"/{FILES}"] = files
+    return xr.DataTree.from_dict(groups)
 
 
 def _report_trial(progress: Progress, model: str, text: str) -> None:

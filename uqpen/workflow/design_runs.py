@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,6 +70,10 @@ def run_design(
     first_runs : mapping of str to FirstRuns, optional
         By the name of a model, its first runs in the study.
     """
+    units = study.display_units()
+    quantities = {
+        name: study.model_quantities(variant.model) for name, variant in study.models.items()
+    }
     maker = map
     if (results := design.results) is not None:  # no worker makes them, no checkpoint keeps them
         maker, round_checkpoint, first_runs = recorded_map(results), _no_checkpoint, None
@@ -80,7 +84,7 @@ def run_design(
             return evaluate(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
-                study.display_units(),
+                units,
                 EvaluationOptions(
                     map=maker,
                     label=name,
@@ -97,9 +101,6 @@ def run_design(
         names = drawn.models if isinstance(drawn, Round) else study.models
         return {name: model_runs(name, points_of(drawn), number) for name in names}
 
-    quantities = {
-        name: study.model_quantities(variant.model) for name, variant in study.models.items()
-    }
     rounds = run_rounds(
         design,
         study.joint,
@@ -109,13 +110,13 @@ def run_design(
         study.run_costs,
     )
     sampling = {SAMPLING: str(design.sampling)}
-    return {model: _joined(model, rounds).assign_attrs(sampling) for model in study.models}
-
-
-def _joined(model: str, rounds: Sequence[Mapping[str, xr.Dataset]]) -> xr.Dataset:
-    """Return the runs of a model in the rounds that it has run."""
-    own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
-    return join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)
+    found = {}
+    for model in study.models:
+        # A round may be of some models only.
+        own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
+        joined = join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)
+        found[model] = joined.assign_attrs(sampling)
+    return found
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,6 @@ def model_groups(
     The first has statistics from the runs of its stand-ins, too; so `runs` are those of all models.
     """
     variant, own = study.models[model], runs[model]
-    quantities = study.model_quantities(variant.model)
     sources: dict[str, _Source] = {}
     for design, design_runs in own.items():
         steps.start(f"statistics of {design}", model)
@@ -106,7 +105,7 @@ def model_groups(
             **({CAVEAT: each.caveat} if each.caveat else {}),
             **({AXIS_SCALE: each.axis_scale} if each.is_logarithmic else {}),
         }
-        for each in quantities
+        for each in study.model_quantities(variant.model)
     }
     for name, (attributes, outputs) in sources.items():
         path = f"/{STATISTICS_GROUP}/{name}"

@@ -90,7 +90,7 @@ def _surrogate_results(
         tree.children[output].attrs[REFUTED] = reason
     believed = [each for each in quantities if each.output.name not in refuted]
     for output, missing in missing_run_predictions(checked, training, believed).items():
-        tree.children[output].attrs |= missing.attributes() | missing.share_attributes()
+        tree.children[output].attrs |= missing
     statistics = {**corrected, **found.fields}
     if reason := contradiction(training, check):
         refuted |= dict.fromkeys(statistics, reason)

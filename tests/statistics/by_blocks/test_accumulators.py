@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uqpen.statistics.by_blocks.blocked_sample import PowerSums
-from uqpen.statistics.by_blocks.cells import CellCounts, OrderedValues, Splitters
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, ColumnCounts
 
 LARGE = 1e6
 # Some values come often, so that atoms and splitters meet.
@@ -22,64 +22,64 @@ def pieces(column, cuts):
 
 @given(COLUMNS, CUTS)
 @settings(max_examples=60, deadline=None)
-def test_power_sums_of_pieces_are_those_of_the_whole(column, cuts):
+def test_moments_of_pieces_are_those_of_the_whole(column, cuts):
     parts = pieces(column, cuts)
-    found = PowerSums.empty(len(parts))
+    counts = ColumnCounts.empty(column[::2], 3, len(parts))
     for group, part in enumerate(parts):
-        found.add(group, part[: part.size // 2])
-        found.add(group, part[part.size // 2 :])
-    whole, expected = found.whole, PowerSums.of_values(column)
-    assert whole.sizes == column.size
-    assert whole.smallest == column.min()
-    assert whole.largest == column.max()
-    scale = max(float(np.abs(column).max()), 1e-300)
-    assert whole.means[0] == pytest.approx(expected.means[0], rel=1e-12, abs=1e-12 * scale)
-    for power in range(3):
-        size = column.size * scale ** (power + 2)
-        near = pytest.approx(expected.powers[power, 0], rel=1e-12, abs=1e-12 * size)
-        assert whole.powers[power, 0] == near
+        counts.add(group, part[: part.size // 2])
+        counts.add(group, part[part.size // 2 :])
+    found = sample_of(counts, len(parts))
+    assert found.size == column.size
+    assert (found.smallest, found.largest) == (column.min(), column.max())
+    size = max(float(np.abs(column).max()), 1e-300)
+    mean = column.mean()
+    assert found.shape.mean == pytest.approx(mean, rel=1e-12, abs=1e-12 * size)
+    spread = float(np.abs(column - mean).max())
+    if spread > 1e-3 * size:
+        for power in (2, 3, 4):
+            expected = (((column - mean) / spread) ** power).mean()
+            assert found.shape.moment(power) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def sample_of(counts, groups):
+    return BlockedSample.of_first(groups, counts, Sampling.INDEPENDENT, is_replicated=False)
 
 
 @given(COLUMNS, COLUMNS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
 def test_a_cell_lies_between_its_splitters_or_at_one(some, column, most):
-    splitters = Splitters.from_values(some, most)
-    assert splitters.values.size <= max(most, np.unique(some).size if most > some.size else most)
-    cells = splitters.locate(np.concatenate([column, some]))
-    at = np.searchsorted(splitters.values, np.concatenate([column, some]))
-    is_splitter = np.isin(np.concatenate([column, some]), splitters.values)
+    counts = ColumnCounts.empty(some, most, 1)
+    assert counts.splitters.size <= most
+    cells = counts.cells_of(np.concatenate([column, some]))
+    at = np.searchsorted(counts.splitters, np.concatenate([column, some]))
+    is_splitter = np.isin(np.concatenate([column, some]), counts.splitters)
     assert (cells == 2 * at + is_splitter).all()
 
 
-@pytest.mark.parametrize("power", [1, 20])
-def test_what_lies_beyond_all_splitters_has_the_outer_cells(power):
-    # Of the twentieth power, nearly all splitters are in one entry of the table.
-    splitters = Splitters.from_values(np.random.default_rng(1).random(5000) ** power, 1000)
-    values = splitters.values
-    assert splitters.locate(np.array([-np.inf, np.inf])).tolist() == [0, 2 * values.size]
-    assert (splitters.locate(values) == 2 * np.arange(values.size) + 1).all()
-    assert (splitters.locate(np.nextafter(values, np.inf)) == 2 * np.arange(values.size) + 2).all()
+def test_what_lies_beyond_all_splitters_has_the_outer_cells():
+    counts = ColumnCounts.empty(np.random.default_rng(1).random(5000), 1000, 1)
+    values = counts.splitters
+    assert counts.cells_of(np.array([-np.inf, np.inf])).tolist() == [0, 2 * values.size]
+    assert (counts.cells_of(values) == 2 * np.arange(values.size) + 1).all()
+    assert (counts.cells_of(np.nextafter(values, np.inf)) == 2 * np.arange(values.size) + 2).all()
 
 
 @given(COLUMNS, CUTS, st.integers(1, 12))
 @settings(max_examples=60, deadline=None)
 def test_order_statistics_are_those_of_the_sorted_values(column, cuts, most):
     parts = pieces(column, cuts)
-    counts = CellCounts.empty(Splitters.from_values(column[::2], most), len(parts))
+    counts = ColumnCounts.empty(column[::2], most, len(parts))
     for group, part in enumerate(parts):
-        counts.add(group, counts.splitters.locate(part))
+        counts.add(group, part)
     for groups in range(1, len(parts) + 1):
         expected = np.sort(np.concatenate(parts[:groups]))
         if not expected.size:
             continue
-        ordered, everywhere = OrderedValues.of_first(counts, groups), np.arange(expected.size)
-        _ = ordered[..., everywhere]
-        collector = counts.collector()
-        for group, part in enumerate(parts):
-            collector.add(group, part, counts.splitters.locate(part))
+        sample, everywhere = sample_of(counts, groups), np.arange(expected.size)
+        _ = sample.ordered(everywhere)
         if counts.asked:
-            collector.finish()
-        assert (ordered[..., everywhere] == expected).all()
+            counts.learn([(group, counts.values_asked(part)) for group, part in enumerate(parts)])
+        assert (sample.ordered(everywhere) == expected).all()
         for value in (*expected[:3], 0.5):
             below, at_or_below = (
                 counts.counts_below(float(value), or_equal=each)[:groups].sum()

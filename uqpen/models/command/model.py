@@ -29,8 +29,7 @@ from uqpen.core.units import scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
 from uqpen.models.command.process import STDERR, ProcessEnd, guard_folder, run_process
 from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
-from uqpen.models.function_outputs import dimension_names
-from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError
+from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
 
 __all__ = [
@@ -103,28 +102,12 @@ def read_outputs(
     grids: Mapping[str, RunGrid],
     written: RunFiles,
 ) -> dict[str, FloatArray]:
-    """Read the outputs of a run.
+    """Read the outputs of a run, in the units of the program, each of shape (*dims).
 
-    Parameters
-    ----------
-    outputs : sequence of Output
-        The outputs.
-    readings : mapping of str to OutputReader
-        The reader of each output, and of the coordinates that a run has of its own.
-    grids : mapping of str to RunGrid
-        By output, the grid on which a run writes it.
-    written : RunFiles
-        What the run has written.
+    There is a reader of each output, and of the coordinates that a run has of its own.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (*dims)
-        In the units of the program.
-
-    Raises
-    ------
-    UnreadableError, UnusableOutputError
-        If an output is not there, or is not what is declared; the message names the place.
+    UnreadableError or UnusableOutputError if an output is not there, or is not what is declared;
+    the message names the place.
     """
     found = {}
     for output in outputs:
@@ -410,12 +393,20 @@ class Command(Model):
             return outcome
         try:
             with working_folder() as folder:
-                self._furnish(folder, program, inputs)
+                for name in [*self.copied, *self.templates]:
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                for name in self.copied:
+                    shutil.copy(program.folder / name, folder / name)
+                for name, text in self.templates.items():
+                    filled = fill(text, {**inputs, **_PATHS}, self.delimiters)
+                    (folder / name).write_bytes(filled.encode())
+                (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
                 words = self._command(program, inputs)
                 with guard_folder(folder) as watch:
                     ending = run_process(words, folder, self.limits, watch)
                     outcome = self._outcome(ending, folder, program)
-                if self._is_kept(outcome):
+                which = self.folder_policy.which
+                if which == "all" or (which == "failed" and outcome.status != Status.OK):
                     notes = {
                         OUTCOME: _outcome_note(outcome, words),
                         RECORD: self._record(program).text(ending),
@@ -434,16 +425,6 @@ class Command(Model):
         """Return the record of its runs, with all that decides what a run at some inputs writes."""
         decisive = [program.identity(), self.words, self.templates, self.copied]
         return RunRecord(json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True))
-
-    def _furnish(self, folder: Path, program: Program, inputs: Mapping[str, float]) -> None:
-        """Put the program's input files into a run's folder."""
-        for name in [*self.copied, *self.templates]:
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        for name in self.copied:
-            shutil.copy(program.folder / name, folder / name)
-        for name, text in self.templates.items():
-            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}, self.delimiters).encode())
-        (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
         """Return the executed command, with full paths of files beside the study."""
@@ -475,10 +456,6 @@ class Command(Model):
             if reason := output.invalid_text(found[output.name]):
                 return _Outcome(found, Status.NOT_FINITE, reason)
         return _Outcome(found)
-
-    def _is_kept(self, outcome: _Outcome) -> bool:
-        which = self.folder_policy.which
-        return which == "all" or (which == "failed" and outcome.status != Status.OK)
 
 
 def _outcome_note(outcome: _Outcome, words: list[str]) -> str:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import operator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import CATEGORY, LOWER_THRESHOLD, STATUS, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.intervals import clopper_pearson, student_quantile
+from uqpen.statistics.intervals import clopper_pearson, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of_statuses
-from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
 from uqpen.statistics.threshold import Acceptable, Threshold
 from uqpen.statistics.weights import runs_on_a_side, weighted_probability_interval, weighted_share
@@ -61,22 +62,20 @@ def exceedance_probabilities(
         return
     long_name = f"probability that {quantity.output.title} exceeds a value"
     along = threshold_coordinates(quantity)
-    yield (
-        "exceedance",
-        requested_exceedances(sample, quantity).to_array(
-            THRESHOLD,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = requested_exceedances(sample, quantity)
+    yield "exceedance", _array(found, THRESHOLD, long_name, along, sample.level)
+
+
+def _array(
+    found: Estimate, dimension: str, long_name: str, along: Mapping[str, Any], level: float
+) -> xr.DataArray:
+    return found.to_array(dimension, units="1", long_name=long_name, coordinates=along, level=level)
 
 
 def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities to exceed the requested thresholds, along a last axis."""
     return _event_probabilities(
-        sample, (sample.values > threshold.value for threshold in quantity.thresholds)
+        sample, (sample.event(operator.gt, each.value) for each in quantity.thresholds)
     )
 
 
@@ -100,22 +99,14 @@ def below_probabilities(
     long_name = f"probability that {quantity.output.title} lies below a value"
     unit = quantity.output.unit
     along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
-    yield (
-        "below",
-        requested_below(sample, quantity).to_array(
-            LOWER_THRESHOLD,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = requested_below(sample, quantity)
+    yield "below", _array(found, LOWER_THRESHOLD, long_name, along, sample.level)
 
 
 def requested_below(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities to lie below the requested thresholds, along a last axis."""
     return _event_probabilities(
-        sample, (sample.values < threshold.value for threshold in quantity.lower_thresholds)
+        sample, (sample.event(operator.lt, each.value) for each in quantity.lower_thresholds)
     )
 
 
@@ -169,22 +160,14 @@ def category_probabilities(
         return
     long_name = f"share of {quantity.output.title}"
     along = category_coordinates(quantity)
-    yield (
-        "share",
-        category_shares(sample, quantity).to_array(
-            CATEGORY,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = category_shares(sample, quantity)
+    yield "share", _array(found, CATEGORY, long_name, along, sample.level)
 
 
 def category_shares(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the probabilities of the categories of an output, along a last axis."""
     return _event_probabilities(
-        sample, (sample.values == kind for kind in range(len(quantity.output.categories)))
+        sample, (sample.event(operator.eq, kind) for kind in range(len(quantity.output.categories)))
     )
 
 
@@ -206,16 +189,14 @@ def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -
 def probabilities_of_statuses(sample: Sample) -> xr.DataArray:
     """Estimate the same from the sample of the statuses."""
     ends = [status for status in Status if status is not Status.OK]
-    estimates = [_probability(sample, sample.values == status) for status in ends]
+    estimates = [_probability(sample, sample.event(operator.eq, status)) for status in ends]
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
-    return Estimate.stacked(estimates).to_array(
-        STATUS, units="1", long_name=long_name, coordinates=along, level=sample.level
-    )
+    return _array(Estimate.stacked(estimates), STATUS, long_name, along, sample.level)
 
 
-def _probability(sample: Sample, events: BoolArray) -> Estimate:
+def _probability(sample: Sample, events: Column) -> Estimate:
     """Probability of an event over the runs of a sample."""
     if sample.run_weights is not None and sample.size:
         return _weighted_probability(sample, sample.run_weights, events)
@@ -232,19 +213,19 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
     return found.replace_at(has_scatter, _probability_by_scatter(sample, events, value))
 
 
-def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> Estimate:
+def _probability_by_scatter(sample: Sample, events: Column, value: FloatArray) -> Estimate:
     """Probability of an event with the error that the scatter of stratified runs shows."""
     error, freedom, is_rounded = probability_error(sample, events)
-    half = student_quantile(freedom, sample.level) * error
-    ends = np.maximum(value - half, 0.0), np.minimum(value + half, 1.0)
+    ends = student_interval(value, error, freedom, sample.level, lowest=0.0, highest=1.0)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return Estimate(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
+        return Estimate(value, *ends, sample.residual_method, "conservative")
     label = np.where(is_rounded, "discrete", "nominal")
     return Estimate(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
 
 
-def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> Estimate:
+def _weighted_probability(sample: Sample, weights: FloatArray, events: Column) -> Estimate:
     """Probability of an event over weighted runs."""
+    assert isinstance(events, np.ndarray)  # they are analysed in memory
     value, error = weighted_share(events, weights)
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
@@ -255,18 +236,18 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
     return found.remove_bounds_at((value <= 0) | (value >= 1), texts.CONSTANT_EVENT)
 
 
-def _event_probabilities(sample: Sample, events: Iterable[BoolArray]) -> Estimate:
+def _event_probabilities(sample: Sample, events: Iterable[Column]) -> Estimate:
     return Estimate.stacked([event_probability(sample, event) for event in events])
 
 
-def event_probability(sample: Sample, events: BoolArray) -> Estimate:
+def event_probability(sample: Sample, events: Column) -> Estimate:
     """Probability of an event, its interval widened for any outcome of the missing runs.
 
     Parameters
     ----------
     sample : Sample
         The runs.
-    events : ndarray of bool, shape (..., run)
+    events : ndarray of bool, shape (..., run), or Tally
         Whether the event happened, at any places.
     """
     found = _probability(sample, events)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,9 +15,9 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample, SampleShape, shape_of
+from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, Column, ErrorModel, Sample, SampleShape
 from uqpen.statistics.standard_errors import (
     cdf_error,
     mean_margins,
@@ -40,7 +42,6 @@ _LOW, _HIGH = 0.16, 0.84
 _MEAN_METHODS = {
     ErrorModel.INDEPENDENT: (texts.STUDENT_WITH_EXTREMES, "nominal"),
     ErrorModel.REPLICATED: (texts.STUDENT_FOR_SKEWED_REPLICATES, "nominal"),
-    ErrorModel.SINGLE_STRATIFIED_SET: (texts.STUDENT_ON_RESIDUALS, "conservative"),
     ErrorModel.WEIGHTED: (texts.STUDENT_WEIGHTED_WITH_EXTREMES, "nominal"),
 }
 
@@ -66,7 +67,7 @@ def sample_moments(
     if quantity.output.categories:
         return
     title = quantity.output.title
-    shape = shape_of(sample)
+    shape = sample.shape
     # Each is computed on demand, since some callers need the mean alone.
     for statistic, estimated, long_name in (
         ("mean", partial(_mean, sample, shape), "mean"),
@@ -95,21 +96,23 @@ def sample_moments(
 
 def mean_estimate(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the mean of an output that is a number."""
-    return _mean(sample, shape_of(sample))
+    return _mean(sample, sample.shape)
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def _mean(sample: Sample, shape: SampleShape) -> Estimate:
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(shape.mean, reason)
-    error, _ = standard_error(sample, shape.deviations)
+    error, _ = standard_error(sample, shape.powers(1))
     is_small = sample.effective_size < ENOUGH_RUNS_FOR_MEANS
-    margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
+    margins = mean_margins(sample, shape.powers(1), is_heavy=shape.is_heavy)
     ends = shape.mean - margins.below * shape.scale, shape.mean + margins.above * shape.scale
     # The note depends on the number of runs alone: a note on samples that look heavy would leave
     # those without it that have missed the tail.
     note = np.where(sample.is_constant, "", texts.DOUBTFUL_TAIL if is_small else "")
-    found = Estimate(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
+    residuals = sample.residual_method, "conservative"
+    method = _MEAN_METHODS.get(sample.error_model, residuals)
+    found = Estimate(shape.mean, *ends, *method, note)
     # Of small samples, those without an interval would be the ones that have met the tail.
     if not is_small:
         reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
@@ -126,7 +129,7 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # The squares about the sample's mean are too small by the variance of that mean. Independent
     # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
-    error, _ = standard_error(sample, shape.deviations)
+    error, _ = standard_error(sample, shape.powers(1))
     std = _elementwise(math.hypot, _biased_std(sample, shape), error)
     value = std * shape.scale
     if shape.hidden_tail:
@@ -140,8 +143,8 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
 def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Estimate:
     """Estimate the standard deviation, given that over the largest deviation, with its bounds."""
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
-    error, _ = standard_error(sample, shape.deviations**2)
-    margins = student_margins(sample, shape.deviations**2)
+    error, _ = standard_error(sample, shape.powers(2))
+    margins = student_margins(sample, shape.powers(2))
     below, above = (_elementwise(_factor, margin, std) for margin in margins)
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
@@ -187,14 +190,14 @@ def _few_weights_decide(
 def _biased_std(sample: Sample, shape: SampleShape) -> FloatArray:
     """Standard deviation over the runs, relative to the largest deviation."""
     if sample.weights is None:
-        return np.asarray(shape.deviations.std(axis=-1))
+        return np.asarray(shape.powers(1).std(axis=-1))
     return np.sqrt(sample.mean(shape.deviations**2))
 
 
 def _unbiased_std(sample: Sample, shape: SampleShape) -> FloatArray:
     """Standard deviation with the divisor of independent draws; NaN for a single one."""
     if sample.weights is None:
-        return np.asarray(shape.deviations.std(axis=-1, ddof=1))
+        return np.asarray(shape.powers(1).std(axis=-1, ddof=1))
     size = sample.effective_size
     return _biased_std(sample, shape) * (math.sqrt(size / (size - 1)) if size > 1 else math.nan)
 
@@ -221,10 +224,12 @@ def _half_spread(sample: Sample) -> Estimate:
     if reason:
         return Estimate.without_bounds(np.asarray(value), reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
-    correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
-    step = student_quantile(freedoms[0], sample.level) * np.array(errors)
-    down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
-    up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
+    correlation = _correlation(sample, *(sample.event(operator.le, end) for end in ends))
+    low, high = student_interval(
+        probabilities, errors, freedoms[0], sample.level, lowest=0.0, highest=1.0
+    )
+    down = (ends - sample_quantile(sample, low)) / 2
+    up = (sample_quantile(sample, high) - ends) / 2
     return Estimate(
         np.asarray(value),
         np.asarray(value - _combined_error(up[0], down[1], correlation)),
@@ -234,9 +239,10 @@ def _half_spread(sample: Sample) -> Estimate:
     )
 
 
-def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
+def _correlation(sample: Sample, one: Column, other: Column) -> float:
     """Correlation of the errors of two shares, estimated from their scatter; else 0."""
-    first_events, second_events = one.astype(np.float64), other.astype(np.float64)
+    first_events: Any = one.astype(np.float64)
+    second_events: Any = other.astype(np.float64)
     first, second, between = (
         float(standard_error(sample, each)[0])
         for each in (first_events, second_events, second_events - first_events)

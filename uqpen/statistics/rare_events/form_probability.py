@@ -85,10 +85,6 @@ def design_points(
 
     Parameters
     ----------
-    runs : Dataset
-        All runs of the design.
-    event : LimitState
-        The event.
     outcomes : EventOutcomes
         Of all runs.
     """
@@ -152,15 +148,6 @@ def form_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareE
     """Return the probability beyond the tangent planes at all design points, without an interval.
 
     What is known of each design point follows as further statistics.
-
-    Parameters
-    ----------
-    runs : Dataset
-        All runs of the design.
-    event : LimitState
-        The event.
-    level : float
-        Unused, as nothing has an interval.
     """
     outcomes = event.outcomes(runs)
     points = design_points(runs, event, outcomes)
@@ -232,8 +219,6 @@ def _design_point_arrays(
     ----------
     points : sequence of DesignPoint
         At least one, the nearest first.
-    runs : Dataset
-        All runs of the design.
 
     Yields
     ------

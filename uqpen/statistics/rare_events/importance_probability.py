@@ -63,17 +63,7 @@ class _Replicate(NamedTuple):
 def importance_probability(
     runs: xr.Dataset, event: LimitState, level: float
 ) -> RareEventProbability:
-    """Estimate the probability of an event from all replicates.
-
-    Parameters
-    ----------
-    runs : Dataset
-        All runs of the design.
-    event : LimitState
-        The event.
-    level : float
-        Confidence level of the interval.
-    """
+    """Estimate the probability of an event from all replicates."""
     outcomes, replicate = event.outcomes(runs), runs[REPLICATE].values
     found = []
     for number in np.unique(replicate):

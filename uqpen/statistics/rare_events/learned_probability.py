@@ -86,15 +86,6 @@ def learned_probability(runs: xr.Dataset, event: LimitState, level: float) -> Ra
     surrogate. What the surrogate says alone, and how many plain runs would have an interval as
     narrow, stand beside it.
 
-    Parameters
-    ----------
-    runs : Dataset
-        All runs of the design.
-    event : LimitState
-        The event.
-    level : float
-        Confidence level of the interval.
-
     References
     ----------
     Fay, M. P. & Feuer, E. J. (1997). Statist. Med. 16, 791-801 (weighted counts);

@@ -127,8 +127,6 @@ def replicate_interval(found: Sequence[ReplicateProbability], level: float) -> E
     ----------
     found : sequence of ReplicateProbability
         One of each replicate.
-    level : float
-        Two-sided.
     """
     estimate = float(np.mean([each.of_completed for each in found]))
     lowest = np.array([each.event for each in found])
@@ -163,8 +161,6 @@ def half_width_of_logarithm(values: FloatArray, level: float) -> FloatArray:
     ----------
     values : ndarray, shape (replicate, ...)
         Above 0.
-    level : float
-        Two-sided.
 
     References
     ----------
@@ -203,8 +199,6 @@ class WeightedCount(NamedTuple):
             Of the runs that show it.
         next_weight : float
             Of a further run that would show it; the interval covers where none is larger.
-        level : float
-            Two-sided.
         """
         tail = (1 - level) / 2
         value, squares = float(weights.sum()), float((weights**2).sum())

@@ -45,15 +45,6 @@ def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> Rar
 
     A failed run counts as nearest to the event, so all of them are among the states of the last
     level, and their probability follows as that of the event does.
-
-    Parameters
-    ----------
-    runs : Dataset
-        All runs of the design.
-    event : LimitState
-        The event.
-    level : float
-        Confidence level of the interval.
     """
     outcomes, replicate = event.outcomes(runs), runs[REPLICATE].values
     found = []
@@ -100,12 +91,8 @@ def subset_levels(
 
     Parameters
     ----------
-    runs : Dataset
-        All runs of the design.
     outcomes : EventOutcomes
         Of all runs.
-    event : LimitState
-        The event.
     members : ndarray of int, shape (run,)
         Positions of the runs of the replicate.
     """
@@ -196,12 +183,6 @@ class TailFunction:
 
     def bounds(self, probability: float, level: float) -> tuple[float, float, bool]:
         """Return the values whose probability beyond has a given one in its interval.
-
-        Parameters
-        ----------
-        probability : float
-        level : float
-            Two-sided.
 
         Returns
         -------

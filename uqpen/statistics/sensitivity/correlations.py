@@ -137,7 +137,7 @@ class _CorrelatedColumns:
 
     @cached_property
     def shape(self) -> SampleShape:
-        return SampleShape(self.sample)
+        return self.sample.shape
 
     @cached_property
     def orderings(self) -> list[Ordering]:

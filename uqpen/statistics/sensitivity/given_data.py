@@ -72,7 +72,7 @@ class SampledVariable:
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of its tail."""
-        return SampleShape(self.sample)
+        return self.sample.shape
 
     @property
     def too_few_runs(self) -> str:
@@ -438,7 +438,7 @@ class _Indices:
         self, values: FloatArray, prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
-        has_doubtful_source = bool(SampleShape(self.sample).is_doubtful)
+        has_doubtful_source = bool(self.sample.shape.is_doubtful)
         is_own = values is self.sample.values
         sample = self.sample if is_own else replace(self.sample, values=values)
         variable = SampledVariable(sample, has_doubtful_source)

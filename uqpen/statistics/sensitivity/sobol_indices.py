@@ -189,7 +189,7 @@ class BlockVariable:
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of that sample."""
-        return SampleShape(self.sample)
+        return self.sample.shape
 
     def logarithm(self) -> BlockVariable:
         """Return the variable's logarithm; NaN for failed runs."""

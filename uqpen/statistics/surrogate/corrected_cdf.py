@@ -75,7 +75,6 @@ class QuantileChoices:
 
         Parameters
         ----------
-        runs : CorrectionRuns
         grid : ndarray, shape (value,)
             Values, ascending, with those of all runs.
         choice : FoldChoice
@@ -451,7 +450,6 @@ def with_bounds(
 
     Parameters
     ----------
-    runs : CorrectionRuns
     share, error : ndarray
         The probabilities by what the folds predict, and their errors.
     counts : FoldCounts

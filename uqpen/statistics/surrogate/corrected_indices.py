@@ -44,13 +44,16 @@ from uqpen.surrogates.fitted_surrogate import ClosedForms
 __all__ = [
     "FIRST_ORDER",
     "TOTAL_ORDER",
-    "FoldProjections",
     "IndexedVariable",
     "IndexedVariables",
     "InputParts",
     "corrected_event_indices",
     "corrected_indices",
 ]
+
+FIRST_ORDER, TOTAL_ORDER = "first_order", "total_order"
+
+Function = Callable[[FloatArray], FloatArray]
 
 # Both ends move out by this: errors below it are those of the true values of the simulations.
 _RESOLUTION = 0.001
@@ -87,8 +90,6 @@ def corrected_indices(
 
     Parameters
     ----------
-    runs : CorrectionRuns
-    parts : InputParts
     variance : CorrectedMean
         Of the output.
     """
@@ -108,12 +109,6 @@ def corrected_event_indices(runs: CorrectionRuns, parts: InputParts) -> Iterator
     Bonett and Price add a run in which the event happened by the model alone, and one in which it
     happened by the surrogate alone. So do both bounds, each with the runs that move it out: where
     the runs show few disagreements, their scatter is too small.
-
-    Parameters
-    ----------
-    runs : CorrectionRuns
-        Of the event.
-    parts : InputParts
     """
     errors = runs.values - runs.predictions
     centre = float(runs.pooled(runs.draws).mean() + errors.mean())
@@ -199,136 +194,10 @@ _FEWEST_DRAWS = 4
 _EVALUATIONS = 2**20
 
 
-@dataclass(frozen=True)
-class FoldProjections:
-    """Folds of real runs, with conditional draws of their fits.
-
-    Parameters
-    ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs; its model has scalar outputs.
-    folds : sequence of FoldFit
-    """
-
-    draws: SurrogateDraws
-    folds: Sequence[FoldFit]
-
-    def first_order(
-        self, output: str, function: Callable[[FloatArray], FloatArray], runs: CorrectionRuns
-    ) -> InputParts:
-        """Return conditional means given each input.
-
-        Parameters
-        ----------
-        output : str
-        function : callable
-            The indices are of this function of the output.
-        runs : CorrectionRuns
-            Of the function of the output.
-        """
-        values, squares = [], []
-        for number, (at_runs, pairs) in enumerate(zip(self._at_runs, self._pairs, strict=True)):
-            own = runs.predictions[runs.fold == number]
-            centre = float(np.nanmean(function(pairs.first[output])))
-            means = [_row_means(function(at_runs[each][output]), own) for each in self._single]
-            values.append(np.column_stack(means) - centre)
-            squares.append([pairs.explained(output, function, each) for each in self._single])
-        return _parts(values, squares, runs)
-
-    def total_order(
-        self, output: str, function: Callable[[FloatArray], FloatArray], runs: CorrectionRuns
-    ) -> InputParts:
-        """Return what is left without the conditional means given all other inputs."""
-        values, squares = [], []
-        for number, (at_runs, pairs) in enumerate(zip(self._at_runs, self._pairs, strict=True)):
-            own = runs.predictions[runs.fold == number]
-            means = [_row_means(function(at_runs[each][output]), own) for each in self._others]
-            values.append(own[:, None] - np.column_stack(means))
-            squares.append([pairs.left(output, function, each) for each in self._others])
-        return _parts(values, squares, runs)
-
-    @property
-    def _single(self) -> list[int]:
-        """Sets of one input each, as bits."""
-        return [1 << number for number in range(len(self.draws.joint.random))]
-
-    @property
-    def _others(self) -> list[int]:
-        """Sets of all inputs but one."""
-        whole = (1 << len(self.draws.joint.random)) - 1
-        return [whole ^ each for each in self._single]
-
-    @cached_property
-    def _conditional(self) -> ConditionalDraws:
-        draws = self.draws
-        evaluator = Evaluator(draws.model, draws.constraints)
-        return ConditionalDraws(evaluator, draws.joint, draws.given, draws.stream.child("indices"))
-
-    @cached_property
-    def _pairs(self) -> list[PickFreezePairs]:
-        subsets = sorted({0, *self._single, *self._others})
-        return paired_outputs(self._conditional, [*map(self._evaluator, self.folds)], subsets)
-
-    def _evaluator(self, fold: FoldFit) -> Evaluator:
-        return Evaluator(fold.model, self.draws.constraints)
-
-    @cached_property
-    def _at_runs(self) -> list[dict[int, Mapping[str, FloatArray]]]:
-        """Outputs of each fold's fit, by shared inputs, each of shape (run, draw)."""
-        return [self._at_runs_of(number, fold) for number, fold in enumerate(self.folds)]
-
-    def _at_runs_of(self, number: int, fold: FoldFit) -> dict[int, Mapping[str, FloatArray]]:
-        subsets = sorted({*self._single, *self._others})
-        runs = sum(each.size for each in self.folds)
-        affordable = _EVALUATIONS // (len(subsets) * max(runs, 1))
-        count = 1 << min(max(affordable, _FEWEST_DRAWS), _MOST_DRAWS).bit_length() - 1
-        rng = self._conditional.stream.generator("runs", number)
-        unit = sobol_points(rng, max(fold.size, 1) * count, len(self._single))
-        unit = unit[: fold.size * count]
-        given = {name: np.repeat(each, count) for name, each in fold.inputs(fold.completed).items()}
-        points = self._conditional.probabilities(given, unit)
-        names = list(given)
-        found: dict[int, Mapping[str, FloatArray]] = {}
-        for subset in subsets:
-            some = [each for each in range(len(names)) if subset >> each & 1]
-            sample = self._conditional.draw(
-                unit,
-                {each: points[:, each] for each in some},
-                f"run {number}, {subset}",
-                {names[each]: given[names[each]] for each in some},
-            )
-            outputs = self._evaluator(fold)(sample.inputs).outputs
-            found[subset] = {name: each.reshape(-1, count) for name, each in outputs.items()}
-        return found
-
-
-def _row_means(values: FloatArray, otherwise: FloatArray) -> FloatArray:
-    """Return the means over the draws of each run; another value for a run without any."""
-    is_known = np.isfinite(values)
-    count = is_known.sum(axis=1)
-    sums = np.where(is_known, values, 0.0).sum(axis=1)
-    return np.where(count > 0, sums / np.maximum(count, 1), otherwise)
-
-
-def _parts(
-    values: Sequence[FloatArray], squares: Sequence[Sequence[FloatArray]], runs: CorrectionRuns
-) -> InputParts:
-    """Return the parts of all folds, with the scatter of mean squares, (fold, input, replicate)."""
-    found = np.array(squares)
-    pooled = np.tensordot(runs.shares, found, axes=1)
-    error = pooled.std(axis=-1, ddof=1) / np.sqrt(pooled.shape[-1])
-    return InputParts(np.concatenate(values), found.mean(axis=-1), error)
-
-
 # Variables whose indices runs correct: an output, its logarithm, and whether it exceeds a value.
 #
 # What the fits have of each input follows from their terms, where these are those of the variable,
 # and else from draws that share inputs.
-
-
-FIRST_ORDER, TOTAL_ORDER = "first_order", "total_order"
-
-Function = Callable[[FloatArray], FloatArray]
 
 
 def _itself(values: FloatArray) -> FloatArray:
@@ -391,23 +260,18 @@ class IndexedVariables:
     ) -> dict[str, tuple[IndexedVariable, ...]]:
         """Return the variables of an output, by the beginning of the names of their indices."""
         name = quantity.output.name
-        output = self._variable(name, _itself, runs, is_fitted=not self._is_log(name))
+        is_log = name in self.draws.model.logarithms
+        output = self._variable(name, _itself, runs, is_fitted=not is_log)
         found: dict[str, tuple[IndexedVariable, ...]] = {"": (output,)}
-        if self._is_log(name):
-            found[OF_LOGARITHM] = (self._logarithm(name, runs),)
+        if is_log and (runs.values > 0).all():
+            found[OF_LOGARITHM] = (self._variable(name, np.log, runs, is_fitted=True),)
+        elif is_log:
+            found[OF_LOGARITHM] = (IndexedVariable.without(runs, texts.NOT_POSITIVE_IN_RUNS),)
         found[OF_EXCEEDANCE] = tuple(
             replace(self._variable(name, exceeds, runs, is_fitted=False), is_event=True)
             for exceeds in (_event(each.value) for each in quantity.thresholds)
         )
         return found
-
-    def _is_log(self, output: str) -> bool:
-        return output in self.draws.model.logarithms
-
-    def _logarithm(self, output: str, runs: CorrectionRuns) -> IndexedVariable:
-        if not (runs.values > 0).all():
-            return IndexedVariable.without(runs, texts.NOT_POSITIVE_IN_RUNS)
-        return self._variable(output, np.log, runs, is_fitted=True)
 
     def _variable(
         self,
@@ -426,13 +290,13 @@ class IndexedVariables:
             return IndexedVariable.without(runs, texts.NOT_FINITE_PREDICTIONS)
         if is_fitted and (terms := self._from_terms(output, variable)):
             return terms
-        joint, draws = self.draws.joint, self._projections
+        joint = self.draws.joint
         if joint.conditional_reason:
             return IndexedVariable.without(runs, joint.conditional_reason, function)
-        parts = {FIRST_ORDER: draws.first_order(output, function, variable)}
+        parts = {FIRST_ORDER: self._projections(FIRST_ORDER, output, function, variable)}
         if not joint.is_independent:
             return IndexedVariable(runs, parts, {TOTAL_ORDER: texts.DEPENDENT_INPUTS}, function)
-        parts[TOTAL_ORDER] = draws.total_order(output, function, variable)
+        parts[TOTAL_ORDER] = self._projections(TOTAL_ORDER, output, function, variable)
         return IndexedVariable(runs, parts, {}, function)
 
     def _from_terms(self, output: str, variable: CorrectionRuns) -> IndexedVariable | None:
@@ -449,9 +313,92 @@ class IndexedVariables:
         }
         return IndexedVariable(replace(variable, exact_moments=np.array(moments)), parts, {})
 
+    def _projections(
+        self, kind: str, output: str, function: Function, runs: CorrectionRuns
+    ) -> InputParts:
+        """Return the conditional means given each input; or what is left without all the others.
+
+        They are of a function of the output, and so are the runs.
+        """
+        sets = self._single if kind == FIRST_ORDER else self._others
+        values, squares = [], []
+        for number, (at_runs, pairs) in enumerate(zip(self._at_runs, self._pairs, strict=True)):
+            own = runs.predictions[runs.fold == number]
+            means = [_row_means(function(at_runs[each][output]), own) for each in sets]
+            if kind == FIRST_ORDER:
+                centre = float(np.nanmean(function(pairs.first[output])))
+                values.append(np.column_stack(means) - centre)
+                squares.append([pairs.explained(output, function, each) for each in sets])
+            else:
+                values.append(own[:, None] - np.column_stack(means))
+                squares.append([pairs.left(output, function, each) for each in sets])
+        # The scatter of mean squares, (fold, input, replicate).
+        found = np.array(squares)
+        pooled = np.tensordot(runs.shares, found, axes=1)
+        error = pooled.std(axis=-1, ddof=1) / np.sqrt(pooled.shape[-1])
+        return InputParts(np.concatenate(values), found.mean(axis=-1), error)
+
+    @property
+    def _single(self) -> list[int]:
+        """Sets of one input each, as bits."""
+        return [1 << number for number in range(len(self.draws.joint.random))]
+
+    @property
+    def _others(self) -> list[int]:
+        """Sets of all inputs but one."""
+        whole = (1 << len(self.draws.joint.random)) - 1
+        return [whole ^ each for each in self._single]
+
     @cached_property
-    def _projections(self) -> FoldProjections:
-        return FoldProjections(self.draws, self.folds)
+    def _conditional(self) -> ConditionalDraws:
+        draws = self.draws
+        evaluator = Evaluator(draws.model, draws.constraints)
+        return ConditionalDraws(evaluator, draws.joint, draws.given, draws.stream.child("indices"))
+
+    @cached_property
+    def _pairs(self) -> list[PickFreezePairs]:
+        subsets = sorted({0, *self._single, *self._others})
+        return paired_outputs(self._conditional, [*map(self._evaluator, self.folds)], subsets)
+
+    def _evaluator(self, fold: FoldFit) -> Evaluator:
+        return Evaluator(fold.model, self.draws.constraints)
+
+    @cached_property
+    def _at_runs(self) -> list[dict[int, Mapping[str, FloatArray]]]:
+        """Outputs of each fold's fit, by shared inputs, each of shape (run, draw)."""
+        return [self._at_runs_of(number, fold) for number, fold in enumerate(self.folds)]
+
+    def _at_runs_of(self, number: int, fold: FoldFit) -> dict[int, Mapping[str, FloatArray]]:
+        subsets = sorted({*self._single, *self._others})
+        runs = sum(each.size for each in self.folds)
+        affordable = _EVALUATIONS // (len(subsets) * max(runs, 1))
+        count = 1 << min(max(affordable, _FEWEST_DRAWS), _MOST_DRAWS).bit_length() - 1
+        rng = self._conditional.stream.generator("runs", number)
+        unit = sobol_points(rng, max(fold.size, 1) * count, len(self._single))
+        unit = unit[: fold.size * count]
+        given = {name: np.repeat(each, count) for name, each in fold.inputs(fold.completed).items()}
+        points = self._conditional.probabilities(given, unit)
+        names = list(given)
+        found: dict[int, Mapping[str, FloatArray]] = {}
+        for subset in subsets:
+            some = [each for each in range(len(names)) if subset >> each & 1]
+            sample = self._conditional.draw(
+                unit,
+                {each: points[:, each] for each in some},
+                f"run {number}, {subset}",
+                {names[each]: given[names[each]] for each in some},
+            )
+            outputs = self._evaluator(fold)(sample.inputs).outputs
+            found[subset] = {name: each.reshape(-1, count) for name, each in outputs.items()}
+        return found
+
+
+def _row_means(values: FloatArray, otherwise: FloatArray) -> FloatArray:
+    """Return the means over the draws of each run; another value for a run without any."""
+    is_known = np.isfinite(values)
+    count = is_known.sum(axis=1)
+    sums = np.where(is_known, values, 0.0).sum(axis=1)
+    return np.where(count > 0, sums / np.maximum(count, 1), otherwise)
 
 
 def _terms(fold: FoldFit, output: str) -> tuple[FloatArray, ...] | None:

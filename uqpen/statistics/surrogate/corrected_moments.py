@@ -107,7 +107,6 @@ def corrected_mean(
 
     Parameters
     ----------
-    runs : CorrectionRuns
     values, predictions : ndarray, shape (run,)
         The function of the output, by the model and by each run's fit.
     draws : ndarray, shape (fold, draw)
@@ -151,7 +150,6 @@ def upper_allowance(runs: CorrectionRuns, values: FloatArray, draws: FloatArray)
 
     Parameters
     ----------
-    runs : CorrectionRuns
     values : ndarray, shape (run,)
         The function at the runs.
     draws : ndarray, shape (fold, draw)

@@ -108,19 +108,15 @@ class OutputCorrection:
         is_known = name in CATALOGUE and "corrected" in CATALOGUE[name].by
         return "" if is_known else texts.NO_CORRECTION
 
-    def own_problem(self, name: str, least: float) -> str:
+    def own_problem(self, name: str) -> str:
         """Return why the surrogate's own figures of a statistic say too little; empty if not.
 
-        Parameters
-        ----------
-        name : str
-        least : float
-            The least share of the variance of the runs that it has to explain: of the logarithm
-            for what is of that, and else of the output.
+        It has to explain a share of the variance of the runs: of the logarithm for what is of that,
+        and else of the output.
         """
         of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
         q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
-        if q2 >= least:
+        if q2 >= _LEAST_Q2:
             return ""
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
         return texts.TOO_LITTLE_ALONE.format(explained=explained)
@@ -247,8 +243,6 @@ def correct_statistics(
     ----------
     found : mapping of str to mapping of str to DataArray
         By output, the surrogate's own estimate arrays.
-    evidence : CorrectionEvidence
-    quantities : sequence of QuantityOfInterest
 
     Returns
     -------
@@ -287,7 +281,7 @@ def _corrected(
         elif is_index(name):
             found[name] = _at_inputs(name, array, correction, plain.get(name))
         elif reason := correction.problem(name):
-            found[name] = _uncorrected(name, array, reason, correction.own_problem(name, _LEAST_Q2))
+            found[name] = _uncorrected(name, array, reason, correction.own_problem(name))
         else:
             estimates = correction.estimates(name, array)
             estimates = _narrower_ones(estimates, plain.get(name), correction, is_index=False)
@@ -315,7 +309,7 @@ def _at_inputs(
 ) -> xr.DataArray:
     """Return the indices of one variable, or of several, each corrected if that is possible."""
     found = correction.indices(name)
-    inputs, problem = array.sizes[INPUT], correction.own_problem(name, _LEAST_Q2)
+    inputs, problem = array.sizes[INPUT], correction.own_problem(name)
     figures = _own_figures(array)
     estimates: list[Estimate] = []
     for start, indices in zip(range(0, len(figures), inputs), found, strict=True):
@@ -380,8 +374,6 @@ def narrower(found: Estimate, plain: Estimate, runs: CorrectionRuns, *, is_index
     ----------
     found, plain : Estimate
         The corrected one, and that of the runs alone.
-    runs : CorrectionRuns
-        Of the output.
     is_index : bool
         Whether they are of a sensitivity index.
     """
@@ -502,13 +494,10 @@ def correction_evidence(
 
     Parameters
     ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs.
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset
         Runs of the design that it was fitted to, and of another one, if there is one.
-    quantities : sequence of QuantityOfInterest
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]

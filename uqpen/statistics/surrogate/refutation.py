@@ -69,8 +69,6 @@ def refutations(
 
     Parameters
     ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs.
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset

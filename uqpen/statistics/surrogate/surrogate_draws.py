@@ -174,50 +174,51 @@ MOST_INPUTS_FOR_ALL_SETS = 10
 
 @dataclass(frozen=True, eq=False)
 class VarianceShares:
-    """Shares of one variable's variance that sets of inputs explain.
+    """Shares of variances that sets of inputs explain.
 
     Parameters
     ----------
     dimension : int
         Number of inputs.
-    explained : mapping of int to float
-        Var E[Y | X_J] / Var Y, by the set J as the bits of a number.
-    replicates : tuple of VarianceShares
-        The same from each part of the pairs; empty for a part.
+    explained : mapping of int to ndarray, shape (...)
+        Var E[Y | X_J] / Var Y, by the set J as the bits of a number; of one variable or of several.
+    replicates : VarianceShares, optional
+        The same from each part of the pairs, along a first axis.
     """
 
     dimension: int
-    explained: Mapping[int, float]
-    replicates: tuple[VarianceShares, ...] = ()
+    explained: Mapping[int, FloatArray]
+    replicates: VarianceShares | None = None
 
     def errors(self, measure: str) -> list[float]:
         """Standard errors of one of the measures below, by the scatter of the replicates."""
-        found = np.array([getattr(replicate, measure) for replicate in self.replicates])
+        found = getattr(self.replicates, measure)
         return (found.std(axis=0, ddof=1) / math.sqrt(len(found))).tolist()
 
     @property
-    def first_order(self) -> list[float]:
-        """Share that each input explains by itself."""
-        return [self.explained[1 << i] for i in range(self.dimension)]
+    def first_order(self) -> FloatArray:
+        """Share that each input explains by itself, shape (..., input)."""
+        return np.stack([self.explained[1 << i] for i in range(self.dimension)], axis=-1)
 
     @property
-    def total_order(self) -> list[float]:
+    def total_order(self) -> FloatArray:
         """Share that all other inputs do not explain, for each input."""
         whole = (1 << self.dimension) - 1
-        return [1 - self.explained[whole ^ 1 << i] for i in range(self.dimension)]
+        rest = [1 - self.explained[whole ^ 1 << i] for i in range(self.dimension)]
+        return np.stack(rest, axis=-1)
 
     @property
-    def shapley(self) -> list[float] | None:
+    def shapley(self) -> FloatArray | None:
         """Each input's part, averaged over the orders in which inputs become known."""
         if len(self.explained) < 1 << self.dimension:
             return None
-        return [self._shapley(i) for i in range(self.dimension)]
-
-    def _shapley(self, i: int) -> float:
-        others = [subset for subset in range(1 << self.dimension) if not subset >> i & 1]
-        gains = (self.explained[subset | 1 << i] - self.explained[subset] for subset in others)
-        weights = (1 / math.comb(self.dimension - 1, subset.bit_count()) for subset in others)
-        return math.fsum(g * w for g, w in zip(gains, weights, strict=True)) / self.dimension
+        parts = []
+        for i in range(self.dimension):
+            others = [subset for subset in range(1 << self.dimension) if not subset >> i & 1]
+            gains = [self.explained[each | 1 << i] - self.explained[each] for each in others]
+            weights = [1 / math.comb(self.dimension - 1, each.bit_count()) for each in others]
+            parts.append(np.tensordot(weights, gains, axes=1) / self.dimension)
+        return np.stack(parts, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,12 +259,8 @@ class PickFreezePairs:
                 rest = _replicate_means((first - second) ** 2) / (2 * variance)
                 parts[subset] = share if share.mean() < rest.mean() else 1 - rest
             parts[(1 << self.dimension) - 1] = np.ones(_REPLICATES)
-        each = [
-            {subset: float(part[i]) for subset, part in parts.items()} for i in range(_REPLICATES)
-        ]
-        explained = {subset: float(part.mean()) for subset, part in parts.items()}
-        replicates = tuple(VarianceShares(self.dimension, shares) for shares in each)
-        return VarianceShares(self.dimension, explained, replicates)
+        explained = {subset: np.asarray(part.mean()) for subset, part in parts.items()}
+        return VarianceShares(self.dimension, explained, VarianceShares(self.dimension, parts))
 
     def explained(
         self, output: str, function: Callable[[FloatArray], FloatArray], subset: int
@@ -293,19 +290,18 @@ def _replicate_means(values: FloatArray) -> FloatArray:
 def draw_pick_freeze_pairs(
     evaluator: Evaluator, joint: JointDistribution, given: Mapping[str, float], stream: Stream
 ) -> PickFreezePairs:
-    """Draw pairs for all sets of inputs and evaluate a cheap model at them.
+    """Draw pairs for all sets of inputs, except the set of all, and evaluate a cheap model at them.
 
-    Parameters
-    ----------
-    evaluator : Evaluator
-        The model, with the constraints of the joint distribution.
-    joint : JointDistribution
-    given : mapping of str to float
-        Values of fixed inputs that replace those of the joint distribution.
-    stream : Stream
+    Values of fixed inputs that are given replace those of the joint distribution.
     """
+    dimension = len(joint.random)
+    whole = (1 << dimension) - 1
+    subsets = list(range(whole))
+    if dimension > MOST_INPUTS_FOR_ALL_SETS:
+        single = [1 << i for i in range(dimension)]
+        subsets = [0, *single, *(whole ^ one for one in single)]
     draws = ConditionalDraws(evaluator, joint, given, stream)
-    (found,) = paired_outputs(draws, [evaluator], _input_subsets(len(joint.random)))
+    (found,) = paired_outputs(draws, [evaluator], subsets)
     return found
 
 
@@ -316,7 +312,6 @@ def paired_outputs(
 
     Parameters
     ----------
-    draws : ConditionalDraws
     evaluators : sequence of Evaluator
         Their outputs are NaN at draws that never become admissible.
     subsets : sequence of int
@@ -329,39 +324,22 @@ def paired_outputs(
     generators = [draws.stream.generator("pairs", i) for i in range(_REPLICATES)]
     unit = np.concatenate([sobol_points(each, size, 2 * dimension) for each in generators])
     first = draws.draw(unit[:, :dimension], {}, "first")
-    points = _shared_points(draws, first, unit[:, dimension:])
+    points, rest = first.points, unit[:, dimension:]
+    # Others share the value of a discrete input alone: where inputs depend on each other, the place
+    # within its step says more than the value does.
+    is_discrete = [entry.distribution.is_discrete for entry in draws.joint.random]
+    if any(is_discrete) and not draws.joint.is_independent:
+        points = np.where(is_discrete, draws.probabilities(first.inputs, rest), points)
     second: list[dict[int, Mapping[str, FloatArray]]] = [{} for _ in evaluators]
     for subset in subsets:
         shared = {i: points[:, i] for i in range(dimension) if subset >> i & 1}
-        found = draws.draw(unit[:, dimension:], shared, f"second {subset}")
+        found = draws.draw(rest, shared, f"second {subset}")
         for each, evaluator in zip(second, evaluators, strict=True):
             each[subset] = evaluator(found.inputs).outputs
     return [
         PickFreezePairs(dimension, evaluator(first.inputs).outputs, each)
         for evaluator, each in zip(evaluators, second, strict=True)
     ]
-
-
-def _shared_points(
-    draws: ConditionalDraws, first: ConditionalSample, unit: FloatArray
-) -> FloatArray:
-    """Return the probabilities of draws as others share them: the value of a discrete input alone.
-
-    Where inputs depend on each other, the place within its step says more than the value does.
-    """
-    is_discrete = [entry.distribution.is_discrete for entry in draws.joint.random]
-    if draws.joint.is_independent or not any(is_discrete):
-        return first.points
-    return np.where(is_discrete, draws.probabilities(first.inputs, unit), first.points)
-
-
-def _input_subsets(dimension: int) -> list[int]:
-    """Return the sets of inputs, except the set of all."""
-    whole = (1 << dimension) - 1
-    if dimension <= MOST_INPUTS_FOR_ALL_SETS:
-        return list(range(whole))
-    single = [1 << i for i in range(dimension)]
-    return [0, *single, *(whole ^ one for one in single)]
 
 
 # Enough that the error of sampling is far below that of the fit.

@@ -58,11 +58,7 @@ from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
 __all__ = [
-    "FieldShares",
     "SurrogateStatistics",
-    "closed_form_shares",
-    "field_statistics",
-    "sampled_shares",
     "surrogate_statistics",
 ]
 
@@ -95,7 +91,6 @@ def surrogate_statistics(
 
     Parameters
     ----------
-    draws : SurrogateDraws
     quantities : sequence of QuantityOfInterest
         Those of outputs that could not be fitted are left out.
     only : collection of str, optional
@@ -115,8 +110,8 @@ def surrogate_statistics(
         fits = draws.model.fields
         draws = replace(draws, model=draws.model.scalars)
         for quantity in (each for each in requested if each.output.dims):
-            found = field_statistics(draws, fits[quantity.output.name], quantity, only)
-            fields[quantity.output.name] = in_catalogue_order(dict(found))
+            field = _Field(draws, fits[quantity.output.name], quantity)
+            fields[quantity.output.name] = in_catalogue_order(dict(field.statistics(only)))
     return SurrogateStatistics(_by_output(draws, scalars, only), fields)
 
 
@@ -136,25 +131,18 @@ def _by_output(
         statistics = found[quantity.output.name]
         for name, array in statistics.items():
             statistics[name] = array.assign_attrs({ESTIMATOR: draws.sampling_estimator})
-        statistics.update(_closed_forms(draws, quantity.output.name, statistics))
+        # The exact moments of the surrogate where they are the output's.
+        forms = draws.closed_forms_of_output(quantity.output.name)
+        if forms is not None and "mean" in statistics:
+            moments = forms.closed_form_moments(quantity.output.name)
+            for name, value in zip(("mean", "std"), moments, strict=True):
+                exact = statistics[name].copy(data=[value, math.nan, math.nan])
+                statistics[name] = exact.assign_attrs({ESTIMATOR: forms.estimator})
         if only is None or SENSITIVITY in only:
             for name, array in surrogate_indices(draws, quantity):
                 statistics[name] = array.assign_attrs({"estimand": draws.estimand})
         found[quantity.output.name] = in_catalogue_order(statistics)
     return found
-
-
-def _closed_forms(
-    draws: SurrogateDraws, output: str, statistics: OutputStatistics
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield the exact mean and standard deviation of a surrogate where they are the output's."""
-    forms = draws.closed_forms_of_output(output)
-    if forms is None or "mean" not in statistics:
-        return
-    moments = forms.closed_form_moments(output)
-    for name, value in zip(("mean", "std"), moments, strict=True):
-        exact = statistics[name].copy(data=[value, math.nan, math.nan])
-        yield name, exact.assign_attrs({ESTIMATOR: forms.estimator})
 
 
 # Statistics of a field, estimated from the surrogate of its scores.
@@ -175,28 +163,22 @@ def _closed_forms(
 # Gamboa, F., Janon, A., Klein, T. & Lagnoux, A. (2014). Electron. J. Stat. 8, 575-603.
 
 
-@dataclass(frozen=True, eq=False)
-class FieldShares:
-    """Shares of the variance at each place, and of its mean over the field.
-
-    Parameters
-    ----------
-    first, total, shapley : ndarray, shape (place, input)
-        NaN at a place without variance; NaN as a whole where there are none.
-    generalized_first, generalized_total : ndarray, shape (input,)
-    """
-
-    first: FloatArray
-    total: FloatArray
-    shapley: FloatArray
-    generalized_first: FloatArray
-    generalized_total: FloatArray
+# The indices of a field by name, with their titles.
+_INDICES = {
+    "first_order": "first-order Sobol' indices",
+    "total_order": "total-order Sobol' indices",
+    "shapley": "Shapley effects",
+    "generalized_first_order": "generalized first-order Sobol' indices",
+    "generalized_total_order": "generalized total-order Sobol' indices",
+}
 
 
-def closed_form_shares(
+def _closed_form_shares(
     indices: IntArray, coefficients: FloatArray, components: FloatArray
-) -> FieldShares:
-    """Compute the shares from orthonormal terms.
+) -> dict[str, FloatArray]:
+    """Compute the indices from orthonormal terms, by name.
+
+    Their shape is (place, input), and (input,) of generalized ones.
 
     Parameters
     ----------
@@ -208,69 +190,53 @@ def closed_form_shares(
     """
     whole = input_shares(indices, np.sqrt((coefficients**2).sum(axis=1)))
     found = [input_shares(indices, coefficients @ place) for place in components.T]
-    return FieldShares(
-        np.array([each.first for each in found]),
-        np.array([each.total for each in found]),
-        np.array([each.shapley for each in found]),
-        whole.first,
-        whole.total,
-    )
+    return {
+        "first_order": np.array([each.first for each in found]),
+        "total_order": np.array([each.total for each in found]),
+        "shapley": np.array([each.shapley for each in found]),
+        "generalized_first_order": whole.first,
+        "generalized_total_order": whole.total,
+    }
 
 
-def sampled_shares(
+def _sampled_shares(
     pairs: PickFreezePairs, scores: Sequence[str], components: FloatArray
-) -> FieldShares:
-    """Estimate the shares from pairs of draws of the scores.
-
-    Parameters
-    ----------
-    pairs : PickFreezePairs
-    scores : sequence of str
-        Their names as outputs.
-    components : ndarray, shape (component, place)
-    """
-    first, second = (
-        _column(pairs.first, scores),
-        {subset: _column(found, scores) for subset, found in pairs.second.items()},
-    )
-    usable = np.isfinite(first).all(axis=1)
-    for values in second.values():
-        usable &= np.isfinite(values).all(axis=1)
-    first, second = first[usable], {subset: each[usable] for subset, each in second.items()}
+) -> dict[str, FloatArray]:
+    """Estimate the same from pairs of draws of the scores."""
+    drawn = {
+        subset: np.column_stack([found[name] for name in scores])
+        for subset, found in {-1: pairs.first, **pairs.second}.items()
+    }
+    usable = np.all([np.isfinite(each).all(axis=1) for each in drawn.values()], axis=0)
+    second = {subset: each[usable] for subset, each in drawn.items()}
+    first, unrelated = second.pop(-1), second.pop(0)
     centred = first - first.mean(axis=0)
-    unrelated = second.pop(0)
-    variance = _forms(centred.T @ centred / len(first), components)
+
+    def forms(one: FloatArray, other: FloatArray) -> FloatArray:
+        """Return the quadratic form at each place, and at the end its mean over the field."""
+        matrix = one.T @ other / len(first)
+        return np.append(((matrix @ components) * components).sum(axis=0), np.trace(matrix))
+
+    variance = forms(centred, centred)
     explained = {0: np.zeros(len(variance)), (1 << pairs.dimension) - 1: np.ones(len(variance))}
     with np.errstate(invalid="ignore", divide="ignore"):
         for subset, values in second.items():
             # As for a scalar output: the one errs little where little is explained, the other
             # where little is left.
-            share = _forms(centred.T @ (values - unrelated) / len(first), components) / variance
-            change = first - values
-            rest = _forms(change.T @ change / (2 * len(first)), components) / variance
+            share = forms(centred, values - unrelated) / variance
+            rest = forms(first - values, first - values) / 2 / variance
             explained[subset] = np.where(share < rest, share, 1 - rest)
-    rows = [
-        VarianceShares(pairs.dimension, {subset: each[row] for subset, each in explained.items()})
-        for row in range(len(variance))
-    ]
-    *places, whole = rows
-    none = [np.nan] * pairs.dimension
-    return FieldShares(
-        np.array([each.first_order for each in places]),
-        np.array([each.total_order for each in places]),
-        np.array([each.shapley or none for each in places]),
-        np.array(whole.first_order),
-        np.array(whole.total_order),
-    )
-
-
-def _column(values: Mapping[str, FloatArray], scores: Sequence[str]) -> FloatArray:
-    return np.column_stack([values[name] for name in scores])
-
-
-def _forms(matrix: FloatArray, components: FloatArray) -> FloatArray:
-    """Return the quadratic form at each place, and at the end its mean over the field."""
-    return np.append(((matrix @ components) * components).sum(axis=0), np.trace(matrix))
+    shares = VarianceShares(pairs.dimension, explained)
+    shapley = shares.shapley
+    return {
+        "first_order": shares.first_order[:-1],
+        "total_order": shares.total_order[:-1],
+        "shapley": np.full((len(variance), pairs.dimension), np.nan)[:-1]
+        if shapley is None
+        else shapley[:-1],
+        "generalized_first_order": shares.first_order[-1],
+        "generalized_total_order": shares.total_order[-1],
+    }
 
 
 # Values of a field that are put together at a time: 32 MB.
@@ -285,60 +251,27 @@ _BY_DRAWS = (QUANTILES, EXCEEDANCE)
 # The dimension of a part of the places.
 _PLACE = "place"
 
-# By name, the attribute of `FieldShares` and the title.
-_GENERALIZED = "generalized_"
-_INDICES = {
-    "first_order": ("first", "first-order Sobol' indices"),
-    "total_order": ("total", "total-order Sobol' indices"),
-    "shapley": ("shapley", "Shapley effects"),
-    "generalized_first_order": ("generalized_first", "generalized first-order Sobol' indices"),
-    "generalized_total_order": ("generalized_total", "generalized total-order Sobol' indices"),
-}
-
-
-def field_statistics(
-    draws: SurrogateDraws,
-    fit: FieldFit,
-    quantity: QuantityOfInterest,
-    only: Collection[str] | None = None,
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """Estimate all statistics of a field.
-
-    Parameters
-    ----------
-    draws : SurrogateDraws
-        Of the surrogate of its scores.
-    fit : FieldFit
-    quantity : QuantityOfInterest
-    only : collection of str, optional
-        The requested groups; all by default.
-
-    Yields
-    ------
-    name : str
-        ``mean``, ``std``, ``quantile``, ``exceedance``, ``below``, ``first_order``,
-        ``total_order``, ``shapley``, ``generalized_first_order``, ``generalized_total_order``.
-    estimate : DataArray
-        Along the dimensions of the field, but for generalized ones, then as of a scalar output;
-        without bounds, and with a note on what the surrogate leaves.
-    """
-    field = _Field(draws, fit, quantity)
-    if only is None or MOMENTS in only:
-        yield from field.moments()
-    for group in _BY_DRAWS:
-        if only is None or group in only:
-            yield from field.by_draws(group)
-    if only is None or SENSITIVITY in only:
-        yield from field.indices()
-
 
 @dataclass(frozen=True)
 class _Field:
-    """Estimates of one field."""
+    """Estimates of one field: without bounds, and with a note on what the surrogate leaves.
+
+    They lie along the dimensions of the field, but for generalized indices.
+    """
 
     draws: SurrogateDraws
     fit: FieldFit
     quantity: QuantityOfInterest
+
+    def statistics(self, only: Collection[str] | None) -> Arrays:
+        """Yield all statistics of some groups, by default of all."""
+        if only is None or MOMENTS in only:
+            yield from self.moments()
+        for group in _BY_DRAWS:
+            if only is None or group in only:
+                yield from self.by_draws(group)
+        if only is None or SENSITIVITY in only:
+            yield from self.indices()
 
     @cached_property
     def sample(self) -> Sample:
@@ -355,14 +288,9 @@ class _Field:
         forms = self.draws.closed_forms_of_output(scores[0])
         return forms.closed_form_terms(scores) if forms is not None else None
 
-    @property
-    def moments_estimator(self) -> str:
-        """Name of the estimator of moments."""
-        return _FROM_COEFFICIENTS if self.terms else self.draws.sampling_estimator
-
     def moments(self) -> Arrays:
         """Yield mean and standard deviation at each place."""
-        parts = self._components
+        parts = self.fit.components.components
         if self.terms:
             indices, coefficients = self.terms
             is_constant = ~indices.any(axis=1)
@@ -375,13 +303,14 @@ class _Field:
             centre, matrix = np.full(len(parts), np.nan), np.full((len(parts),) * 2, np.nan)
         variance = ((matrix @ parts) * parts).sum(axis=0)
         mean = self.fit.components.fields(centre[None])[0]
+        estimator = _FROM_COEFFICIENTS if self.terms else self.draws.sampling_estimator
+        output = self.quantity.output
         for name, values, title in (
             ("mean", mean, "mean"),
             ("std", np.sqrt(np.maximum(variance, 0)), "standard deviation"),
         ):
-            title, unit = f"{title} of {self.quantity.output.title}", self.quantity.output.unit
-            array = self._array(values, title, self.moments_estimator, unit, reason=texts.NO_RUN)
-            yield name, array
+            title = f"{title} of {output.title}"
+            yield name, self._array(values, title, estimator, texts.NO_RUN, unit=output.unit)
 
     def by_draws(self, group: str) -> Arrays:
         """Yield the statistics of an analysis of fields, some places at a time."""
@@ -392,20 +321,18 @@ class _Field:
                     found.setdefault(name, []).append(array)
         for name, arrays in found.items():
             first = arrays[0]
-            own = {str(dim): first.sizes[dim] for dim in first.dims[1:-1]}
-            coordinates = {
-                key: each.variable
-                for key, each in first.coords.items()
-                if key not in (*INTERVAL_TEXTS, BOUND, _PLACE)
-            }
             array = self._array(
                 np.concatenate([array.values[..., 0] for array in arrays]),
                 first.attrs["long_name"],
                 self.draws.sampling_estimator,
-                first.attrs["units"],
-                own=own,
-                coordinates=coordinates,
-                reason=texts.NO_RUN,
+                texts.NO_RUN,
+                unit=first.attrs["units"],
+                own=tuple(map(str, first.dims[1:-1])),
+                coordinates={
+                    key: each
+                    for key, each in first.coords.variables.items()
+                    if key not in (*INTERVAL_TEXTS, BOUND, _PLACE)
+                },
             )
             yield name, array
 
@@ -420,69 +347,60 @@ class _Field:
 
     def indices(self) -> Arrays:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
-        joint, shares = self.draws.joint, None
+        joint, parts, shares = self.draws.joint, self.fit.components.components, None
         if self.terms:
             estimator = _FROM_COEFFICIENTS
-            shares = closed_form_shares(*self.terms, self._components)
+            shares = _closed_form_shares(*self.terms, parts)
         else:
             estimator = self.draws.pairs_estimator
             if not joint.conditional_reason:
-                shares = sampled_shares(self.draws.pairs, self.fit.scores, self._components)
-        inputs = input_coordinate([entry.variable.name for entry in joint.random])
-        places = len(self.fit.components.mean)
-        for name, (attribute, title) in _INDICES.items():
-            is_whole = name.startswith(_GENERALIZED)
-            values = None if shares is None else getattr(shares, attribute)
+                shares = _sampled_shares(self.draws.pairs, self.fit.scores, parts)
+        names = [entry.variable.name for entry in joint.random]
+        for name, title in _INDICES.items():
+            places = () if name.startswith("generalized_") else (parts.shape[1],)
+            values = None if shares is None else shares[name]
             reason = joint.conditional_reason
             if values is None or ("total" in name and not joint.is_independent):
-                values = np.full((() if is_whole else (places,)) + (len(joint.random),), np.nan)
+                values = np.full((*places, len(names)), np.nan)
                 reason = reason or texts.DEPENDENT_INPUTS
+            elif name == "shapley" and len(names) > MOST_INPUTS_FOR_ALL_SETS and not self.terms:
+                reason = reason or texts.TOO_MANY_SUBSETS.format(inputs=len(names))
             array = self._array(
                 values,
                 f"{title} of {self.quantity.output.title}",
                 estimator,
-                own={INPUT: len(joint.random)},
-                coordinates=inputs,
-                reason=reason or self._reason_without(name),
-                is_whole=is_whole,
+                reason or texts.CONSTANT_AT_DRAWS,
+                own=(INPUT,),
+                coordinates=input_coordinate(names),
             )
             yield name, array.assign_attrs(estimand=self.draws.estimand)
-
-    def _reason_without(self, name: str) -> str:
-        inputs = len(self.draws.joint.random)
-        if name == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS and not self.terms:
-            return texts.TOO_MANY_SUBSETS.format(inputs=inputs)
-        return texts.CONSTANT_AT_DRAWS
-
-    @property
-    def _components(self) -> FloatArray:
-        return self.fit.components.components
 
     def _array(
         self,
         values: FloatArray,
         title: str,
         estimator: str,
-        unit: str = "1",
+        reason: str,
         *,
-        own: Mapping[str, int] = MappingProxyType({}),
+        unit: str = "1",
+        own: tuple[str, ...] = (),
         coordinates: Mapping[Any, Any] = MappingProxyType({}),
-        reason: str = "",
-        is_whole: bool = False,
     ) -> xr.DataArray:
-        """Return an estimate array without bounds; what is NaN has a reason."""
-        dims = () if is_whole else self.quantity.output.dims
-        sizes = {**{each.name: len(each.values) for each in dims}, **own}
-        is_known = np.isfinite(values)
+        """Return an estimate array, of places and along some dimensions or along these alone.
+
+        What is NaN has a reason.
+        """
+        dims = self.quantity.output.dims if values.ndim > len(own) else ()
+        shape = (*(len(each.values) for each in dims), *values.shape[values.ndim - len(own) :])
         bounds = np.full((values.size, len(BOUNDS)), np.nan)
         bounds[:, 0] = values.ravel()
         return estimate_array(
             bounds,
-            sizes,
+            dict(zip((*(each.name for each in dims), *own), shape, strict=True)),
             {
                 INTERVAL: "none",
                 INTERVAL_LABEL: "none",
-                NOTE: np.where(is_known, self.fit.text, reason).astype(object),
+                NOTE: np.where(np.isfinite(values), self.fit.text, reason).astype(object),
             },
             units=unit,
             long_name=title,

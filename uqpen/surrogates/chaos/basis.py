@@ -123,8 +123,6 @@ def univariate_basis(
 
     Parameters
     ----------
-    name : str
-        The input's.
     distribution : Distribution
         Its distribution; one on a few values has fewer polynomials.
     degree : int

@@ -140,8 +140,6 @@ def estimate_fit_noise(
         Their degrees.
     values : ndarray, shape (run,)
         The variable that was fitted.
-    rng : Generator
-        For the resampling.
     """
     runs, terms = matrix.shape
     refits = int(np.clip(_OPERATIONS / (runs * terms**2), _FEWEST_REFITS, _REFITS))

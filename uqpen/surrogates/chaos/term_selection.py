@@ -133,18 +133,12 @@ def regression_terms(
 
     Parameters
     ----------
-    points : FitPoints
-        The points of the runs.
     values : ndarray, shape (run,)
         The values to fit; not constant.
-    method : str
-        ``"sparse"`` or ``"least-squares"``.
     order : int, optional
         The order; without it, that of the least cross-validation error, or of the least corrected
         leave-one-out error where all terms are kept. On the concrete study, the order of a sparse
         fit with the least leave-one-out error has two to three times the error at fresh runs.
-    rng : Generator
-        Divides the runs for cross-validation.
     """
     if problem := run_count_problem(points):
         return problem
@@ -169,8 +163,6 @@ def projection_terms(
 
     Parameters
     ----------
-    points : FitPoints
-        The rule's nodes.
     weights : ndarray, shape (node,)
         Its weights.
     values : ndarray, shape (node,)
@@ -497,8 +489,6 @@ def chosen_terms(
         The values to fit; not constant.
     order : int, optional
         The order; without it, the best one.
-    rng : Generator
-        Divides the runs for cross-validation.
     truncations : sequence of float
         Those to choose from, ascending.
     """
