@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, open_archive, read_group
-from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
+from uqpen.benchmark.methods import BenchmarkStatistic, Estimates
 from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import ArchiveError, ModelError, Problem, SettingsError, UnknownNameError
