@@ -213,13 +213,7 @@ class GrowingRuns:
         self._is_writable = False
 
     def write(self, start: int, block: xr.Dataset) -> None:
-        """Write the runs of a block, given the number of its first one.
-
-        Raises
-        ------
-        OSError
-            If they cannot be written, for example to a full disk.
-        """
+        """Write the runs of a block, given the number of its first one; OSError for a full disk."""
         try:
             if not self.path.exists():
                 self._define(block)
@@ -259,15 +253,7 @@ class GrowingRuns:
                 root.close()
 
     def dataset(self, like: xr.Dataset, failures: FailureRecord) -> xr.Dataset:
-        """Return all runs; their values stay in the file until they are needed.
-
-        Parameters
-        ----------
-        like : Dataset
-            One of the blocks.
-        failures : FailureRecord
-            The failed runs.
-        """
+        """Return all runs, like one of the blocks; values stay in the file until needed."""
         self.close()
         file = OpenFile(self.path)
         found: dict[str, xr.Variable] = failures.variables(like)

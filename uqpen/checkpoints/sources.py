@@ -375,8 +375,12 @@ def _archived_rounds(
 ) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
     inputs = input_columns(runs, model)
-    if not all(_has_output(runs, output) for output in model.outputs):
-        return
+    for output in model.outputs:
+        dims = (RUN, *(dim.name for dim in output.dims))
+        if output.name not in runs or runs[output.name].dims != dims:
+            return
+        if not all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims):
+            return
     outputs = {output.name: _values(runs, output) for output in model.outputs}
     status = runs[STATUS].values.astype(np.int8)
     reasons = dict.fromkeys(np.flatnonzero(status != Status.OK).tolist(), "no reason was recorded")
@@ -403,15 +407,6 @@ def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
         for variable in model.inputs
         if variable.name in runs
     }
-
-
-def _has_output(runs: xr.Dataset, output: Output) -> bool:
-    """Check that runs have an output along the dimensions and coordinates of the model's."""
-    if output.name not in runs:
-        return False
-    if runs[output.name].dims != (RUN, *(dim.name for dim in output.dims)):
-        return False
-    return all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims)
 
 
 def _values(runs: xr.Dataset, output: Output) -> FloatArray:

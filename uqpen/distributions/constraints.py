@@ -56,10 +56,7 @@ class Constraint:
     def is_satisfied(self, inputs: Arrays) -> BoolArray:
         """Return a mask of the points that satisfy it; false where a value in it is not finite.
 
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray
-            SI values of the inputs, of shapes that broadcast.
+        The inputs are SI values of shapes that broadcast.
         """
         with np.errstate(all="ignore"):
             tree = _parse(self.text)

@@ -152,12 +152,7 @@ def reachable_modules(
 ) -> dict[str, ModuleType]:
     """Return those of some modules that sources import, by any statement, or that these import.
 
-    Parameters
-    ----------
-    sources : iterable of (str, bytes)
-        Sources, each with the name of its package.
-    candidates : dict of str to module
-        Modules by name.
+    Each source comes with the name of its package.
     """
     found: dict[str, ModuleType] = {}
     waiting = list(sources) if candidates else []

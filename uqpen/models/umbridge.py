@@ -22,7 +22,7 @@ from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.run_grid import FieldSources
@@ -356,23 +356,12 @@ class UmbridgeModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         columns = [scale(self.units[v.name]).from_si(inputs[v.name]) for v in self.inputs]
         points = np.stack(columns, axis=1).tolist()
-        outputs = empty_outputs(self.outputs, len(points))
-        sizes = [math.prod(output.shape) for output in self.outputs]
-        status = np.full(len(points), Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
         with UmbridgeClient(self.address, self.time_limit) as server:
-            for run, point in enumerate(points):
-                try:
-                    values = self._request_outputs(server, point)
-                except NoAnswerError as error:
-                    status[run], reasons[run] = error.status, str(error)
-                    continue
-                parts = np.split(values, np.cumsum(sizes)[:-1])
-                for output, part in zip(self.outputs, parts, strict=True):
-                    outputs[output.name][run] = part.reshape(output.shape)
-        for name, column in outputs.items():
-            outputs[name] = scale(self.units[name]).array_to_si(column)
-        return Results(outputs, status, reasons)
+            outcomes = (
+                (slice(run, run + 1), self._request_outcome(server, point))
+                for run, point in enumerate(points)
+            )
+            return joined_outcomes(outcomes, self.outputs, self.units, len(points))
 
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.fields.files
@@ -384,6 +373,15 @@ class UmbridgeModel(Model):
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}
         return {"name": self.name, "kind": "UM-Bridge", **config}
+
+    def _request_outcome(self, server: UmbridgeClient, point: list[float]) -> RunOutcome:
+        try:
+            values = self._request_outputs(server, point)
+        except NoAnswerError as error:
+            return RunOutcome.failed(str(error), error.status)
+        sizes = [math.prod(output.shape) for output in self.outputs]
+        parts = zip(self.outputs, np.split(values, np.cumsum(sizes)[:-1]), strict=True)
+        return RunOutcome({each.name: part.reshape(each.shape) for each, part in parts})
 
     def _request_outputs(self, server: UmbridgeClient, point: list[float]) -> FloatArray:
         """Request the outputs of one run, in the server's units."""

@@ -141,13 +141,9 @@ _LONGEST_LINE = 80
 def line_in_folder(error: BaseException, folder: ModelFolder) -> str:
     """Return the innermost line of a folder's modules in the traceback of an exception.
 
-    The file is named as in the folder, so the text is the same wherever the folder is. The
+    It is a text such as `` (beam.py, line 7: return force / area)``, empty where no module is
+    there. The file is named as in the folder, so the text is the same wherever the folder is. The
     traceback is removed from the exception: an exception that is raised again adds to it.
-
-    Returns
-    -------
-    str
-        Such as `` (beam.py, line 7: return force / area)``; empty where no module is there.
     """
     for code, number in reversed(_lines(error)):
         content = folder.module_content(code.co_filename)
@@ -237,10 +233,7 @@ class UserDefinedFunction:
     def in_context(self) -> Iterator[None]:
         """Provide the context of a call; any exception in it becomes an error with its reference.
 
-        Raises
-        ------
-        UqpenError
-            Of the class `error`, with the exception and its line in one sentence.
+        The error, of the class `error`, has the exception and its line in one sentence.
         """
         place = self.surroundings.on_import_path() if self.surroundings else None
         try:

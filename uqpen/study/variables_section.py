@@ -18,7 +18,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import heading_parts
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import NAME, RESERVED
+from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices
 from uqpen.core.model import Dimension, Input, Output
 from uqpen.core.settings import (
@@ -39,7 +39,7 @@ from uqpen.distributions.measurements import Measurements
 from uqpen.models.command.output_readers import UnreadableError, blank_column, parse_number
 from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
 from uqpen.study.document import inner_table
-from uqpen.study.table_reader import TableReader
+from uqpen.study.table_reader import TableReader, is_variable_name
 
 __all__ = [
     "Variables",
@@ -503,10 +503,8 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
         is_table = key == "outputs" and isinstance(written, dict)
         unit = written.get("unit") if is_table else written
         path = (name, "unit") if is_table and "unit" in written else (name,)
-        if not NAME.match(name) or name in RESERVED:
-            others = ", ".join(sorted(RESERVED))
-            expected = f"a name of letters, digits and _, at most 100, none of {others}"
-            section.add_wrong(name, name, expected)
+        if not is_variable_name(section, name):
+            pass  # of any dimension
         elif name in units:
             section.add_problem(name, "an output with the name of an input", "names that differ")
         elif not isinstance(unit, str):

@@ -220,14 +220,8 @@ def read_variables(content: bytes) -> list[NetcdfVariable]:
 def read_variable(content: bytes, name: str) -> Any:
     """Read the values of a variable of a file of data, as a masked array.
 
-    The name has those of groups before it, with slashes between.
-
-    Raises
-    ------
-    KeyError
-        If there is no variable of the name.
-    RefusedContentError
-        If the libraries must not get the file, or cannot read it.
+    The name has those of groups before it, with slashes between; KeyError if there is no such
+    variable. RefusedContentError if the libraries must not get the file, or cannot read it.
     """
     with _opened(content) as root:
         try:
@@ -240,13 +234,7 @@ def read_variable(content: bytes, name: str) -> Any:
 
 
 def check_netcdf(content: Content, limits: ContentLimits) -> None:
-    """Refuse a file that the NetCDF and HDF5 libraries must not get.
-
-    Raises
-    ------
-    RefusedContentError
-        With the reason.
-    """
+    """Refuse a file that the NetCDF and HDF5 libraries must not get, with the reason."""
     if content[: len(SIGNATURE)] == SIGNATURE:
         check_hdf5(content, limits)
     elif content[: len(MAGIC)] == MAGIC:
@@ -260,14 +248,8 @@ def open_archive_file(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open an archive, whoever has written it; its values may be larger than the memory.
 
     It is looked through on the disk, and opened there. Whoever can change it in between could have
-    changed it before.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read, or is no file.
-    RefusedContentError
-        If the libraries must not get it, or cannot open it.
+    changed it before. RefusedContentError if the libraries must not get it, or cannot open it;
+    OSError if it cannot be read, or is no file.
     """
     with open_file(path) as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
@@ -268,14 +268,6 @@ class FolderPolicy:
         validate(self)
 
 
-class _Outcome(NamedTuple):
-    """Outcome of a run; outputs are in the units of the program."""
-
-    outputs: Mapping[str, FloatArray]
-    status: Status = Status.OK
-    reason: str = ""
-
-
 @dataclass(frozen=True)
 class Command(Model):
     """Model that runs a program.
@@ -334,20 +326,14 @@ class Command(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
+        program = self.program
         arguments = {name: values.tolist() for name, values in self._own_units(inputs).items()}
         runs = len(next(iter(inputs.values())))
-        outputs = empty_outputs(self.outputs, runs)
-        status = np.full(runs, Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
-        for run in range(runs):
-            one = {name: column[run] for name, column in arguments.items()}
-            outcome = self._run(self.program, one)
-            status[run] = outcome.status
-            if outcome.reason:
-                reasons[run] = outcome.reason
-            for name, value in outcome.outputs.items():
-                outputs[name][run] = scale(self.units[name]).array_to_si(value)
-        return Results(outputs, status, reasons)
+        points = ({name: column[run] for name, column in arguments.items()} for run in range(runs))
+        outcomes = (
+            (slice(run, run + 1), self._run(program, point)) for run, point in enumerate(points)
+        )
+        return joined_outcomes(outcomes, self.outputs, self.units, runs)
 
     def record_files(self, files: frozenset[str]) -> None:
         # Runs report no files, so they are checked between batches.
@@ -382,7 +368,7 @@ class Command(Model):
         """Convert SI values to the units that the program takes."""
         return {name: scale(self.units[name]).from_si(values) for name, values in inputs.items()}
 
-    def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
+    def _run(self, program: Program, inputs: Mapping[str, float]) -> RunOutcome:
         """Make one run, or read its folder again; any failure becomes its status."""
         kept = self.folder_policy.folder / folder_name(inputs)
         if self.reads_again and (ended := self._record(program).read(kept)) is not None:
@@ -414,12 +400,12 @@ class Command(Model):
                     keep_folder(folder, kept, notes)
                 return outcome
         except NotWholeError as error:
-            return _Outcome({}, Status.FAILED, str(error))
+            return RunOutcome.failed(str(error))
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
-                return _Outcome({}, Status.FAILED, _NO_INTERPRETER)
+                return RunOutcome.failed(_NO_INTERPRETER)
             reason = f"cannot be started: {error.strerror or type(error).__name__}"
-            return _Outcome({}, Status.FAILED, reason)
+            return RunOutcome.failed(reason)
 
     def _record(self, program: Program) -> RunRecord:
         """Return the record of its runs, with all that decides what a run at some inputs writes."""
@@ -438,27 +424,27 @@ class Command(Model):
                 words.append(fill(word, {**inputs, **_PATHS}))
         return words
 
-    def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> _Outcome:
+    def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> RunOutcome:
         """Return the outcome of a run whose program has ended."""
         if ending.is_late:
-            return _Outcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
+            return RunOutcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
             message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
-            return _Outcome({}, status, f"{how}: {message}" if message else how)
+            return RunOutcome({}, status, f"{how}: {message}" if message else how)
         written = RunFiles(folder, self.limits)
         try:
             found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
         except (UnreadableError, UnusableOutputError) as error:
-            return _Outcome({}, error.status, str(error))
+            return RunOutcome({}, error.status, str(error))
         for output in self.outputs:
             if reason := output.invalid_text(found[output.name]):
-                return _Outcome(found, Status.NOT_FINITE, reason)
-        return _Outcome(found)
+                return RunOutcome(found, Status.NOT_FINITE, reason)
+        return RunOutcome(found)
 
 
-def _outcome_note(outcome: _Outcome, words: list[str]) -> str:
+def _outcome_note(outcome: RunOutcome, words: list[str]) -> str:
     """Return a note for the folder of a run: its outcome and the executed command."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
     for name, values in outcome.outputs.items():

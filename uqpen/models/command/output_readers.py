@@ -129,12 +129,8 @@ _COMMENT = ("#", "%", "!", "*")
 def blank_column(content: str, column: str | int) -> list[str | None] | None:
     """Return a column of a table, which is given by its heading or its position.
 
-    Only a table with headings has them in its first line, which may be a comment.
-
-    Returns
-    -------
-    list of str or None
-        The entries; None where a row is too short. None if there is no such heading.
+    Only a table with headings has them in its first line, which may be a comment. None for no such
+    heading; an entry is None where a row is too short.
     """
     lines = [line.strip() for line in content.splitlines() if line.strip()]
     position = column
@@ -233,7 +229,7 @@ class JsonReader(OutputReader):
         try:
             return float(found)
         except OverflowError:  # of an integer that is too large for a float
-            return math.copysign(math.inf, found)
+            return math.inf if found > 0 else -math.inf
 
     def values(self, written: RunFiles) -> FloatArray:
         try:

@@ -188,12 +188,8 @@ rm -rf -- "$folder"
 def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     """Ensure within this context that no process started in a run's folder outlives this one.
 
-    If this process dies, the guard kills the processes in the folder and removes it.
-
-    Yields
-    ------
-    watch : callable
-        Takes the number of the process group that was started, or 0 at its end.
+    If this process dies, the guard kills the processes in the folder and removes it. The function
+    of the context takes the number of the process group that was started, or 0 at its end.
     """
     starting = f"0 {folder}"
     _send(starting)
