@@ -28,7 +28,6 @@ class Change(NamedTuple):
     before: dict[str, str]
     after: dict[str, str]
     met: str
-    was_silent: bool = False
 
 
 def _file(name: str, before: str, after: str, met: str = "file m.py has changed") -> Change:
@@ -40,19 +39,15 @@ def _other(
     name: str, source: str, other: str, before: str, after: str, met: str, **more: str
 ) -> Change:
     """Return a change of something else than the model's file."""
-    return Change(name, {"m.py": source, other: before, **more}, {other: after}, met, True)
+    return Change(name, {"m.py": source, other: before, **more}, {other: after}, met)
 
 
-def _object(
-    name: str, before: str, after: str, met: str = OBJECT, *, silent: bool = False
-) -> Change:
+def _object(name: str, before: str, after: str, met: str = OBJECT) -> Change:
     """Return a change of a function that is an object of a program."""
-    return Change(name, {"program.py": before}, {"program.py": after}, met, silent)
+    return Change(name, {"program.py": before}, {"program.py": after}, met)
 
 
-def _value(
-    name: str, before: str, after: str, met: str = OBJECT, *, silent: bool = False
-) -> Change:
+def _value(name: str, before: str, after: str, met: str = OBJECT) -> Change:
     """Return a change of a value that a function of a program takes from outside."""
     head, _, before = before.rpartition("; ")
     other, _, after = after.rpartition("; ")
@@ -62,13 +57,12 @@ def _value(
         program.format(head=head, value=before),
         program.format(head=other or head, value=after),
         met,
-        silent=silent,
     )
 
 
 def _unknown(name: str, before: str, after: str) -> Change:
     """Return a change of a value whose versions cannot be distinguished."""
-    return _value(name, before, after, SAME_OBJECT, silent=True)
+    return _value(name, before, after, SAME_OBJECT)
 
 
 def _study(name: str, before: str, after: str, met: str, **files: str) -> Change:
@@ -111,8 +105,7 @@ READING = "import numpy as np\ndef f(x):\n    return {'y': float(CALL) * x}\n"
 RUN = "import subprocess, sys, pathlib\nhere = pathlib.Path(__file__).parent\n"
 MOD = "module helper has changed"
 
-# What was taken for the same model, in the groups in which it was found.
-SILENT = [
+CHANGES = [
     # A module that lies outside the study's folder.
     _other("on a path that the model adds", PATH + HELPED, "../lib/helper.py", TWO, THREE, MOD),
     _other(
@@ -223,7 +216,6 @@ SILENT = [
             },
             {"helper.py": THREE},
             met,
-            True,
         )
         for statement, value, met in (
             ("import helper", "helper.k", OBJECT),
@@ -241,7 +233,6 @@ SILENT = [
             f"a decorator with functools.wraps: {name}",
             f"import functools\n{first}\n{body}",
             f"import functools\n{second}\n{body}",
-            silent=True,
         )
         for name, first, second, body in (
             (
@@ -265,13 +256,11 @@ SILENT = [
         "an attribute of the function",
         "def f(x):\n    return {'y': f.k * x}\nf.k = 2\n",
         "def f(x):\n    return {'y': f.k * x}\nf.k = 3\n",
-        silent=True,
     ),
     _object(
         "an attribute of a function that it calls",
         "def g(): return g.k\ng.k = 2\ndef f(x):\n    return {'y': g() * x}\n",
         "def g(): return g.k\ng.k = 3\ndef f(x):\n    return {'y': g() * x}\n",
-        silent=True,
     ),
     _object(
         "an implementation of a single-dispatch function",
@@ -280,7 +269,6 @@ SILENT = [
         "import functools\n@functools.singledispatch\ndef g(x): return x\n"
         "@g.register\ndef _(x: float): return 3 * x\ndef f(x):\n    return {'y': g(x)}\n",
         SAME_OBJECT,
-        silent=True,
     ),
     # Values whose class is not that which it looks like.
     _unknown(
@@ -327,7 +315,6 @@ SILENT = [
         "the order of an array in memory",
         "import numpy as np; np.ones((2, 3), order='C')",
         "import numpy as np; np.ones((2, 3), order='F')",
-        silent=True,
     ),
     # Compiled functions.
     _unknown("a bound method of a dict", "{'a': 1}.get", "{'a': 11}.get"),
@@ -343,19 +330,16 @@ SILENT = [
         "a lambda in a lambda",
         "f = lambda x: (lambda z: {'y': 2 * z})(x)\n",
         "f = lambda x: (lambda z: {'y': 3 * z})(x)\n",
-        silent=True,
     ),
     _object(
         "two lambdas on a line",
         "g, f = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
         "f, g = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
-        silent=True,
     ),
     _object(
         "code that was replaced",
         F + "def g(x):\n    return {'y': 3 * x}\n",
         F + "def g(x):\n    return {'y': 3 * x}\nf.__code__ = g.__code__\n",
-        silent=True,
     ),
     # Names that no code states, and libraries that were changed.
     _object(
@@ -363,14 +347,12 @@ SILENT = [
         "k = 2\ndef f(x):\n    return {'y': globals()['k'] * x}\n",
         "k = 3\ndef f(x):\n    return {'y': globals()['k'] * x}\n",
         SAME_OBJECT,
-        silent=True,
     ),
     _object(
         "eval",
         "k = 2\ndef f(x):\n    return {'y': eval('k * x')}\n",
         "k = 3\ndef f(x):\n    return {'y': eval('k * x')}\n",
         SAME_OBJECT,
-        silent=True,
     ),
     *(
         _object(
@@ -379,7 +361,6 @@ SILENT = [
             f"import {library}\n{library}.{name} = 3.0\n"
             f"def f(x):\n    return {{'y': {library}.{name} * x}}\n",
             RECHECK,
-            silent=True,
         )
         for library, name in (("math", "pi"), ("numpy", "pi"), ("scipy.constants", "g"))
     ),
@@ -390,7 +371,6 @@ SILENT = [
         "import decimal\ndecimal.getcontext().prec = 3\n"
         "def f(x):\n    return {'y': float(decimal.Decimal(1) / 3)}\n",
         RECHECK,
-        silent=True,
     ),
     _object(
         "the seed of numpy.random",
@@ -399,18 +379,13 @@ SILENT = [
         "import numpy\nnumpy.random.seed(2)\n"
         "def f(x):\n    return {'y': numpy.random.random() * x}\n",
         RECHECK,
-        silent=True,
     ),
     *(
         Change(
             f"a table that a program reads by {call}",
-            {
-                "program.py": READING.replace("CALL", call),
-                "k.csv": "2",
-            },
+            {"program.py": READING.replace("CALL", call), "k.csv": "2"},
             {"k.csv": "3"},
             "file k.csv has changed",
-            True,
         )
         for call in (
             "np.loadtxt('k.csv')",
@@ -465,8 +440,8 @@ class Own(Model):
         return Results.all_ok({"y": 2 * inputs["x"]})
 """
 
-# What was met before.
-KNOWN = [
+CHANGES += [
+    # The model's own file.
     _file("a constant in the function", F, G),
     _file("the operator", F, F.replace("*", "+")),
     _file("a global constant", "k = 2\n" + F.replace("2", "k"), "k = 3\n" + F.replace("2", "k")),
@@ -571,11 +546,7 @@ KNOWN = [
         "model.command",
     ),
     _command(
-        "the reading of an output",
-        "$model",
-        COMMAND,
-        COMMAND.replace("y = (", "= ("),
-        "model.read",
+        "the reading of an output", "$model", COMMAND, COMMAND.replace("y = (", "= ("), "model.read"
     ),
     _command(
         "a template",
@@ -650,11 +621,7 @@ KNOWN = [
         "def f(x): return {'y': sum(2 * x for _ in range(3))}\n",
         "def f(x): return {'y': sum(3 * x for _ in range(3))}\n",
     ),
-    _object(
-        "its handling of an error",
-        HANDLING,
-        HANDLING.replace("ZeroDivision", "Arithmetic"),
-    ),
+    _object("its handling of an error", HANDLING, HANDLING.replace("ZeroDivision", "Arithmetic")),
     _object(
         "an object of an own class",
         "class S:\n    def __call__(self, x): return {'y': 2 * x}\nf = S()\n",
@@ -668,5 +635,3 @@ KNOWN = [
         SAME_OBJECT,
     ),
 ]
-
-CHANGES = [*SILENT, *KNOWN]

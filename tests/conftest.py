@@ -83,9 +83,7 @@ def study_of(tmp_path: Path) -> Callable[..., ValidatedStudy]:
 
 
 @pytest.fixture(scope="module")
-def module_study_of(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Callable[..., ValidatedStudy]:
+def module_study_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., ValidatedStudy]:
     """Makes the same for an archive that all tests of a module read."""
     return _study_maker(tmp_path_factory.mktemp("study"))
 

@@ -179,9 +179,7 @@ def test_the_intervals_hold_the_exact_answers_as_often_as_they_say(answers):
     assert len(missed) <= 0.12 * len(given), missed
 
 
-def test_the_mean_of_a_sum_over_one_hypercube_has_the_variance_that_is_known(
-    study_of,
-):
+def test_the_mean_of_a_sum_over_one_hypercube_has_the_variance_that_is_known(study_of):
     # d/(12 n³): each of the n strata of each input leaves the variance of a uniform law over 1/n.
     runs, replicates = 5, 4_000
     text = f"""

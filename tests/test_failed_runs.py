@@ -127,10 +127,7 @@ def check(name, array):
         figure = array[at]
         value = float(figure.sel(bound="estimate"))
         if np.isnan(value):
-            assert any(word in interval_text(figure, "note") for word in ABSENT), (
-                name,
-                figure,
-            )
+            assert any(word in interval_text(figure, "note") for word in ABSENT), (name, figure)
     assert not (array.sel(bound="estimate") == 0).all(), name
 
 

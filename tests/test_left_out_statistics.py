@@ -20,10 +20,7 @@ def study(**left_out):
     curve = uqpen.OutputSpec("1", along={"place": {"unit": "m", "values": [1, 2, 3]}})
     return uqpen.Study(
         model=uqpen.PythonModel(
-            sums,
-            inputs={"a": "1", "b": "1"},
-            outputs={"y": "1", "curve": curve},
-            vectorized=True,
+            sums, inputs={"a": "1", "b": "1"}, outputs={"y": "1", "curve": curve}, vectorized=True
         ),
         inputs={"a": uqpen.Normal(0, 0.3), "b": uqpen.Uniform(0, 1)},
         outputs={"y": uqpen.OutputSpec(exceeds=["2"], hold=[0.9])},

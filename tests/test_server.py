@@ -236,10 +236,7 @@ def test_a_model_served_gives_the_bits_of_the_model_here(address):
     for name in ("x1", "x2", "y"):
         np.testing.assert_array_equal(there[name], here[name])
     # What the model does not admit, the server refuses; what the study does not, is not asked.
-    assert set(here["lost_reason"].values) == {
-        "x1 >= -3.14159 and <= 3.14159",
-        "x1 > x2 - 4",
-    }
+    assert set(here["lost_reason"].values) == {"x1 >= -3.14159 and <= 3.14159", "x1 > x2 - 4"}
     assert set(there["lost_reason"].values) == {
         "Inadmissible: x1 >= -3.14159 and <= 3.14159",
         "x1 > x2 - 4",

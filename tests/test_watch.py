@@ -132,7 +132,7 @@ def test_rounds_and_several_models_are_distinguished():
         inputs={"x": uqpen.Uniform(0, 1)},
         outputs={"y": "1"},
         designs={
-            "some": uqpen.MonteCarlo(until=uqpen.Precision({"y": {"mean": 0.01}}), at_most=8192),
+            "some": uqpen.MonteCarlo(until=uqpen.Precision({"y": {"mean": 0.01}}), at_most=8192)
         },
         seed=1,
     )

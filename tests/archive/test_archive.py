@@ -203,12 +203,7 @@ class TestDamage:
             ),
         ],
     )
-    def test_it_is_reported(
-        self,
-        dataset,
-        damage,
-        reported,
-    ):
+    def test_it_is_reported(self, dataset, damage, reported):
         path = dataset.filepath()
         damage(dataset)
         dataset.sync()

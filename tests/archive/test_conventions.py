@@ -13,7 +13,7 @@ from study_text import study_text
 import uqpen
 from uqpen.archive.read import read_group
 from uqpen.benchmark.compare import compare
-from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.methods import BenchmarkSettings
 
 pytestmark = pytest.mark.slow
 
@@ -183,9 +183,7 @@ def test_no_group_has_an_error(report):
     assert errors == {}
 
 
-def test_all_that_is_advised_and_not_done_is_a_history(
-    report,
-):
+def test_all_that_is_advised_and_not_done_is_a_history(report):
     # A history says when a file was written: two archives of one study would differ by it.
     advised = {
         message

@@ -128,10 +128,7 @@ OF_ONE_MODEL = {
         filled(f"{Y}/bound", 1, "least"),
         "/statistics/first/y: mean: not the bounds of an estimate",
     ),
-    "inputs": (
-        drop(Y, "input"),
-        "/statistics/first/y: no input to tell its entries apart",
-    ),
+    "inputs": (drop(Y, "input"), "/statistics/first/y: no input to tell its entries apart"),
     "needed": (
         drop(Y, "content_runs_needed"),
         "/statistics/first/y: no content_runs_needed for each entry",
@@ -164,10 +161,7 @@ OF_ONE_MODEL = {
         drop(Y, "threshold_value"),
         "/statistics/first/y: no threshold_value for each entry",
     ),
-    "ranks": (
-        drop(Y, "rank"),
-        "/statistics/first/y: no rank to tell its entries apart",
-    ),
+    "ranks": (drop(Y, "rank"), "/statistics/first/y: no rank to tell its entries apart"),
     "a code that is in no table": (
         filled(f"{Y}/quantile_interval", 0, 100),
         "/statistics/first/y: quantile: does not say how its interval was made",
@@ -209,10 +203,7 @@ OF_ONE_MODEL = {
         "/statistics/first/y/first_order: runs is no count",
     ),
     "seed": (reported("", "seed", "9" * 5000), "a seed that is no number"),
-    "run numbers": (
-        filled("runs/first/run", 3, 1),
-        "/runs/first: run numbers that do not ascend",
-    ),
+    "run numbers": (filled("runs/first/run", 3, 1), "/runs/first: run numbers that do not ascend"),
 }
 
 ONE = "models/one"

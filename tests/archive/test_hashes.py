@@ -63,9 +63,7 @@ def _set(path, name, position, value):
         lambda tree: tree["outer/inner"].attrs.pop("real"),
     ],
 )
-def test_every_change_of_a_group_changes_its_own_only(
-    change,
-):
+def test_every_change_of_a_group_changes_its_own_only(change):
     tree = tree_of()
     before = group_hashes(tree)
     change(tree)

@@ -204,11 +204,7 @@ class TestShow:
         ],
     )
     def test_a_damaged_archive_leaves_with_2_and_says_where(
-        self,
-        uqpen,
-        archive,
-        damage,
-        complaint,
+        self, uqpen, archive, damage, complaint
     ):
         Path("damaged.nc").write_bytes(archive.read_bytes())
         with netCDF4.Dataset("damaged.nc", "a") as dataset:

@@ -63,13 +63,7 @@ def made(tmp_path_factory):
     return folder
 
 
-def make(
-    folder,
-    text,
-    name="study.nc",
-    resume=None,
-    **options,
-):
+def make(folder, text, name="study.nc", resume=None, **options):
     study = parse_study(text, folder=folder)
     make_archive(study, folder / name, resume or ResumeOptions(reuse=None), **options)
     return (folder / name).read_bytes()

@@ -85,14 +85,7 @@ def make(folder, limit=LIMIT, *, fresh=False):
     return (folder / "study.nc").read_bytes()
 
 
-def runs(
-    folder,
-    limit=LIMIT,
-    progress=None,
-    map=map,
-    *,
-    lost_again=False,
-):
+def runs(folder, limit=LIMIT, progress=None, map=map, *, lost_again=False):
     """Make the runs of the design alone, with a checkpoint."""
     study = uqpen.load_study(folder / "study.toml")
     fingerprints = {(ONLY_MODEL, "one"): run_fingerprint(study, ONLY_MODEL, "one")}
@@ -260,9 +253,7 @@ def test_later_rounds_go_by_blocks_and_are_those_in_memory(rounds_folder):
     assert_same(block, LoadedDataset(whole).read(2_000, 5_000)[[*block.variables]])
 
 
-def test_an_archive_of_rounds_by_blocks_has_the_bytes_of_one_from_memory(
-    rounds_folder,
-):
+def test_an_archive_of_rounds_by_blocks_has_the_bytes_of_one_from_memory(rounds_folder):
     by_blocks = make(rounds_folder)
     assert make(rounds_folder, limit=10**6, fresh=True) == by_blocks
 
@@ -276,9 +267,7 @@ def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder):
 
 
 @pytest.mark.parametrize("design", [SobolSequence(runs=2**18), Halton(runs=200_001, replicates=3)])
-def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(
-    design,
-):
+def test_parts_of_a_large_set_of_a_sequence_are_those_of_the_whole(design):
     size = 2**17 if isinstance(design, SobolSequence) else 70_001
     whole = design.draw(np.random.default_rng(3), size, 2)
     between = design.points_between(np.random.default_rng(3), size, 2)

@@ -376,9 +376,7 @@ def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies):
     assert later.attrs[REUSED_RUNS] == new.attrs[REUSED_RUNS]
 
 
-def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(
-    studies,
-):
+def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(studies):
     slow = open_archive(studies.folder / "study.nc")
     lost = slow["runs/one"]["status"].values > Status.INADMISSIBLE
     slow["runs/one"]["status"].values[lost] = Status.TIMED_OUT

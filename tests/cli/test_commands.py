@@ -397,9 +397,7 @@ class TestProcess:
     @pytest.mark.parametrize("arguments", [("--help",), ("models",)])
     def test_a_reader_that_has_seen_enough_is_no_error(self, arguments):
         with subprocess.Popen(
-            self.command(*arguments),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            self.command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE
         ) as process:
             process.stdout.close()
             assert process.stderr.read() == b""
@@ -412,10 +410,7 @@ class TestProcess:
         for name, reader in (("heard.nc", subprocess.DEVNULL), ("unheard.nc", subprocess.PIPE)):
             arguments = ("study", "slow.toml", "-o", name, "--workers", workers)
             with subprocess.Popen(
-                self.command(*arguments),
-                cwd=tmp_path,
-                stdout=reader,
-                stderr=subprocess.STDOUT,
+                self.command(*arguments), cwd=tmp_path, stdout=reader, stderr=subprocess.STDOUT
             ) as process:
                 if process.stdout is not None:
                     process.stdout.close()

@@ -8,13 +8,7 @@ from hypothesis import strategies as st
 
 from uqpen.core import processors as module
 from uqpen.core.errors import SettingsError
-from uqpen.core.processors import (
-    MOST_THREADS,
-    map_parts,
-    processors,
-    thread_count,
-    use_one_thread,
-)
+from uqpen.core.processors import MOST_THREADS, map_parts, processors, thread_count, use_one_thread
 
 
 @pytest.fixture(autouse=True)

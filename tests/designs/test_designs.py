@@ -193,9 +193,7 @@ def test_a_sobol_design_of_another_size_is_refused_naming_the_nearest(runs, repl
 
 
 @pytest.mark.parametrize("design", [SobolSequence, Halton])
-def test_a_single_set_of_quasi_random_points_is_refused(
-    design,
-):
+def test_a_single_set_of_quasi_random_points_is_refused(design):
     # Nothing tells the error of one.
     with pytest.raises(SettingsError, match="at least 2"):
         design(64, replicates=1)
@@ -326,9 +324,7 @@ def test_a_hypercube_that_is_too_large_to_be_drawn_whole_is_refused():
 
 
 @pytest.mark.parametrize("design", [LatinHypercube, SobolSequence, Halton])
-def test_more_replicates_than_could_be_drawn_in_time_are_refused(
-    design,
-):
+def test_more_replicates_than_could_be_drawn_in_time_are_refused(design):
     assert design(20_000, 10_000).replicate_count == 10_000
     with pytest.raises(SettingsError, match="at most 10_000"):
         design(2_000_000, 1_000_000)

@@ -148,10 +148,7 @@ class TestPointsFromOutside:
         [
             (lambda points, start: 1 if start else points, "an object of class int"),
             (lambda points, start: points.drop_vars("share") if start else points, "lack share"),
-            (
-                lambda points, start: points.isel(run=slice(5 if start else None)),
-                "draws 5 points",
-            ),
+            (lambda points, start: points.isel(run=slice(5 if start else None)), "draws 5 points"),
             (
                 lambda points, start: (
                     points.assign_coords(replicate=(RUN, points["run"].values)) if start else points

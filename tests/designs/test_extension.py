@@ -129,12 +129,7 @@ def redrawn(design, share):
     is_second_order=st.tuples(st.booleans(), st.booleans()),
     share=st.sampled_from([0.3, 0.6]),
 )
-def test_a_larger_design_keeps_what_was_drawn_again(
-    replicates,
-    exponents,
-    is_second_order,
-    share,
-):
+def test_a_larger_design_keeps_what_was_drawn_again(replicates, exponents, is_second_order, share):
     few, more = replicates
     size, doublings = exponents
     earlier = Saltelli(few << size, few, second_order=all(is_second_order))
@@ -178,11 +173,7 @@ def test_a_larger_design_keeps_what_was_drawn_again(
         ),
         (MonteCarlo(500), MonteCarlo(2000), "1500 of its 2000 earlier runs are not used"),
         (MonteCarlo(2000), MonteCarlo(500), ""),
-        (
-            MonteCarlo(until=Precision({"y": {"mean": 0.1}}), at_most=4096),
-            MonteCarlo(4096),
-            "",
-        ),
+        (MonteCarlo(until=Precision({"y": {"mean": 0.1}}), at_most=4096), MonteCarlo(4096), ""),
         (FullFactorial(7), FullFactorial(7), ""),
         (
             FullFactorial(8),

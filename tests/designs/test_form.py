@@ -9,11 +9,7 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.structure import find_faults
-from uqpen.designs.rare_events.form import (
-    curvature_offsets,
-    principal_curvatures,
-    tangent_basis,
-)
+from uqpen.designs.rare_events.form import curvature_offsets, principal_curvatures, tangent_basis
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.joint_probabilities import disagreements

@@ -43,12 +43,7 @@ def half_space(a, b):
 
 
 def study(
-    function=half_space,
-    event=f"depth > {5 * 2**0.5!r} m",
-    *,
-    samples=400,
-    start="form",
-    **settings,
+    function=half_space, event=f"depth > {5 * 2**0.5!r} m", *, samples=400, start="form", **settings
 ):
     model = uqpen.PythonModel(
         function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True

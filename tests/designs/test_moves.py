@@ -46,13 +46,7 @@ def points(design, joint, name="mine"):
     return only
 
 
-def runs_of(
-    design,
-    joint,
-    function,
-    *,
-    vectorized=True,
-):
+def runs_of(design, joint, function, *, vectorized=True):
     names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
@@ -66,13 +60,7 @@ def runs_of(
     return runs.assign_attrs(sampling=str(design.sampling))
 
 
-def sensitivity(
-    design,
-    joint,
-    function,
-    *,
-    vectorized=True,
-):
+def sensitivity(design, joint, function, *, vectorized=True):
     runs = runs_of(design, joint, function, vectorized=vectorized)
     return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 

@@ -37,13 +37,7 @@ def half_space(a, b):
     return {"depth": a + b, "speed": a - b}
 
 
-def study(
-    function=half_space,
-    event=f"depth > {4 * 2**0.5!r} m",
-    *,
-    samples=400,
-    **settings,
-):
+def study(function=half_space, event=f"depth > {4 * 2**0.5!r} m", *, samples=400, **settings):
     model = uqpen.PythonModel(
         function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True
     )
@@ -98,10 +92,7 @@ def test_a_candidate_is_a_state_where_it_reaches_its_level(tree):
 
 def test_inputs_may_depend_on_each_other_and_be_truncated():
     # P(a + b > 7) of a copula: both have a correlation of 0.5, so the sum a variance of 3.
-    dependent = study(
-        event="depth > 7 m",
-        dependence=COPULA,
-    )
+    dependent = study(event="depth > 7 m", dependence=COPULA)
     assert contains(probability(uqpen.run(dependent)), special.ndtr(-7 / math.sqrt(3)))
     cut = uqpen.Truncated(uqpen.Normal(0.0, 1.0), lower=-1.0, upper=4.5)
     one = study(event="depth > 4 m", inputs={"a": cut, "b": uqpen.Uniform(0.0, 1e-9)})

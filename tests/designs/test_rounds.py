@@ -105,9 +105,7 @@ def test_only_the_analyses_that_it_asks_for_are_made():
     assert set(heard[0].estimates("", "y", only=["exceedance"])) == {"exceedance"}
 
 
-def test_a_design_that_asks_for_no_estimates_costs_no_analysis(
-    monkeypatch,
-):
+def test_a_design_that_asks_for_no_estimates_costs_no_analysis(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("nobody asked")
 

@@ -67,13 +67,7 @@ def points(design, joint):
     return only
 
 
-def moments(
-    design,
-    joint,
-    function,
-    *,
-    vectorized=True,
-):
+def moments(design, joint, function, *, vectorized=True):
     names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},

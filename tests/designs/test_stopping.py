@@ -160,11 +160,7 @@ class TestWhenItStops:
     ],
 )
 def test_every_kind_of_target_is_met_by_half_the_width_of_its_interval(
-    many_runs,
-    wanted,
-    statistic,
-    entry,
-    largest,
+    many_runs, wanted, statistic, entry, largest
 ):
     quantities = study().quantities_of_interest
     decisions = []
@@ -301,11 +297,7 @@ def test_a_field_has_no_precision(wanted):
 @pytest.mark.parametrize(
     ("make", "key", "expected"),
     [
-        (
-            lambda: MonteCarlo(),
-            "runs",
-            "at most 1_000_000_000_000; or until with",
-        ),
+        (lambda: MonteCarlo(), "runs", "at most 1_000_000_000_000; or until with"),
         (lambda: MonteCarlo(at_most=5_000), "at_most", "until beside it"),
         (lambda: MonteCarlo(10, at_most=5_000), "at_most", "until beside it"),
         (lambda: MonteCarlo(10, Precision({"y": {"mean": 1}})), "runs", "at_most, beside until"),

@@ -36,11 +36,7 @@ def model(a, b, c):
     return {"y": a + b * c}
 
 
-def study(
-    inputs=None,
-    designs=None,
-    **others,
-):
+def study(inputs=None, designs=None, **others):
     return uqpen.Study(
         model=model,
         inputs={"c": uqpen.Uniform(1, 2)} if inputs is None else inputs,
@@ -102,8 +98,7 @@ def test_stratified_points_take_rows_evenly():
 def test_the_mean_over_a_sample_is_right():
     columns = posterior()
     made = study(
-        joint={"p": {"sample": columns}},
-        designs={"sobol": uqpen.SobolSequence(runs=1_024)},
+        joint={"p": {"sample": columns}}, designs={"sobol": uqpen.SobolSequence(runs=1_024)}
     )
     _, lower, upper = uqpen.run(made)["statistics/sobol/y"]["mean"].values
     truth = np.average(columns["a [mm]"] + 1.5 * columns["b"], weights=columns["weight"])

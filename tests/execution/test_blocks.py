@@ -226,9 +226,7 @@ def test_whole_blocks_that_were_made_before_are_not_piled_up(small_blocks, map):
     assert again.identical(whole)
 
 
-def test_all_runs_of_a_scalar_function_may_have_been_made_before(
-    small_blocks,
-):
+def test_all_runs_of_a_scalar_function_may_have_been_made_before(small_blocks):
     x = np.linspace(1, 2, 3_000)
     small_blocks(1_000)
     kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])

@@ -109,14 +109,8 @@ def test_points_outside_a_constraint_are_inadmissible():
 @pytest.mark.parametrize(
     ("returned", "reason"),
     [
-        (
-            3.0,
-            'returned float, not a mapping of outputs; expected return {"z": z, "w": w}',
-        ),
-        (
-            None,
-            'returned NoneType, not a mapping of outputs; expected return {"z": z, "w": w}',
-        ),
+        (3.0, 'returned float, not a mapping of outputs; expected return {"z": z, "w": w}'),
+        (None, 'returned NoneType, not a mapping of outputs; expected return {"z": z, "w": w}'),
         ({}, 'returned no "z"'),
         ({"z": 1.0, 3: 2.0}, 'returned no "w", but "z", "3"'),
         (dict.fromkeys("zabcd", 1.0), 'returned no "w", but "z", "a", "b", "c", …'),

@@ -78,12 +78,7 @@ def test_of_several_dimensions_all_coordinates_are_named():
 
 def test_a_curve_that_may_end_is_a_result():
     runs = made(curve, ENDING)
-    assert runs[STATUS].values.tolist() == [
-        Status.OK,
-        Status.NOT_FINITE,
-        Status.OK,
-        Status.FAILED,
-    ]
+    assert runs[STATUS].values.tolist() == [Status.OK, Status.NOT_FINITE, Status.OK, Status.FAILED]
     assert np.isnan(runs["curve"].values[2]).tolist() == [False, False, True, True]
     assert runs["curve"].attrs["comment"] == "NaN after the end of the curve"
 

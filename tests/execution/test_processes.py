@@ -93,10 +93,7 @@ def two():
 def test_any_number_of_workers_writes_the_same_bytes(tmp_path):
     (tmp_path / "helper.py").write_text("def twice(x): return 2 * x")
     several = FUNCTION + "\ndef g(x):\n    return {'y': x / abs(x).max()}"
-    texts = {
-        "built-in": BUILT_IN,
-        "several": study(tmp_path, several, runs=1100, models=SEVERAL),
-    }
+    texts = {"built-in": BUILT_IN, "several": study(tmp_path, several, runs=1100, models=SEVERAL)}
     here = {name: archive(tmp_path, text) for name, text in texts.items()}
     for workers in (1, 2, 3):
         with processes(workers) as pool:

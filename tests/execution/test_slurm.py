@@ -168,13 +168,7 @@ def test_what_slurm_refuses_is_shown(controller, tmp_path, command_line):
         (["--sbatch", "--time=5"], "--sbatch is for --slurm"),
     ],
 )
-def test_mistakes(
-    arguments,
-    message,
-    command_line,
-    monkeypatch,
-    tmp_path,
-):
+def test_mistakes(arguments, message, command_line, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     (tmp_path / "slow.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)

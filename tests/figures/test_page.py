@@ -139,9 +139,7 @@ class TestSeveralOutputs:
         study = uqpen.Study(
             seed=1,
             model=uqpen.PythonModel(
-                _three,
-                inputs={"x": "1"},
-                outputs={"y": "1", "z": "1", "w": "1"},
+                _three, inputs={"x": "1"}, outputs={"y": "1", "z": "1", "w": "1"}
             ),
             inputs={"x": "0 ± 0.4"},
             designs={"some": uqpen.MonteCarlo(runs=400)},

@@ -20,17 +20,7 @@ def test_damage_is_no_traceback(tmp_path):
     names = ("archive-parts", "archive-hashed", "archive-bytes")
     kinds = [word for name in names for word in ("--kind", name)]
     done = subprocess.run(
-        [
-            sys.executable,
-            BENCHMARK,
-            *kinds,
-            "--files",
-            "2",
-            "--seconds",
-            "999",
-            "--keep",
-            tmp_path,
-        ],
+        [sys.executable, BENCHMARK, *kinds, "--files", "2", "--seconds", "999", "--keep", tmp_path],
         capture_output=True,
         text=True,
         check=False,

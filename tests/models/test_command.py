@@ -138,9 +138,7 @@ def test_a_compiled_program_reads_and_writes_json(home):
     assert stress(model) == pytest.approx(0.08, rel=1e-15)
 
 
-def test_inputs_come_as_json_in_the_declared_units_and_outputs_go_to_standard_output(
-    home,
-):
+def test_inputs_come_as_json_in_the_declared_units_and_outputs_go_to_standard_output(home):
     script = 'sed \'s/.*"width": \\([^,]*\\),.*/{"stress": \\1, "more": []}/\' "$1"'
     program(home, script)
     model = model_of(home, 'command = ["./solver", "{inputs}"]')
@@ -189,11 +187,7 @@ READINGS = {
     "json": ("""echo '{"a.b": [1, {"c": 3}]}' > o""", '{ json = "o", key = "a.b" }', None),
     "json path": ("""echo '{"a": [1, {"c": 3}]}' > o""", '{ json = "o", key = "a.1.c" }', 3.0),
     "csv": ("printf 't, stress\\n1, 2\\n\\n2,3\\n' > o", '{ csv = "o" }', 3.0),
-    "csv row": (
-        "printf 't,s\\n1,2\\n2,3\\n' > o",
-        '{ csv = "o", column = "s", row = 0 }',
-        2.0,
-    ),
+    "csv row": ("printf 't,s\\n1,2\\n2,3\\n' > o", '{ csv = "o", column = "s", row = 0 }', 2.0),
     "text": (
         "echo s = 1; echo s = 3.0D+00",
         "{ text = 'stdout', pattern = '^s = (.+)$', match = 'last' }",
@@ -316,11 +310,7 @@ UNREADABLE = {
         '{ csv = "o" }',
         'row -1 of column "stress" in o is no number',
     ),
-    "no CSV": (
-        "head -c 200000 /dev/zero | tr '\\0' x > o",
-        '{ csv = "o" }',
-        "o is not CSV",
-    ),
+    "no CSV": ("head -c 200000 /dev/zero | tr '\\0' x > o", '{ csv = "o" }', "o is not CSV"),
     "no match": (
         "echo high",
         "{ text = 'stdout', pattern = 'stress = (\\S+)' }",
@@ -533,9 +523,7 @@ def test_who_stops_the_study_stops_its_programs(home, workers, how):
 # --- what is kept, and what tells one model from another -----------------------------------------
 
 
-def test_folders_of_failed_runs_are_kept_under_names_that_follow_from_the_inputs(
-    home,
-):
+def test_folders_of_failed_runs_are_kept_under_names_that_follow_from_the_inputs(home):
     program(home, 'echo out; echo oh no >&2; echo 1 > mesh; [ "$1" = 4.0 ] || exit 3; echo')
     words = 'command = ["./solver", "{width}", "{load}"]'
     inputs = {"width": np.array([0.04, 0.05, 0.05]), "load": np.array([1.0, 2.0, 2.0])}

@@ -41,14 +41,7 @@ stop_after = 0
 CSV = 'open("out.csv", "w").write("t,y\\n" + "".join(f"{t},{x + t}\\n" for t in range(3)))'
 
 
-def study(
-    folder,
-    body,
-    read="",
-    along='["time"]',
-    further="",
-    runs=1,
-):
+def study(folder, body, read="", along='["time"]', further="", runs=1):
     program = folder / "program"
     program.write_text(PROGRAM.format(python=sys.executable, body=body))
     program.chmod(0o755)

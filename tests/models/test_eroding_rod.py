@@ -17,12 +17,7 @@ from scipy.integrate import solve_ivp
 from uqpen.core.status import Status
 from uqpen.models import tsitouras, walker_anderson
 from uqpen.models.rod_and_target import Termination
-from uqpen.models.rod_course import (
-    erosion_slopes,
-    integrate_erosion,
-    make_rod,
-    trajectory,
-)
+from uqpen.models.rod_course import erosion_slopes, integrate_erosion, make_rod, trajectory
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 
 pytestmark = pytest.mark.processor
@@ -144,11 +139,7 @@ def test_the_event_that_comes_first_ends_erosion_however_close_the_other(cases, 
 
 @pytest.mark.parametrize(
     ("smoothing", "depth", "residue"),
-    [
-        (0.0, 0.4615719, 0.02327912),
-        (0.5, 0.4664426, 0.02471702),
-        (1.0, 0.4755823, 0.02726010),
-    ],
+    [(0.0, 0.4615719, 0.02327912), (0.5, 0.4664426, 0.02471702), (1.0, 0.4755823, 0.02726010)],
 )
 def test_depth_and_residue_at_the_reports_nominal_values(smoothing, depth, residue):
     # The values are rounded to seven digits.
@@ -181,12 +172,7 @@ def test_lengths_scale_depth_and_residue_with_them(exponent, smoothing):
 @given(scale=st.floats(1e-3, 1e3))
 @settings(max_examples=25, deadline=None)
 def test_densities_and_strengths_scaled_together_change_nothing(scale):
-    names = (
-        "projectile_density",
-        "target_density",
-        "projectile_yield_limit",
-        "target_yield_limit",
-    )
+    names = ("projectile_density", "target_density", "projectile_yield_limit", "target_yield_limit")
     # Rounding may shift the steps a little, within the tolerance of 1e-11 of each.
     scaled = one(**{name: scale * NOMINAL[name] for name in names})
     assert scaled == pytest.approx(one(), rel=1e-10)

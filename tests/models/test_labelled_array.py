@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 
 from uqpen.core.model import Dimension, Output
-from uqpen.models.function_outputs import extract_outputs
-from uqpen.models.run_grid import RunGrid, UnusableOutputError
+from uqpen.models.run_grid import RunGrid, UnusableOutputError, extract_outputs
 
 TIME = Dimension("time", "s", display_unit="ms", values=(0.0, 0.001, 0.003))
 LEVEL = Dimension("level", "1", values=(1.0, 2.0))
@@ -49,10 +48,7 @@ def test_each_dimension_is_put_in_order_by_itself():
 @pytest.mark.parametrize(
     ("array", "reason"),
     [
-        (
-            curve([0, 2, 3]),
-            "y is not there at time = 1 ms: its own coordinates have time = 2 ms",
-        ),
+        (curve([0, 2, 3]), "y is not there at time = 1 ms: its own coordinates have time = 2 ms"),
         (curve([0, 1, np.nan]), "y is not there at time = 3 ms: its own coordinates have"),
         (
             curve([0.0, 1e-3, 3e-3]),

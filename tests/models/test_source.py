@@ -52,7 +52,7 @@ class TestBuiltIn:
             ("walker-anderson", "tsitouras", True),
             ("walker-anderson", "rod_course", True),
             ("rigid-penetration", "rod_course", True),
-            ("walker-anderson", "rigid_penetration", False),
+            ("walker-anderson", "rod_models", False),
             ("walker-anderson", "source", False),
             ("rigid-penetration", "rod_and_target", True),
             ("rigid-penetration", "walker_anderson", False),
@@ -60,12 +60,7 @@ class TestBuiltIn:
         ],
     )
     def test_what_a_model_imports_belongs_to_it(
-        self,
-        model,
-        module,
-        belongs,
-        tmp_path,
-        monkeypatch,
+        self, model, module, belongs, tmp_path, monkeypatch
     ):
         home = MODELS[model].partition(":")[0]
         digest = sources.source_sha256.__wrapped__

@@ -378,14 +378,7 @@ class TestMistakes:
             ),
         ],
     )
-    def test_in_a_study(
-        self,
-        address,
-        changes,
-        where,
-        found,
-        expected,
-    ):
+    def test_in_a_study(self, address, changes, where, found, expected):
         with pytest.raises(StudyError) as refused:
             study(address, 'name = "sum"', *changes)
         block = f"  {where}\n    found     {found}\n    expected  {expected}"

@@ -89,10 +89,7 @@ def test_a_wrong_shape_costs_the_runs_that_have_it():
             f"returned a status 77, not one of {KNOWN}",
         ),
         (Results({"y": np.ones(1)}, np.zeros(1, np.int8), files=None), "TypeError: "),  # type: ignore[arg-type]
-        (
-            Results({"y": np.ones(1)}, np.full(1, 2, np.int8), {0: "two\nlines"}),
-            "two lines",
-        ),
+        (Results({"y": np.ones(1)}, np.full(1, 2, np.int8), {0: "two\nlines"}), "two lines"),
     ],
 )
 def test_an_answer_of_another_kind_is_the_reason_of_a_failed_run(answer, reason):

@@ -50,9 +50,7 @@ def _alerts(tree):
     return [each.about for each in found.alerts]
 
 
-def test_the_first_screen_answers_one_question_after_the_other(
-    archives,
-):
+def test_the_first_screen_answers_one_question_after_the_other(archives):
     tree = archives["schema_1"]
     assert _reported(tree)[:8] == [
         "y above 10: In 2.0 % of cases (0.4 % to 7.7 %, 95 % interval, as from 130 plain runs).",
@@ -79,9 +77,7 @@ def test_the_first_screen_answers_one_question_after_the_other(
     assert _alerts(tree) == ["Precision", "Inadmissible", "Scope"]
 
 
-def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(
-    archives,
-):
+def test_failed_runs_are_counted_once_and_for_the_inputs_that_go_with_them(archives):
     said = _reported(archives["beam"])
     assert said[:2] == [
         "Deflection above 2 mm: In all 98 completed runs: at least 73 % of cases (95 % interval).",
@@ -142,9 +138,7 @@ def test_a_single_run_is_reported_in_the_singular(study_of):
     assert "Did all runs succeed?: The only run completed." in reported
 
 
-def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(
-    study_of,
-):
+def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(study_of):
     reported = _reported(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
     assert reported[0] == "y is 2 in every run."
 
@@ -160,9 +154,7 @@ def test_where_no_run_came_back_there_is_no_answer(archives):
     )
 
 
-def test_of_several_models_the_differences_stand_first(
-    archives,
-):
+def test_of_several_models_the_differences_stand_first(archives):
     tree = archives["rods"]
     reported = _reported(tree, "original")
     assert reported[0].startswith("smoothed minus original: Mean difference: depth of penetration ")
@@ -229,9 +221,7 @@ def test_what_a_design_cannot_tell_is_said(study_of, design, said):
         assert each in reported
 
 
-def test_every_entry_that_a_study_asks_for_is_stated(
-    study_of,
-):
+def test_every_entry_that_a_study_asks_for_is_stated(study_of):
     asked = (
         "[outputs.y]\nexceeds = [1]\nbelow = [0.1]\nquantiles = [0.9]\nhold = [0.9, 0.95]\n"
         "hold_above = [0.9]\nhold_between = [0.9]\nexpected_shortfall = [0.9]\n"

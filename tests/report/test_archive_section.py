@@ -97,12 +97,7 @@ def test_what_several_models_share_is_reported_once(archives):
     assert headings == ["one", "other", "The archive of all models"]
     titles = [block.table.title for block in blocks if isinstance(block, Table)]
     of_model = ["Model", "Inputs, over the runs of monte_carlo, failed ones included", "Designs"]
-    assert titles == [
-        "Files that the study names",
-        *of_model,
-        *of_model,
-        "Provenance",
-    ]
+    assert titles == ["Files that the study names", *of_model, *of_model, "Provenance"]
     # A model may be given an input of its own.
     other = _tables(blocks)["Inputs, over the runs of monte_carlo, failed ones included"]
     assert other.rows[0] == ("x1", ["x1", "0.5", "–", "0.5"])

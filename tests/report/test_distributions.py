@@ -112,9 +112,7 @@ def test_the_largest_run_is_marked_and_reported(archives, beam):
     assert table.rows[-1] == (name, [f"{values.max():.4g}"])
 
 
-def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(
-    study_of,
-):
+def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
     tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
     largest = tree["runs/some"]["y"].values.max()
@@ -178,9 +176,7 @@ class TestThresholdsFarAway:
         assert reading.start == pytest.approx(1.5)
 
 
-def test_of_whole_numbers_the_function_reaches_whole_numbers(
-    study_of,
-):
+def test_of_whole_numbers_the_function_reaches_whole_numbers(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 40'
     tree = uqpen.run(study_of("(3 * a) // 1 + 0 * b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
     cdf, _ = find_charts(distributions(ArchiveView(tree, "")))
@@ -201,9 +197,7 @@ def test_a_study_that_lost_all_has_no_distributions(archives):
     assert list(distributions(ArchiveView(archives["lost"], ""))) == []
 
 
-def test_an_output_that_is_the_same_in_all_runs_has_no_tail(
-    study_of,
-):
+def test_an_output_that_is_the_same_in_all_runs_has_no_tail(study_of):
     blocks = list(distributions(ArchiveView(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
     assert [chart.title for chart in find_charts(blocks)] == ["Probability that y is at most x"]
 

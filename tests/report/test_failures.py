@@ -67,9 +67,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives):
     assert chart.tables[0].notes[2:] == ["the failed runs are completely separated from the others"]
 
 
-def test_where_no_input_has_an_interval_the_legend_is_hollow_too(
-    archives,
-):
+def test_where_no_input_has_an_interval_the_legend_is_hollow_too(archives):
     tree = archives["beam"].copy(deep=True)
     group = tree["failures/only"]
     for name in ("larger", "further_out"):
@@ -96,9 +94,7 @@ def test_where_none_is_lost_a_bound_is_reported(archives):
     )
 
 
-def test_what_is_no_sample_has_a_share_without_an_interval(
-    study_of,
-):
+def test_what_is_no_sample_has_a_share_without_an_interval(study_of):
     text = '[designs.some]\nkind = "quadrature"\norder = 3'
     tree = uqpen.run(study_of("np.where(a > 0.9, np.nan, a)", text, a=(0.0, 1.0)))
     *_, fold = failures(ArchiveView(tree, ""))
@@ -130,9 +126,7 @@ def test_rare_reasons_are_counted_together(study_of):
     assert len(table.table.rows) == 22
 
 
-def test_reasons_that_differ_in_numbers_alone_are_one(
-    study_of,
-):
+def test_reasons_that_differ_in_numbers_alone_are_one(study_of):
     newton = [f"no root of x1 after {n} steps (residual {n}.5e-4)" for n in range(20)]
     codes = ["exit code 1", "exit code 2"] * 5
     table, *_ = failures(ArchiveView(_with_reasons(study_of, [*newton, *codes]), ""))

@@ -165,9 +165,7 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives):
     ]
 
 
-def test_of_many_outputs_the_last_have_tables_only(
-    tmp_path_factory,
-):
+def test_of_many_outputs_the_last_have_tables_only(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many")
     names = [f"y{number}" for number in range(8)]
     body = ", ".join(f"{name!r}: x + {number}" for number, name in enumerate(names))

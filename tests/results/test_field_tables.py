@@ -179,10 +179,7 @@ def test_shares_over_a_field_that_is_cut_say_what_of(tmp_path):
     text = STUDY.replace('y = "1"\n', "").replace('x = "1"', 'x = "1"\nz = "1"')
     text = text.replace('x = "0 ± 1"', 'x = "0 ± 1"\nz = "0 ± 1"').replace("= 30", "= 100")
     tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
-    for at, over in (
-        ([], "all places"),
-        (["level=2"], "the whole field, not only at level = 2"),
-    ):
+    for at, over in (([], "all places"), (["level=2"], "the whole field, not only at level = 2")):
         cut, _ = select_output(tree, "sheet", at)
         assert f"sheet: shares of its variance over {over}" in [
             table.title for table in output_tables(cut)

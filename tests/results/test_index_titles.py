@@ -59,9 +59,7 @@ def test_indices_of_a_surrogate_with_intervals_stand_alone(tree):
     assert "First-order indices by plain samples are in the table only." in chart.notes
 
 
-def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(
-    tree,
-):
+def test_estimates_with_intervals_are_drawn_beside_those_of_a_surrogate_without(tree):
     without = tree.copy(deep=True)
     without["statistics/chaos/y/first_order"][:, 1:] = np.nan
     (chart,) = find_charts(sensitivity(ArchiveView(without, "")))

@@ -138,9 +138,7 @@ def test_a_statistic_that_an_archive_lacks_is_absent(tree):
     assert "quantile" not in set(rows_frame(statistics_rows(statistics))["statistic"])
 
 
-def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
-    tree,
-):
+def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(tree):
     ranges = estimate_array(
         [[2.0, 1.0, 3.0], [4.0, np.nan, np.nan]],
         {"share": 2},

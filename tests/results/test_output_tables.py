@@ -11,12 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
-from uqpen.results.digits import (
-    estimate_text,
-    estimate_texts,
-    percent_text,
-    tolerance_limit_text,
-)
+from uqpen.results.digits import estimate_text, estimate_texts, percent_text, tolerance_limit_text
 from uqpen.results.failed_runs import failed_runs, has_failed_design
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -140,9 +135,7 @@ def cell(table, row, column):
     return dict(table.rows)[row][table.columns.index(column)]
 
 
-def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
-    tables,
-):
+def test_there_is_a_table_for_each_output_in_the_units_of_the_study(tables):
     of_statistics = [title for title in tables if ":" not in title]
     assert of_statistics == [
         "penetration_depth [cm]",
@@ -152,18 +145,14 @@ def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
     ]
 
 
-def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_them_better(
-    tables,
-):
+def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_them_better(tables):
     table = tables["penetration_depth: shares of its variance"]
     # Of two samples of one size, the first.
     assert table.columns == ["first order\nfew"]
     assert [label for label, _ in table.rows][-1] == "crater_radius"
 
 
-def test_all_that_is_reported_of_the_inputs_part_is_shown_when_it_is_asked_for(
-    tree,
-):
+def test_all_that_is_reported_of_the_inputs_part_is_shown_when_it_is_asked_for(tree):
     shown = {table.title: table for table in output_tables(tree, everything=True)}
     shares = shown["penetration_depth: shares of its variance"]
     assert shares.columns == ["first order\nfew", "first order\nspread"]
@@ -224,9 +213,7 @@ def test_a_figure_without_an_interval_says_why(tables):
     assert "half 16–84 % range" in dict(table.rows)
 
 
-def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(
-    tables,
-):
+def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(tables):
     table = tables["penetration_depth [cm]"]
     assert "at most" in cell(table, "not exceeded, 90 %", "few")
     assert "at most" not in cell(table, "not exceeded, 99.99 %", "few")
@@ -290,9 +277,7 @@ def test_json_holds_every_figure_in_si_units(tree):
     assert depth["mean"]["interval_label"] == "nominal"
 
 
-def test_json_holds_every_measure_that_lies_along_the_inputs(
-    study_of,
-):
+def test_json_holds_every_measure_that_lies_along_the_inputs(study_of):
     text = """
         [designs.lhs]
         kind = "latin-hypercube"

@@ -98,9 +98,7 @@ def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(archiv
     np.testing.assert_array_equal(width.load(), table["width [cm]"])
 
 
-def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
-    archive,
-):
+def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(archive):
     table = runs_table(archive)
     rows = json.loads(file_of(table, "json"))
     assert len(rows) == len(table)

@@ -69,9 +69,7 @@ def test_statistics_read_back_from_an_archive(tree, tmp_path):
             xr.testing.assert_equal(read.statistics(source, "y")[name], array)
 
 
-def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewer(
-    study_of,
-):
+def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewer(study_of):
     text = """
     [designs.mc]
     kind = "monte-carlo"

@@ -40,9 +40,7 @@ def corrected(tree, statistic):
     return found
 
 
-def test_an_archive_keeps_the_figure_of_the_surrogate_and_what_the_interval_is_worth(
-    tree,
-):
+def test_an_archive_keeps_the_figure_of_the_surrogate_and_what_the_interval_is_worth(tree):
     mean, quantile = corrected(tree, "mean"), corrected(tree, "quantile")
     assert is_corrected(mean)
     assert quantile.coords["surrogate_estimate"].dims == ("probability",)

@@ -99,10 +99,7 @@ def test_tables_and_json_have_the_verdicts(tree):
     assert (
         reported["exceedance"]["1.5 m"]["at_most"],
         reported["exceedance"]["1.5 m"]["verdict"],
-    ) == (
-        0.4,
-        "met",
-    )
+    ) == (0.4, "met")
     assert "verdict" not in reported["exceedance"]["1.9 m"]
     assert reported["below"]["1.5 m"]["verdict"] == "not met"
 

@@ -65,7 +65,7 @@ def _mixed():
             "blocks": uqpen.Saltelli(base=16, replicates=8),
         },
         surrogates={
-            "checked": uqpen.PolynomialChaos(design="replicated", check="independent", order=2),
+            "checked": uqpen.PolynomialChaos(design="replicated", check="independent", order=2)
         },
         seed=3,
     )
@@ -75,11 +75,7 @@ def _mixed():
 @pytest.fixture(
     scope="module", params=[pytest.param("mixed", marks=pytest.mark.slow), "rods", "beam"]
 )
-def archive(
-    request,
-    archives,
-    made_once,
-):
+def archive(request, archives, made_once):
     return made_once("mixed", _mixed) if request.param == "mixed" else archives[request.param]
 
 
@@ -191,9 +187,7 @@ def _sample(values, replicates, weights):
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30))
-def test_the_nearest_ascending_function_is_no_farther_from_one_that_ascends(
-    values,
-):
+def test_the_nearest_ascending_function_is_no_farther_from_one_that_ascends(values):
     given_values = np.array(values)
     found, other = ascending(given_values), np.sort(given_values)
     assert (found[:-1] <= found[1:]).all()

@@ -225,10 +225,7 @@ class TestPlacesLeftOut:
                 "fewer than 8 replicates are too few for a simultaneous band",
             ),
             (
-                replace(
-                    ONE,
-                    runs=replace(ONE.runs, sampling=Sampling.STRATIFIED),
-                ),
+                replace(ONE, runs=replace(ONE.runs, sampling=Sampling.STRATIFIED)),
                 "no simultaneous band is known for one stratified set",
             ),
             (

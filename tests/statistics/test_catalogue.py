@@ -117,9 +117,7 @@ def has_dims_of(array, entry):
 
 
 @pytest.mark.slow
-def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims_and_unit(
-    study_of,
-):
+def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims_and_unit(study_of):
     tree = uqpen.run(study_of(LOSSY, DESIGNS, a=(0, 1), b=(0, 1)))
     seen = set()
     for design in ("mc", "blocks", "grid", "paths", "steps"):
@@ -134,9 +132,7 @@ def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims
     assert {"mean", "quantile", "cdf_band", "pearson", "total_order", "mu", "response"} <= seen
 
 
-def test_every_statistic_of_failures_is_in_the_catalogue_with_these_dims(
-    study_of,
-):
+def test_every_statistic_of_failures_is_in_the_catalogue_with_these_dims(study_of):
     tree = uqpen.run(study_of(LOSSY, DESIGNS, a=(0, 1), b=(0, 1)))
     found = analyze_failures(tree["runs/mc"].to_dataset())
     assert set(found) == set(FAILURE_STATISTICS)

@@ -31,15 +31,7 @@ def study(**changes):
     return uqpen.Study(
         uqpen.PythonModel(model, {"a": "1", "b": "1"}, {"y": "m"}, vectorized=True),
         {"a": uqpen.Uniform(0, 1), "b": uqpen.Uniform(0, 1)},
-        {
-            "y": uqpen.OutputSpec(
-                "m",
-                exceeds=["2 m"],
-                below=["1 m"],
-                hold=[0.9],
-                hold_above=[0.9],
-            )
-        },
+        {"y": uqpen.OutputSpec("m", exceeds=["2 m"], below=["1 m"], hold=[0.9], hold_above=[0.9])},
         DESIGNS,
         seed=1,
         **changes,  # type: ignore[arg-type]

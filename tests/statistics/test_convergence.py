@@ -178,12 +178,7 @@ def test_there_are_sixteen_parts_at_the_most():
             0,
             "its points are not declared independent, so no part is known to be like the whole",
         ),
-        (
-            Sampling.STRATIFIED,
-            100,
-            2,
-            "it has only two replicates, and an error needs two",
-        ),
+        (Sampling.STRATIFIED, 100, 2, "it has only two replicates, and an error needs two"),
         (Sampling.INDEPENDENT, 24, 0, "it has only 24 runs"),
         (Sampling.QUADRATURE, 24, 0, "its points are not a sample of the input distribution"),
     ],

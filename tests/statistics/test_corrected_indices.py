@@ -31,9 +31,7 @@ def check_index(found, true, width):
     assert set(np.ravel(found["interval_label"].values)) == {"conservative"}
 
 
-def test_of_dependent_inputs_a_first_order_index_includes_correlation(
-    study_of,
-):
+def test_of_dependent_inputs_a_first_order_index_includes_correlation(study_of):
     pair = 'pairs = [ { inputs = ["a", "b"], correlation = 0.5 } ]'
     dependence = f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\n{pair}\n'
     found = corrected(study_of("a + b", dependence, a=NORMAL, b=NORMAL))

@@ -26,16 +26,9 @@ from uqpen.designs.quadrature import Quadrature
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import bonett_price, clopper_pearson
 from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.corrected_moments import (
-    CorrectedMoments,
-    corrected_mean,
-    spacing,
-)
+from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments, corrected_mean, spacing
 from uqpen.statistics.surrogate.corrected_statistics import narrower
-from uqpen.statistics.surrogate.correction_runs import (
-    CorrectionRuns,
-    missing_run_predictions,
-)
+from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, missing_run_predictions
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 
@@ -196,14 +189,7 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed, p):
     st.booleans(),
 )
 def test_quantiles_ascend_and_are_of_the_distribution_function(
-    seed,
-    size,
-    folds,
-    error,
-    slope,
-    missing,
-    is_rounded,
-    is_weighted,
+    seed, size, folds, error, slope, missing, is_rounded, is_weighted
 ):
     rng = np.random.default_rng(seed)
     runs = runs_of(seed, max(size, 2 * folds), error, missing, slope)

@@ -85,9 +85,7 @@ def test_memory_of_an_analysis_does_not_grow_with_its_thresholds():
     assert peaks[2] - peaks[1] < 20
 
 
-def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(
-    monkeypatch,
-):
+def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(monkeypatch):
     taken = []
     alive = []
     with_variable = run_samples._with_variable

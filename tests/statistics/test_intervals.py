@@ -142,9 +142,7 @@ def test_additive_residual_error_counts_only_the_order_of_inputs():
 
 
 @pytest.mark.parametrize("shape", [(50, 0), (3, 2)])
-def test_without_room_for_a_fit_the_additive_error_is_the_independent_one(
-    shape,
-):
+def test_without_room_for_a_fit_the_additive_error_is_the_independent_one(shape):
     influence = np.random.default_rng(11).normal(size=shape[0])
     error, freedom = additive_residual_error(influence, np.ones(shape))
     assert freedom == shape[0] - 1
@@ -232,11 +230,7 @@ def test_ranks_of_a_quantile_mirror_those_of_its_complement(runs, p):
     lower, upper = order_statistic_ranks(runs, p, 0.95)
     mirrored_lower, mirrored_upper = order_statistic_ranks(runs, 1 - p, 0.95)
     np.testing.assert_array_equal(
-        [runs + 1 - upper, runs + 1 - lower],
-        [
-            mirrored_lower,
-            mirrored_upper,
-        ],
+        [runs + 1 - upper, runs + 1 - lower], [mirrored_lower, mirrored_upper]
     )
 
 

@@ -21,10 +21,7 @@ def model(a, b):
 def study(events):
     return uqpen.Study(
         uqpen.PythonModel(
-            model,
-            {"a": "1", "b": "1"},
-            {"depth": "m", "width": "m", "rest": "m"},
-            vectorized=True,
+            model, {"a": "1", "b": "1"}, {"depth": "m", "width": "m", "rest": "m"}, vectorized=True
         ),
         {"a": uqpen.Uniform(0, 1), "b": uqpen.Uniform(0, 1)},
         designs={"mc": uqpen.MonteCarlo(runs=200), "sobol": uqpen.SobolSequence(runs=256)},
@@ -50,9 +47,7 @@ def probabilities(tree, design="mc"):
     return tree[f"joint_probabilities/{design}"]["joint_probability"]
 
 
-def test_the_interval_is_the_exact_binomial_one_for_any_outcome_of_failed_runs(
-    tree,
-):
+def test_the_interval_is_the_exact_binomial_one_for_any_outcome_of_failed_runs(tree):
     runs = tree["runs/mc"]
     done = runs["status"].values == 0
     depth, width = runs["depth"].values[done], runs["width"].values[done]
@@ -86,9 +81,7 @@ def conditional():
     return uqpen.run(study(CONDITIONAL))
 
 
-def test_a_conditional_probability_is_exact_given_the_number_of_its_runs(
-    conditional,
-):
+def test_a_conditional_probability_is_exact_given_the_number_of_its_runs(conditional):
     runs = conditional["runs/mc"]
     done = runs["status"].values == 0
     depth, width = runs["depth"].values[done], runs["width"].values[done]

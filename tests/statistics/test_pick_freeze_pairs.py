@@ -6,9 +6,7 @@ import pytest
 
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator
-from uqpen.statistics.surrogate.surrogate_draws import (
-    draw_pick_freeze_pairs,
-)
+from uqpen.statistics.surrogate.surrogate_draws import draw_pick_freeze_pairs
 
 # 16 384 pairs of scrambled Sobol' points leave less than this of a smooth function's indices.
 TOLERANCE = 0.005

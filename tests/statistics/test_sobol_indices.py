@@ -35,15 +35,7 @@ UNIT = Uniform(0.0, 1.0)
 OUTPUT = Output("y", "1")
 
 
-def runs_of(
-    function,
-    distributions,
-    design,
-    *,
-    keep="",
-    vectorized=True,
-    seed=1,
-):
+def runs_of(function, distributions, design, *, keep="", vectorized=True, seed=1):
     """The runs of a function of x1, x2 and so on."""
     names = [f"x{number + 1}" for number in range(len(distributions))]
     inputs = tuple(Input(name, "1") for name in names)

@@ -76,9 +76,7 @@ def test_inputs_outputs_and_units_come_from_the_headings(written):
     assert [name for name in runs if runs[name].attrs.get("role") == "input"] == ["load", "length"]
 
 
-def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_reported(
-    written,
-):
+def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_reported(written):
     found = uqpen.run(written())["statistics/data/deflection"]
     for name in ("mean", "quantile", "first_order", "pearson"):
         assert np.isfinite(found[name].sel(bound="estimate")).all()
@@ -201,9 +199,7 @@ order = 2
 """
 
 
-def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(
-    written,
-):
+def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(written):
     text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n{SURROGATE}"
     order = np.argsort(np.argsort(LOADS + 0.2 * np.std(LOADS) * np.sin(np.arange(len(LOADS)))))
     alike = table(**{"length [m]": np.sort(LENGTHS)[order]})
@@ -352,9 +348,7 @@ def test_a_fixed_input_with_other_values_in_the_file_is_refused(written):
     assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
 
 
-def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
-    written,
-):
+def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(written):
     design = '[designs.mc]\nkind = "monte-carlo"\nruns = 10\n'
     assert mistakes(STUDY + design, "", written) == [("designs.mc.kind", '"monte-carlo"')]
     assert mistakes(f"{STUDY}{DESIGN}first = 100\nlast = 201\n", "", written) == [

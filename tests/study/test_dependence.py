@@ -449,11 +449,7 @@ class TestCommands:
     @pytest.mark.usefixtures("_independent_design")
     @pytest.mark.parametrize("command", ["check", "study"])
     def test_a_design_that_assumes_independence_leaves_with_2(
-        self,
-        monkeypatch,
-        capsys,
-        tmp_path,
-        command,
+        self, monkeypatch, capsys, tmp_path, command
     ):
         assert self.call(monkeypatch, tmp_path, STUDY, command) == 2
         printed = capsys.readouterr()

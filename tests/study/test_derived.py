@@ -117,10 +117,7 @@ class TestRefused:
                 'outputs.found.of: "number"; an output of epidemic.py:sir with dimensions; '
                 "known: infected, speed, field",
             ),
-            (
-                'of = "infected"',
-                "outputs.found: nothing to take; one of take, at, time_of",
-            ),
+            ('of = "infected"', "outputs.found: nothing to take; one of take, at, time_of"),
             (
                 'of = "infected"\ntake = "max"\ntime_of = "max"',
                 "outputs.found: take and time_of; one of take, at, time_of",
@@ -136,10 +133,7 @@ class TestRefused:
                 "outputs.found.tim_of: an unknown dimension; "
                 'did you mean "time_of"? known: time_of',
             ),
-            (
-                'of = "infected"\ntime_of = "last"',
-                'outputs.found.time_of: "last"; one of max, min',
-            ),
+            ('of = "infected"\ntime_of = "last"', 'outputs.found.time_of: "last"; one of max, min'),
             (
                 'of = "infected"\ntime_of = ["max"]',
                 "outputs.found.time_of: a list; one of max, min",
@@ -160,10 +154,7 @@ class TestRefused:
                 'of = "infected"\nat = { time = "200 day" }',
                 "outputs.found.at: time = 200 day; a coordinate from 0 day to 160 day",
             ),
-            (
-                'of = "field"\nat = { x = 0.5 }',
-                "outputs.found.at: no y; a coordinate from 0 to 2",
-            ),
+            ('of = "field"\nat = { x = 0.5 }', "outputs.found.at: no y; a coordinate from 0 to 2"),
             (
                 'of = "infected"\nat = { depth = "1 m", time = "1 day" }',
                 "outputs.found.at.depth: an unknown dimension; known: time",

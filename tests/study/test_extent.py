@@ -74,9 +74,7 @@ def test_thousands_of_mistakes_are_counted(monkeypatch):
     assert compared == 50
 
 
-def test_lines_that_would_take_too_long_to_find_are_left_out(
-    monkeypatch,
-):
+def test_lines_that_would_take_too_long_to_find_are_left_out(monkeypatch):
     monkeypatch.setattr(document, "_MOST_PARSED", 100_000)
     entries = "1,\n" * 5_000
     said = reported(f"{HEAD}[inputs]\nx1 = 1\nx2 = [\n{entries}]\nx3 = 1\n{REST}")

@@ -154,13 +154,7 @@ class TestSameContent:
     @pytest.mark.parametrize("use", ["ishigami", {"use": "ishigami"}, uqpen.Ishigami()])
     def test_a_built_in_model_is_named_or_an_object(self, use):
         spread = {name: uqpen.Uniform(-3.0, 3.0) for name in ("x1", "x2", "x3")}
-        study = made(
-            model=use,
-            inputs=spread,
-            outputs=None,
-            dependence=None,
-            constraints=(),
-        )
+        study = made(model=use, inputs=spread, outputs=None, dependence=None, constraints=())
         assert study.model.name == "ishigami"
 
     @given(st.text(st.characters(codec="utf-8", exclude_categories=["Cs"])))
@@ -240,8 +234,7 @@ class TestMistakes:
 
     def test_an_input_in_two_units_is_refused_of_a_bare_function(self):
         text = message(
-            inputs={"length": uqpen.Normal("2 m", "10 cm"), "width": "(30 ± 2) cm"},
-            dependence=None,
+            inputs={"length": uqpen.Normal("2 m", "10 cm"), "width": "(30 ± 2) cm"}, dependence=None
         )
         assert "found     values in m and cm" in text
         assert "uqpen.PythonModel" in text
@@ -362,11 +355,7 @@ class TestOtherLibraries:
     @pytest.mark.parametrize(
         ("table", "found", "expected"),
         [
-            (
-                {"name": "gausian", "loc": 1},
-                '"gausian"',
-                "a continuous distribution of",
-            ),
+            ({"name": "gausian", "loc": 1}, '"gausian"', "a continuous distribution of"),
             ({"name": "gamma", "b": 1, "unit": "m"}, "b 1: ", "parameters of gamma"),
             ({"name": "gamma", "a": -1, "unit": "m"}, "a -1: it is not defined", "parameters of"),
             ({"name": "norm", "loc": "2 m", "unit": "m"}, '"2 m"', "a number, in the unit"),
@@ -414,11 +403,7 @@ def test_everything_public_is_listed_and_documented():
         assert getattr(uqpen, name).__doc__, name
 
 
-_REST = {
-    "seed": 1,
-    "outputs": {"y": "1"},
-    "designs": {"draws": uqpen.MonteCarlo(runs=10)},
-}
+_REST = {"seed": 1, "outputs": {"y": "1"}, "designs": {"draws": uqpen.MonteCarlo(runs=10)}}
 
 
 def test_names_of_joint_inputs_that_join_to_one_text_are_kept_apart():

@@ -68,9 +68,7 @@ def archive(path):
     return uqpen.open_archive(path)
 
 
-def test_a_quantity_a_number_in_si_and_an_array_with_a_unit_are_the_same_point(
-    archive,
-):
+def test_a_quantity_a_number_in_si_and_an_array_with_a_unit_are_the_same_point(archive):
     pce = archive.surrogate("pce")
     in_kn = xr.DataArray(15.0, attrs={"units": "kN"})
     found = [pce(load=load, span="150 cm") for load in ("15 kN", 15e3, in_kn)]

@@ -57,9 +57,7 @@ class TestRace:
         assert ModelRace.from_diagnostics("a-b", values) == race
 
 
-def test_a_product_of_powers_is_fitted_by_its_logarithm(
-    study_of,
-):
+def test_a_product_of_powers_is_fitted_by_its_logarithm(study_of):
     tree = uqpen.run(study_of("a**2.5 / b**1.5", STUDY, a=(1, 5), b=(1, 5)))
     made = tree["surrogates/chosen"]
     assert made["y"].attrs["chosen_kind"] == "polynomial-chaos-log"
@@ -73,9 +71,7 @@ def test_a_product_of_powers_is_fitted_by_its_logarithm(
     assert mean[1] < exact < mean[2]
 
 
-def test_refits_keep_the_kind_that_was_chosen(
-    study_of,
-):
+def test_refits_keep_the_kind_that_was_chosen(study_of):
     study = study_of("np.sin(a) + b", STUDY, a=(1, 5), b=(1, 5))
     tree = uqpen.run(study)
     fitted = restore_surrogate(tree["surrogates/chosen"], "chosen")
@@ -84,9 +80,7 @@ def test_refits_keep_the_kind_that_was_chosen(
     assert dict(again.choice) == {"y": tree["surrogates/chosen/y"].attrs["chosen_kind"]}
 
 
-def test_a_rule_is_no_sample_to_leave_out_runs_of(
-    study_of,
-):
+def test_a_rule_is_no_sample_to_leave_out_runs_of(study_of):
     text = STUDY.replace('"latin-hypercube"\nruns = 60', '"quadrature"\norder = 4')
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
     reason = tree["surrogates/chosen/y"].attrs["not_fitted"]

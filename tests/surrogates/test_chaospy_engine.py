@@ -70,11 +70,7 @@ def fitted(distributions, design, engine, **settings):
     [
         (SEVERAL, uqpen.LatinHypercube(200, 1), {"order": 2, "method": "least-squares"}),
         (SQUARE, uqpen.MonteCarlo(80), {"method": "least-squares"}),
-        (
-            SQUARE,
-            uqpen.MonteCarlo(80),
-            {"order": 6, "truncation": 0.6, "method": "least-squares"},
-        ),
+        (SQUARE, uqpen.MonteCarlo(80), {"order": 6, "truncation": 0.6, "method": "least-squares"}),
         (SQUARE[:1], uqpen.MonteCarlo(40), {"order": 5, "method": "least-squares"}),
         (SQUARE, uqpen.Quadrature(5), {"order": 5, "method": "projection"}),
         (SEVERAL[2:4], uqpen.Quadrature(4), {"method": "projection"}),

@@ -34,14 +34,7 @@ def points_of(dimension, runs, seed=1):
     return FitPoints(ProductBasis.from_distribution(joint, 20), inputs, 1.0), inputs
 
 
-def chosen(
-    function,
-    dimension,
-    runs,
-    noise=0.0,
-    order=None,
-    seed=1,
-):
+def chosen(function, dimension, runs, noise=0.0, order=None, seed=1):
     """Terms chosen from noisy values of a function, and their error at fresh points.
 
     The error is a share of the variance of the function; so is the square of the noise.

@@ -4,11 +4,7 @@ import math
 
 import numpy as np
 
-from uqpen.surrogates.chaos.expansion import (
-    input_shares,
-    mean,
-    standard_deviation,
-)
+from uqpen.surrogates.chaos.expansion import input_shares, mean, standard_deviation
 
 # 2 + x1 + 2 x2 x3, orthonormal terms.
 INDICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])

@@ -72,9 +72,7 @@ def test_points_that_are_no_sample_have_no_folds(study):
     assert few.reason == "9 training runs are too few for 5 folds"
 
 
-def test_an_output_without_a_fit_in_one_fold_says_why(
-    study_of,
-):
+def test_an_output_without_a_fit_in_one_fold_says_why(study_of):
     rare = study_of("np.where(a > np.sort(a)[-2], 1.0, 0.0)", a=(0, 1), b=(0, 1))
     found = folds(rare, made(rare, MonteCarlo(runs=20)))
     reasons = [model.reasons.get("y", "") for model in found.models]

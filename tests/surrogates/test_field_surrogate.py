@@ -116,10 +116,7 @@ def fitted(surrogate, design, model=None):
 OTHERS = runs_of(RankTwo(), NORMALS, MonteCarlo(runs=30), seed=2)
 SETTINGS = {
     "sparse": (PolynomialChaos(design="t", order=2), MonteCarlo(runs=40)),
-    "projection": (
-        PolynomialChaos(design="t", order=2, method="projection"),
-        Quadrature(order=2),
-    ),
+    "projection": (PolynomialChaos(design="t", order=2, method="projection"), Quadrature(order=2)),
     "sparse grid": (
         PolynomialChaos(design="t", order=2, method="projection"),
         Quadrature(order=2, grid="sparse"),

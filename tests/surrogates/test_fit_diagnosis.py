@@ -85,9 +85,7 @@ order = 3
 
 
 @pytest.mark.slow
-def test_archive_json_and_table_tell_the_q2_of_the_constant_that_is_kept(
-    study_of,
-):
+def test_archive_json_and_table_tell_the_q2_of_the_constant_that_is_kept(study_of):
     study = study_of("np.sign(np.sin(40 * a) * np.sin(37 * b))", STUDY, a=(0, 1), b=(0, 1))
     tree = uqpen.run(study)
     fit = tree["surrogates/pce/y"]

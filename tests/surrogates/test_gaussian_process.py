@@ -39,12 +39,7 @@ class OneOutput(Model):
         return Results.all_ok({"y": self.function(points)})
 
 
-def fitted(
-    function,
-    runs,
-    distributions,
-    **settings,
-):
+def fitted(function, runs, distributions, **settings):
     """Return a process fitted to a function, and the points of its runs."""
     model = OneOutput(function, len(distributions))
     random = map(RandomInput, model.inputs, distributions, ["1"] * len(distributions))
@@ -126,13 +121,7 @@ def matern(distance):
     return (1 + root + root**2 / 3) * np.exp(-root)
 
 
-def universal_kriging(
-    matrix,
-    kernel,
-    trend,
-    trend_there,
-    values,
-):
+def universal_kriging(matrix, kernel, trend, trend_there, values):
     """Return mean and variance by the weights that are unbiased and of least variance."""
     terms = len(trend_there)
     bordered = np.block([[matrix, trend], [trend.T, np.zeros((terms, terms))]])

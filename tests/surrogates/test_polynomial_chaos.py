@@ -88,28 +88,14 @@ def law_of(*distributions, **fixed):
     return JointDistribution(entries, tuple(entry.variable for entry in entries))
 
 
-def runs_of(
-    model,
-    joint,
-    design,
-    seed=1,
-    keep=(),
-):
+def runs_of(model, joint, design, seed=1, keep=()):
     units = {variable.name: variable.unit for variable in joint.variables}
     points = next(design.rounds(joint, Stream(seed, "designs", "training")))
     constraints = [parse_constraint(text, units) for text in keep]
     return evaluate(Evaluator(model, constraints), points, {})
 
 
-def fitted(
-    formula,
-    joint,
-    design,
-    *,
-    seed=1,
-    keep=(),
-    **settings,
-):
+def fitted(formula, joint, design, *, seed=1, keep=(), **settings):
     model = Formula({"y": formula}, joint.variables)
     runs = runs_of(model, joint, design, seed, keep)
     surrogate = PolynomialChaos(design="training", **settings)

@@ -132,9 +132,7 @@ def test_an_archive_without_a_recipe_is_damage(tree, tmp_path):
     assert checks(tree, tmp_path)["structure"].text == "damaged: no interval_recipe at its root"
 
 
-def test_only_surrogates_of_the_recipe_of_today_are_repeated(
-    study_of,
-):
+def test_only_surrogates_of_the_recipe_of_today_are_repeated(study_of):
     study = study_of("a + b", SURROGATE, a=(0, 1), b=(0, 1))
     tree = uqpen.run(study)
     assert leave_out(study, tree, trust=True) == (study, tree, [])

@@ -1,7 +1,5 @@
 """Accumulators: what they find of pieces is what the whole column has."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

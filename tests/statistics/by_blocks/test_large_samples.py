@@ -126,9 +126,7 @@ def test_sensitivity_measures_are_those_of_the_first_runs_and_say_so(plan):
                 assert note == "; ".join(filter(None, (own, said)))
 
 
-def test_one_stratified_set_has_the_wider_intervals_of_independent_draws(
-    monkeypatch,
-):
+def test_one_stratified_set_has_the_wider_intervals_of_independent_draws(monkeypatch):
     runs = runs_of("stratified").drop_vars(REPLICATE)
     whole = analyze(runs, QUANTITIES, only=["moments"])["y"]["mean"]
     small_blocks(monkeypatch)
@@ -139,9 +137,7 @@ def test_one_stratified_set_has_the_wider_intervals_of_independent_draws(
     assert blocked["interval_label"].item() == "conservative"
 
 
-def test_the_ends_of_runs_and_events_of_several_outputs_are_counted(
-    monkeypatch,
-):
+def test_the_ends_of_runs_and_events_of_several_outputs_are_counted(monkeypatch):
     for plan in ("independent", "stratified"):
         runs = runs_of(plan)
         ends, joint = analyze_failures(runs), joint_probabilities(runs, EVENTS, 0.95)
@@ -221,9 +217,7 @@ def test_three_times_as_many_runs_take_little_more_memory(monkeypatch):
     assert many < few + 12.0, f"{few:.1f} MB, then {many:.1f} MB"
 
 
-def test_independent_runs_are_read_twice_and_their_status_once_more(
-    monkeypatch,
-):
+def test_independent_runs_are_read_twice_and_their_status_once_more(monkeypatch):
     # Of 40 runs from one percentile to the next, 5 lie in a cell: the ends of an interval, which
     # follow from counts at its middle, lie in cells of their own.
     small_blocks(monkeypatch, 8192)
@@ -233,9 +227,7 @@ def test_independent_runs_are_read_twice_and_their_status_once_more(
     assert runs.passes == 2 + 1
 
 
-def test_many_replicates_are_joined_and_give_the_same_estimates(
-    monkeypatch,
-):
+def test_many_replicates_are_joined_and_give_the_same_estimates(monkeypatch):
     runs = runs_of("stratified")
     many = runs.assign_coords({REPLICATE: (RUN, np.arange(RUNS) // 5)})
     whole = analyze(many, QUANTITIES, only=["moments", "quantiles"])["y"]
@@ -249,9 +241,7 @@ def test_many_replicates_are_joined_and_give_the_same_estimates(
         np.testing.assert_allclose(*widths, rtol=0.2, err_msg=name)
 
 
-def test_replicates_may_be_more_than_a_small_number_has_room_for(
-    monkeypatch,
-):
+def test_replicates_may_be_more_than_a_small_number_has_room_for(monkeypatch):
     runs = runs_of("independent", 70_000).assign_attrs({SAMPLING: "stratified"})
     many = runs.assign_coords({REPLICATE: (RUN, np.arange(70_000) // 2)})
     small_blocks(monkeypatch, 2**14)

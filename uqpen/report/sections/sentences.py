@@ -14,7 +14,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.charts.chart import Block
 from uqpen.charts.marks import has_interval
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, REQUESTED
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REQUESTED, STD
 from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
@@ -129,12 +129,6 @@ class QuotedStatistic:
         texts = estimate_texts(*values, is_logarithmic=is_logarithmic)
         return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
-    def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
-        """Ends of a tolerance interval, rounded outward, each with its unit."""
-        _, lower, upper = self.bounds(array)
-        texts = tolerance_interval_texts(float(lower), float(upper))
-        return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
-
     def interval(self, array: xr.DataArray) -> str:
         """Return the text in brackets after an estimate: its interval, or why it has none."""
         _, lower, upper = self.texts(array)
@@ -218,14 +212,13 @@ def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStat
 
 def usual_statistics(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The median of an output, and its mean."""
-    median = QuotedStatistic(view, output, CATALOGUE["quantile"], 0.5)
+    median = QuotedStatistic(view, output, QUANTILE, 0.5)
     return median, moments(view, output)[0]
 
 
 def moments(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The mean of an output, and its standard deviation."""
-    mean, std = (QuotedStatistic(view, output, CATALOGUE[name]) for name in ("mean", "std"))
-    return mean, std
+    return QuotedStatistic(view, output, MEAN), QuotedStatistic(view, output, STD)
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
@@ -286,12 +279,7 @@ def output_blocks(
 ) -> Iterator[Block]:
     """Yield the blocks of each output under its heading; those of all but the main ones folded.
 
-    Parameters
-    ----------
-    blocks : mapping
-        By output; one without blocks is left out.
-    most : int
-        Outputs that are open, at the most.
+    The first main ones are open, `most` of them.
     """
     filled = {output: found for output, each in blocks.items() if (found := tuple(each))}
     main = [output for output in main_outputs(view) if output in filled][:most]
@@ -426,7 +414,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max()):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if shown.entry == "probability" and quantity.entry == 0.5:
+    if quantity.statistic is QUANTILE and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
     # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
@@ -456,7 +444,9 @@ def _tolerance_limit_sentence(
 
 
 def _tolerance_interval_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
-    lower, upper = quantity.end_texts(array)
+    _, lower, upper = quantity.bounds(array)
+    texts = tolerance_interval_texts(float(lower), float(upper))
+    lower, upper = tuple(no_break(f"{text}{quantity.unit_text}") for text in texts)
     share = _share_of_cases(quantity.entry)
     return f"{name} is from {lower} to {upper} in {share} ({_level(array)} confidence)."
 

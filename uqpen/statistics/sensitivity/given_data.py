@@ -416,7 +416,7 @@ def _parts(sample: FieldSample) -> Iterator[_Part]:
         size = max(_VALUES_TOGETHER // max(group.runs.size, 1), 1)
         for start in range(0, len(group.places), size):
             places = group.places[start : start + size]
-            values = group.values[start : start + size]
+            values = group.runs.values[start : start + size]
             variable = SampledVariable(replace(group.runs, values=values))
             weights = np.zeros(len(places))
             if not variable.too_few_runs:
