@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gaussian_process import ishigami
 from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 
 from uqpen.core.model import Input, Output
@@ -38,12 +39,6 @@ NAMES = ("x1", "x2", "x3")
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 
 
-def ishigami(x: FloatArray) -> FloatArray:
-    angle = math.pi * (2 * x - 1)
-    y: FloatArray = np.sin(angle[:, 0]) * (1 + 0.1 * angle[:, 2] ** 4)
-    return y + 7 * np.sin(angle[:, 1]) ** 2
-
-
 def jump(x: FloatArray) -> FloatArray:
     return 3.0 * (x[:, 0] > 0.713) + x[:, 1]
 
@@ -63,7 +58,10 @@ _MEAN = 2 * (math.sqrt(1.01) - math.sqrt(0.01))
 _SQUARE = math.log(1.01 / 0.01)
 _SPIKE = _SQUARE * (1 + 1 / 12) - _MEAN**2
 PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]] = {
-    "ishigami": (ishigami, (0.31390519114781146, 0.4424111447900409, 0.0)),
+    "ishigami": (
+        lambda x: ishigami(math.pi * (2 * x - 1)),
+        (0.31390519114781146, 0.4424111447900409, 0.0),
+    ),
     "jump": (jump, (_JUMP / (_JUMP + 1 / 12), 1 / 12 / (_JUMP + 1 / 12), 0.0)),
     "waves": (waves, (0.5 / (0.5 + 1 / 12), 1 / 12 / (0.5 + 1 / 12), 0.0)),
     "spike": (spike, ((_SQUARE - _MEAN**2) / _SPIKE, _MEAN**2 / 12 / _SPIKE, 0.0)),

@@ -229,7 +229,7 @@ class JsonReader(OutputReader):
         try:
             return float(found)
         except OverflowError:  # of an integer that is too large for a float
-            return math.copysign(math.inf, found)
+            return math.inf if found > 0 else -math.inf
 
     def values(self, written: RunFiles) -> FloatArray:
         try:
